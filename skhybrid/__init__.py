@@ -1,0 +1,93 @@
+"""Hybrid gray-box models for buildings, as scikit-learn estimators.
+
+Identify an RC network in spite of unmeasured heat, learn that heat, and forecast tomorrow's room temperature and load.
+Names are loaded on first use, so that ``import skhybrid`` loads neither torch nor pymc nor matplotlib.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as _version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from . import (
+        datasets,
+        exceptions,
+        forecasting,
+        identification,
+        inspection,
+        model_selection,
+        preprocessing,
+        report,
+        thermal,
+    )
+    from .forecasting import ARXRegressor, DisturbanceForecaster
+    from .hybrid import HybridPredictor
+    from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+    from .thermal import RCNetwork
+
+try:
+    __version__ = _version("skhybrid")
+except PackageNotFoundError:  # a source tree that is not installed
+    __version__ = "0+unknown"
+
+#: public name -> module that defines it.
+_MODULE_OF = {
+    "ARXRegressor": "forecasting",
+    "DisturbanceForecaster": "forecasting",
+    "GrayBoxRC": "identification",
+    "HybridPredictor": "hybrid",
+    "InputDisturbanceID": "identification",
+    "OutputDisturbanceID": "identification",
+    "PeriodicDisturbanceID": "identification",
+    "RCNetwork": "thermal",
+}
+_SUBMODULES = (
+    "datasets",
+    "exceptions",
+    "forecasting",
+    "identification",
+    "inspection",
+    "model_selection",
+    "preprocessing",
+    "report",
+    "thermal",
+)
+
+__all__ = [
+    "ARXRegressor",
+    "DisturbanceForecaster",
+    "GrayBoxRC",
+    "HybridPredictor",
+    "InputDisturbanceID",
+    "OutputDisturbanceID",
+    "PeriodicDisturbanceID",
+    "RCNetwork",
+    "__version__",
+    "datasets",
+    "exceptions",
+    "forecasting",
+    "identification",
+    "inspection",
+    "model_selection",
+    "preprocessing",
+    "report",
+    "thermal",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name on first use (PEP 562)."""
+    if name in _SUBMODULES:
+        return import_module(f"{__name__}.{name}")
+    if name in _MODULE_OF:
+        value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

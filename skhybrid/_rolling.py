@@ -1,0 +1,133 @@
+"""Rolling-origin prediction, the meaning of ``predict`` that every forecaster of this package shares (design 2).
+
+A forecast from origin row ``o`` knows every row up to and including ``o`` and, of later rows, the known future inputs.
+It covers the rows ``o + 1 ... o + n_leads``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.metrics import r2_score
+from sklearn.utils.validation import check_is_fitted
+
+from ._contract import ZoneTable, append_tables, origin_rows, rows_of
+
+
+class RollingForecastMixin:
+    """``predict`` and ``predict_from`` over one hook.
+
+    A subclass sets ``horizon`` (and may set ``origin_step``), keeps the end of its training table in ``_tail``, and
+    gives the hooks ``_read_X``, ``_forecast`` and ``_cold_value``.
+    """
+
+    horizon: Any
+    _tail: ZoneTable | None
+
+    # ------------------------------------------------------------------------------------------------------- hooks
+    def _read_X(self, X: Any) -> ZoneTable:
+        raise NotImplementedError
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """(n_origins, n_leads) forecasts of the rows origin + 1 ...; anything at rows beyond the table."""
+        raise NotImplementedError
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        """Value of the first row of a table that has no history: what is known there, or the training mean."""
+        raise NotImplementedError
+
+    # ------------------------------------------------------------------------------------------------------ public
+    def predict(self, X: Any) -> np.ndarray:
+        """Forecast every row from the last origin before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; measured history (``T_za``, ``zeta``) is read only up to each origin.
+
+        Returns
+        -------
+        ndarray of shape (n_samples,), float64
+            With ``horizon=None`` simulated from the first row on; else rolled, with an origin at the start of each
+            local day (and of each ``origin_step``).  A first row without history is taken as known.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        here = table.rows(slice(n_tail, None))
+        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
+        if self.horizon is not None:
+            rows_of(self.horizon, here.step)
+        if n_tail:  # the row before X is an origin too: it forecasts the first row
+            origins = np.concatenate([[-1], origins])
+        ends = np.append(origins[1:], here.n_rows - 1)
+        leads = ends - origins
+        out = np.full(here.n_rows, np.nan)
+        if not n_tail:
+            out[0] = self._cold_value(here)
+        if leads.max() > 0:
+            paths = self._forecast(table, origins + n_tail, int(leads.max()))
+            for origin, count, path in zip(origins, leads, paths, strict=True):
+                out[origin + 1 : origin + 1 + count] = path[:count]
+        return out
+
+    def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
+        """Forecast the rows after each of the given origins.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; history is read only up to each origin.
+        origins : sequence of int
+            Row numbers of X.
+        horizon : timedelta-like, optional
+            How far ahead; default is the estimator's own, or one day.
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads), float64
+            Forecasts of the rows ``origin + 1, origin + 2, ...``; NaN where X has ended.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64)
+        n_here = table.n_rows - n_tail
+        if rows.ndim != 1 or (rows < 0).any() or (rows >= n_here).any():
+            raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
+        span = horizon if horizon is not None else (self.horizon if self.horizon is not None else "1D")
+        n_leads = rows_of(pd.Timedelta(span), table.step)
+        if not len(rows):
+            return np.empty((0, n_leads))
+        paths = np.array(self._forecast(table, rows + n_tail, n_leads), dtype=np.float64)
+        paths[rows[:, None] + np.arange(1, n_leads + 1) >= n_here] = np.nan
+        return paths
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
+        """Coefficient of determination of :meth:`predict`; rows without a measurement are left out.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        y : array-like of shape (n_samples,)
+            Measured values, NaN where missing.
+        sample_weight : array-like of shape (n_samples,), optional
+
+        Returns
+        -------
+        float
+        """
+        predicted = self.predict(X)
+        measured = np.asarray(y, dtype=np.float64).reshape(-1)
+        seen = np.isfinite(measured)
+        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+    def _with_history(self, X: Any) -> tuple[ZoneTable, int]:
+        """X as a table, behind the kept end of the training table where it follows that; and the rows of that end."""
+        table = self._read_X(X)
+        tail = getattr(self, "_tail", None)
+        if tail is not None and table.follows(tail):
+            return append_tables(tail, table), tail.n_rows
+        return table, 0
