@@ -1,0 +1,27 @@
+"""Numerical kernels: arrays in, NamedTuples out."""
+
+from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
+from .discretize import Discrete, discretize, divided_difference
+from .kalman import Gains, Smoothed, kalman_gains, kalman_track, smooth_states
+from .predictor import Prediction, Sensitivity, one_step_errors, one_step_sensitivities, simulate_inverse, simulate_path
+
+__all__ = [
+    "ChannelAdjoint",
+    "ChannelFilter",
+    "Discrete",
+    "Gains",
+    "Prediction",
+    "Sensitivity",
+    "Smoothed",
+    "discretize",
+    "divided_difference",
+    "filter_channels",
+    "filter_channels_adjoint",
+    "kalman_gains",
+    "kalman_track",
+    "one_step_errors",
+    "one_step_sensitivities",
+    "simulate_inverse",
+    "simulate_path",
+    "smooth_states",
+]

@@ -1,0 +1,56 @@
+"""Steps of a covariance recursion as plain loops: for matrices of three rows a library call costs more than the work."""
+
+from __future__ import annotations
+
+from ._compile import compiled
+
+
+@compiled
+def dot_column(P, c, out):
+    """``out = P c``."""
+    n = c.size
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += P[i, j] * c[j]
+        out[i] = total
+
+
+@compiled
+def subtract_outer(P, a, b, factor):
+    """``P -= factor a b'``, in place."""
+    n = a.size
+    for i in range(n):
+        for j in range(n):
+            P[i, j] -= factor * a[i] * b[j]
+
+
+@compiled
+def sandwich(A, P, B, work, out):
+    """``out += A P B'``."""
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for m in range(n):
+                total += A[i, m] * P[m, j]
+            work[i, j] = total
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for m in range(n):
+                total += work[i, m] * B[j, m]
+            out[i, j] += total
+
+
+@compiled
+def propagate(A, P, Q, work, out):
+    """``out = A P A' + Q``, symmetric to the bit."""
+    n = A.shape[0]
+    out[:] = Q
+    sandwich(A, P, A, work, out)
+    for i in range(n):
+        for j in range(i):
+            middle = 0.5 * (out[i, j] + out[j, i])
+            out[i, j] = middle
+            out[j, i] = middle

@@ -1,0 +1,297 @@
+"""RC networks declared as data, and the matrices that follow from the declaration.
+
+Time is in hours, capacitance in kWh/K, resistance in K/kW, heat in kW.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._kernels import Discrete, discretize
+from .parameters import Parameter, parameter_table
+
+#: paper 2.2.1: bounds of every capacitance and resistance, of f and of A_win; capacities are wide
+_BOUNDS = {"C": (0.1, 40.0), "R": (0.1, 40.0), "f": (1e-6, 1.0), "A": (0.1, 25.0), "Q": (0.05, 100.0)}
+
+
+class Source(NamedTuple):
+    """How one input heats the nodes: ``parameter * share`` kW per unit of the input."""
+
+    role: str
+    parameter: str | None  # None: the input is in kW already
+    shares: tuple[tuple[str, str | None], ...]  # (node, fraction parameter or None for all that is left)
+
+
+class Continuous(NamedTuple):
+    """dx/dt = A x + B v of a network, with derivatives by each of its p parameters."""
+
+    A: np.ndarray  # (n, n) [1/h]
+    B: np.ndarray  # (n, m); the last column is 1 kW on the disturbed node
+    dA: np.ndarray  # (p, n, n)
+    dB: np.ndarray  # (p, n, m)
+    capacitance: np.ndarray  # (n,) [kWh/K]
+
+
+@dataclass(frozen=True)
+class RCNetwork:
+    """A thermal network as data.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"2R2C"``.
+    capacitances : mapping of node to parameter
+        The nodes, in the order of the states, and the parameter [kWh/K] of each.
+    resistors : mapping of parameter to (end, end)
+        An end is a node or a boundary temperature, such as ``T_oa`` [K/kW].
+    solar : mapping of node to fraction parameter or None
+        Where solar heat goes: the named fraction [-] to a node, and what is left to the node whose fraction is None.
+    measured, disturbed, heated : str
+        The node whose temperature is measured, that the unmeasured heat enters, and that heating and cooling act on.
+    bounds : mapping of parameter to (lower, upper), optional
+        Overrides the paper's bounds.
+
+    Raises
+    ------
+    ValueError
+        If a name is used twice, an end is no node and no boundary, a node is not connected, or a share is unclear.
+
+    Notes
+    -----
+    Paper Eq. gray_state is ``RCNetwork("2R2C", {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")},
+    {"za": "f", "w": None})``.
+
+    Examples
+    --------
+    >>> from skhybrid.thermal import RCNetwork
+    >>> shed = RCNetwork("shed", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None})
+    >>> shed.states
+    ('T_za',)
+    """
+
+    name: str
+    capacitances: Mapping[str, str]
+    resistors: Mapping[str, tuple[str, str]]
+    solar: Mapping[str, str | None] = field(default_factory=dict)
+    measured: str = "za"
+    disturbed: str = "za"
+    heated: str = "za"
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [*self.capacitances.values(), *self.resistors, *(f for f in self.solar.values() if f)]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"network {self.name}: the parameter {twice[0]!r} is used twice.")
+        for role, node in (("measured", self.measured), ("disturbed", self.disturbed), ("heated", self.heated)):
+            if node not in self.capacitances:
+                raise ValueError(f"network {self.name}: the {role} node {node!r} has no capacitance.")
+        for name, ends in self.resistors.items():
+            for end in ends:
+                if end not in self.capacitances and not end.startswith("T_"):
+                    raise ValueError(
+                        f"network {self.name}: {name} ends at {end!r}, which has no capacitance and is no boundary "
+                        "temperature (T_...)."
+                    )
+        left_over = [node for node, fraction in self.solar.items() if fraction is None]
+        if self.solar and (len(left_over) != 1 or any(node not in self.capacitances for node in self.solar)):
+            raise ValueError(f"network {self.name}: solar needs nodes with a capacitance, exactly one with None.")
+        self._refuse_islands()
+
+    def _refuse_islands(self) -> None:
+        reached = {end for ends in self.resistors.values() for end in ends if end not in self.capacitances}
+        for _ in self.capacitances:
+            reached |= {end for ends in self.resistors.values() if reached & set(ends) for end in ends}
+        lost = [node for node in self.capacitances if node not in reached]
+        if lost:
+            raise ValueError(f"network {self.name}: node {lost[0]!r} is connected to no boundary temperature.")
+
+    # ------------------------------------------------------------------------------------------------ what it has
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes in the order of the states."""
+        return tuple(self.capacitances)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, ``T_<node>`` [degC]."""
+        return tuple(f"T_{node}" for node in self.nodes)
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Boundary temperatures, in order of first use."""
+        ends = [end for pair in self.resistors.values() for end in pair if end not in self.capacitances]
+        return tuple(dict.fromkeys(ends))
+
+    @property
+    def required_roles(self) -> tuple[str, ...]:
+        """Roles without which a table cannot drive the network."""
+        return (*self.boundaries, "q_sol") if self.solar else self.boundaries
+
+    def sources(self, roles: Iterable[str]) -> tuple[Source, ...]:
+        """Heat sources among the given roles, in the order of the inputs."""
+        present = sorted(set(roles), key=_role_order)
+        shares = tuple(self.solar.items())
+        heated: tuple[tuple[str, str | None], ...] = ((self.heated, None),)
+        out = []
+        for role in present:
+            if role == "q_sol" or role.startswith("q_sol_"):
+                if shares:
+                    out.append(Source(role, "A_win" + role[len("q_sol") :], shares))
+            elif role.startswith("u_"):
+                out.append(Source(role, capacity_name(role), heated))
+            elif role.startswith("Q_"):
+                out.append(Source(role, None, heated))
+        return tuple(out)
+
+    def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
+        """Roles that act on the network, in the order of the columns of B."""
+        roles = set(roles)
+        return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
+
+    def parameters(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> tuple[Parameter, ...]:
+        """Parameters of the network under the given inputs, in the order of ``theta``."""
+        sources = self.sources(roles)
+        out = [self._make(c, "C", "kWh/K", f"capacitance of node {node}") for node, c in self.capacitances.items()]
+        out += [self._make(r, "R", "K/kW", f"resistance between {a} and {b}") for r, (a, b) in self.resistors.items()]
+        if any(s.parameter and s.parameter.startswith("A_win") for s in sources):
+            out += [self._make(f, "f", "-", f"share of solar heat to {n}") for n, f in self.solar.items() if f]
+        for source in sources:
+            if source.parameter is None:
+                continue
+            if source.parameter.startswith("A_win"):
+                out.append(self._make(source.parameter, "A", "m2", f"effective window area for {source.role}"))
+            else:
+                out.append(self._make(source.parameter, "Q", "kW", f"capacity of {source.role}"))
+        return tuple(out)
+
+    def _make(self, name: str, kind: str, unit: str, description: str) -> Parameter:
+        lower, upper = _BOUNDS[kind]
+        transform = "log"
+        if kind == "Q" and name.startswith("Q_c"):
+            lower, upper = -upper, -lower
+        elif kind == "Q" and not name.startswith("Q_h"):  # a stage that may heat or cool
+            lower, transform = -upper, "identity"
+        return Parameter(name, unit, lower, upper, description, transform).bounded(self.bounds.get(name))
+
+    def parameter_table(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> pd.DataFrame:
+        """Name, unit, bounds and meaning of every parameter under the given inputs."""
+        return parameter_table(self.parameters(roles))
+
+    # -------------------------------------------------------------------------------------------------- matrices
+    def matrices(self, theta: Mapping[str, float], roles: Iterable[str]) -> Continuous:
+        """Continuous state-space matrices and their derivatives.
+
+        Parameters
+        ----------
+        theta : mapping of parameter to value
+        roles : iterable of str
+            The inputs; columns of B are in the order of :meth:`inputs`, then the heat gain of 1 kW.
+
+        Returns
+        -------
+        Continuous
+            Derivatives are by the values, in the order of :meth:`parameters`.
+        """
+        roles = tuple(roles)
+        order = {p.name: i for i, p in enumerate(self.parameters(roles))}
+        column = {role: j for j, role in enumerate((*self.inputs(roles), "heat_gain"))}
+        n, m, p = len(self.nodes), len(column), len(order)
+        flow = _Flow(np.zeros((n, n)), np.zeros((n, m)), np.zeros((p, n, n)), np.zeros((p, n, m)))
+        self._add_resistors(flow, theta, order, column)
+        self._add_sources(flow, theta, order, column, roles)
+        capacitance = np.array([theta[c] for c in self.capacitances.values()], dtype=np.float64)
+        A, B = flow.A / capacitance[:, None], flow.B / capacitance[:, None]
+        dA, dB = flow.dA / capacitance[:, None], flow.dB / capacitance[:, None]
+        for i, name in enumerate(self.capacitances.values()):
+            dA[order[name], i] = -A[i] / capacitance[i]
+            dB[order[name], i] = -B[i] / capacitance[i]
+        return Continuous(A, B, dA, dB, capacitance)
+
+    def _add_resistors(
+        self, flow: _Flow, theta: Mapping[str, float], order: Mapping[str, int], column: Mapping[str, int]
+    ) -> None:
+        place = {node: i for i, node in enumerate(self.nodes)}
+        for name, ends in self.resistors.items():
+            conductance = 1.0 / theta[name]
+            slope = -conductance / theta[name]
+            for here, there in (ends, ends[::-1]):
+                if here not in place:
+                    continue
+                i = place[here]
+                flow.A[i, i] -= conductance
+                flow.dA[order[name], i, i] -= slope
+                target, d_target, j = (
+                    (flow.A, flow.dA, place[there]) if there in place else (flow.B, flow.dB, column.get(there, -1))
+                )
+                if there in place or there in column:
+                    target[i, j] += conductance
+                    d_target[order[name], i, j] += slope
+
+    def _add_sources(
+        self,
+        flow: _Flow,
+        theta: Mapping[str, float],
+        order: Mapping[str, int],
+        column: Mapping[str, int],
+        roles: Sequence[str],
+    ) -> None:
+        place = {node: i for i, node in enumerate(self.nodes)}
+        flow.B[place[self.disturbed], column["heat_gain"]] = 1.0
+        for source in self.sources(roles):
+            j = column[source.role]
+            gain = 1.0 if source.parameter is None else theta[source.parameter]
+            left = 1.0 - sum(theta[f] for _, f in source.shares if f)
+            for node, fraction in source.shares:
+                share = theta[fraction] if fraction else left
+                flow.B[place[node], j] += gain * share
+                if source.parameter is not None:
+                    flow.dB[order[source.parameter], place[node], j] += share
+                for _, other in source.shares:  # every named fraction also takes from what is left
+                    if other is not None and (other == fraction or fraction is None):
+                        flow.dB[order[other], place[node], j] += gain if other == fraction else -gain
+
+    def discrete(self, theta: Mapping[str, float], roles: Iterable[str], dt: float) -> Discrete:
+        """Exact zero-order hold over ``dt`` [h], with exact derivatives by the parameters."""
+        c = self.matrices(theta, tuple(roles))
+        return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
+
+    def __str__(self) -> str:
+        lines = [f"{self.name}: {len(self.resistors)} resistors, {len(self.capacitances)} capacitances"]
+        lines += [f"  {c} at node {node}" for node, c in self.capacitances.items()]
+        lines += [f"  {r} between {a} and {b}" for r, (a, b) in self.resistors.items()]
+        lines += [f"  solar heat: {f or 'what is left'} to {node}" for node, f in self.solar.items()]
+        return "\n".join([*lines, self.parameter_table().to_string()])
+
+
+class _Flow(NamedTuple):
+    """Heat flows into the nodes [kW] by state and by input, before division by the capacitances."""
+
+    A: np.ndarray
+    B: np.ndarray
+    dA: np.ndarray
+    dB: np.ndarray
+
+
+def capacity_name(role: str) -> str:
+    """Parameter of a stage: ``u_heat`` -> ``Q_h``, ``u_cool`` -> ``Q_c``, ``u_heat_2`` -> ``Q_h_2``, ``u_x`` -> ``Q_x``."""
+    name = role[len("u_") :]
+    for long, short in (("heat", "h"), ("cool", "c")):
+        if name == long or name.startswith(long + "_"):
+            return "Q_" + short + name[len(long) :]
+    return "Q_u_" + name if name[:1] in "hc" else "Q_" + name
+
+
+def _role_order(role: str) -> tuple[int, int, str]:
+    """Irradiance, then heating, cooling, further stages, then measured heat."""
+    if role.startswith("q_sol"):
+        return (0, 0, role)
+    if role.startswith("u_"):
+        kind = 0 if role.startswith("u_heat") else 1 if role.startswith("u_cool") else 2
+        return (1, kind, role)
+    return (2, 0, role)
