@@ -1,0 +1,533 @@
+"""What the four identifications share: reading tables, tracking, forecasting, disturbances, loads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
+from sklearn.utils import Tags
+from sklearn.utils.validation import check_is_fitted
+
+from .._contract import ZoneTable, origin_rows, read_table, read_target, rows_of
+from .._kernels import simulate_inverse, simulate_path
+from .._rolling import RollingForecastMixin
+from ..thermal import Parameter, RCNetwork, get_network
+from .experiment import Experiment, make_experiment
+from .load import is_plant, load_frame, make_plant, read_setpoint
+from .periodic import hour_class, profile_cell
+from .tracking import GainTracker, Start, Track
+
+_NEEDED = re.compile(r"(T_(?!za\Z)\w+|q_sol\w*|u_\w+|Q_\w+)\Z")
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """Discrete state-space model ``x[k+1] = A x[k] + B v[k]``, ``y[k] = C x[k] + D v[k]``.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+        Of shape (n, n), (n, m), (1, n) and (1, m).
+    state_names, input_names : tuple of str
+        Units are those of the data contract; the last input is ``heat_gain`` [kW].
+    sampling_time : Timedelta
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    sampling_time: pd.Timedelta
+
+
+class Outlook(NamedTuple):
+    """What a model expects after each origin, apart from the known inputs."""
+
+    states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
+    heat: np.ndarray  # (n_origins, H) unmeasured heat of the rows origin, origin + 1, ... [kW]
+    offset: np.ndarray  # (n_origins, H) added to the output of the rows origin + 1, ... [K]
+
+
+class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, BaseEstimator):
+    """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
+
+    network: str | RCNetwork
+    known: Mapping[str, float] | None
+    bounds: Mapping[str, tuple[float, float]] | None
+    warmup: Any
+    columns: Mapping[str, Any] | None
+    sampling_time: Any
+    max_missing: float
+
+    # --------------------------------------------------------------------------------------------------------- fit
+    def fit(self, X: Any, y: Any) -> NetworkIdentifier:
+        """Identify the network.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and
+            measured heat ``Q_*`` [kW].
+        y : array-like of shape (n_samples,)
+            Measured zone temperature [degC]; NaN where missing.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If a role is missing, the rows are not evenly spaced, an input has NaN, or a setting names no parameter.
+        """
+        network = get_network(self.network)
+        table = self._read(X, network, reset=True)
+        target = read_target(y, table, max_missing=self.max_missing)
+        if self.horizon is not None:
+            rows_of(self.horizon, table.step)
+        parameters = self._bounded_parameters(network, table)
+        experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
+        self._identify(network, table, experiment, parameters)
+        self.sampling_time_ = table.step
+        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
+        self._finish(table, experiment)
+        return self
+
+    def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
+        table = read_table(
+            self,
+            X,
+            columns=self.columns,
+            required=network.required_roles,
+            needed=_NEEDED,
+            sampling_time=self.sampling_time,
+            reset=reset,
+            min_rows=2 if reset else 1,
+            expected_step=None if reset else self.sampling_time_,
+        )
+        absent = [b for b in network.boundaries if b not in table.inputs]
+        if absent:
+            raise ValueError(f"role {absent[0]!r} is missing: network {network.name} needs this boundary temperature.")
+        return table
+
+    def _bounded_parameters(self, network: RCNetwork, table: ZoneTable) -> tuple[Parameter, ...]:
+        known, bounds = dict(self.known or {}), dict(self.bounds or {})
+        parameters = self._widened(network.parameters(table.inputs))
+        names = [p.name for p in parameters] + [p.name for p in self._own_parameters()]
+        for setting, given in (("known", known), ("bounds", bounds)):
+            for name in given:
+                if name not in names and name not in {p.name for p in network.parameters()}:
+                    raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
+        out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
+        for p in out:
+            value = known.get(p.name)
+            if value is not None and (not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0)):
+                raise ValueError(f"known= gives {p.name} the value {value}; it must be {'<' if p.sign < 0 else '>'} 0.")
+        return out
+
+    def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+        return parameters
+
+    def _own_parameters(self) -> tuple[Parameter, ...]:
+        return ()
+
+    def _identify(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> None:
+        raise NotImplementedError
+
+    def _make_state_space(self, network: RCNetwork, roles: tuple[str, ...], step: pd.Timedelta) -> StateSpace:
+        d = network.discrete(self.theta_, roles, step / pd.Timedelta("1h"))
+        n = len(network.nodes)
+        C = np.eye(n)[[network.nodes.index(network.measured)]]
+        names = (*network.inputs(roles), "heat_gain")
+        return StateSpace(d.A, d.B, C, np.zeros((1, len(names))), network.states, names, step)
+
+    def _finish(self, table: ZoneTable, experiment: Experiment) -> None:
+        """Keep the end of the training table and what was known at its first row."""
+        tracker = self._tracker
+        start = tracker.cold(experiment.first)
+        smooth = tracker.track(experiment, self._cells(table), self._classes(table), start, smooth=True)
+        self.initial_state_ = self._first_state(smooth)
+        begin = Start(np.append(self.initial_state_, smooth.gain[0] - tracker.profile[self._cells(table)[0]]), start[1])
+        causal = tracker.track(experiment, self._cells(table), self._classes(table), begin)
+        keep = min(table.n_rows, rows_of(self.warmup, table.step, "warmup"))
+        tail = table.rows(slice(table.n_rows - keep, None))
+        history = {**tail.history, "T_za": experiment.y[-keep:].copy()}
+        self._tail = tail._replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
+        means, covariances = causal.starts
+        self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
+        free_run = self._open_loop(experiment, self.initial_state_)
+        self._tail_open = free_run[-keep - 1].copy()  # the last row of the run lies one step behind the table
+        self._train_start = begin
+        self._train_first = None if table.utc is None else table.utc[0]
+        self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
+        self._plant = make_plant(self.network_, self.theta_, table)
+
+    def _first_state(self, smooth: Track) -> np.ndarray:
+        return smooth.nodes[0].copy()
+
+    # ------------------------------------------------------------------------------------------------ tables at hand
+    def _read_X(self, X: Any) -> ZoneTable:
+        return self._read(X, self.network_, reset=False)
+
+    def _experiment(self, table: ZoneTable) -> Experiment:
+        missing = np.full(table.n_rows, np.nan)
+        y = table.T_za if table.T_za is not None else missing
+        return make_experiment(self.network_, self._roles, table, y)
+
+    @property
+    def _roles(self) -> tuple[str, ...]:
+        return tuple(sorted(self._tail.inputs))
+
+    @staticmethod
+    def _cells(table: ZoneTable) -> np.ndarray:
+        return profile_cell(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
+
+    def _classes(self, table: ZoneTable) -> np.ndarray:
+        klass = hour_class(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
+        return klass if len(self._tracker.Q) > 1 else np.zeros_like(klass)
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        known = table.T_za is not None and np.isfinite(table.T_za[0])
+        return float(table.T_za[0]) if known and table.T_za is not None else self._mean
+
+    def _start(self, table: ZoneTable) -> Start:
+        """What is known of the first row: the training's own start, its end, or no more than a temperature."""
+        if self._is_tail(table):
+            return self._tail_start
+        if self._is_training(table):
+            return self._train_start
+        return self._tracker.cold(self._cold_value(table))
+
+    def _is_tail(self, table: ZoneTable) -> bool:
+        return table.utc is not None and self._tail.utc is not None and table.utc[0] == self._tail.utc[0]
+
+    def _is_training(self, table: ZoneTable) -> bool:
+        return table.utc is not None and self._train_first is not None and table.utc[0] == self._train_first
+
+    def _open_start(self, table: ZoneTable) -> np.ndarray:
+        return self._tail_open if self._is_tail(table) else self._start(table).mean[: self._tracker.n]
+
+    def _open_loop(self, experiment: Experiment, state: np.ndarray) -> np.ndarray:
+        """(N + 1, n) node temperatures by the known inputs alone."""
+        return simulate_path(self._tracker.A, experiment.inputs @ self._tracker.B.T, state)
+
+    def _track(self, table: ZoneTable, smooth: bool = False) -> Track:
+        experiment = self._experiment(table)
+        return self._tracker.track(experiment, self._cells(table), self._classes(table), self._start(table), smooth)
+
+    # ---------------------------------------------------------------------------------------------------- forecasts
+    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+        """The filter's own expectation: the gain state decays towards the profile."""
+        track, cells = self._track(table), self._cells(table)
+        tracker: GainTracker = self._tracker
+        g = track.gain[origins] - tracker.profile[cells[origins]]
+        rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
+        heat = g[:, None] * tracker.phi ** np.arange(n) + tracker.profile[cells[rows]]
+        return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n)))
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self._run(table, origins, self._outlook(table, origins, n_leads))
+
+    def _run(self, table: ZoneTable, origins: np.ndarray, outlook: Outlook) -> np.ndarray:
+        experiment, tracker = self._experiment(table), self._tracker
+        paths = [
+            tracker.drive(experiment, int(o), state, heat)[:, tracker.measured]
+            for o, state, heat in zip(origins, outlook.states, outlook.heat, strict=True)
+        ]
+        return np.array(paths).reshape(outlook.offset.shape) + outlook.offset
+
+    def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> Outlook:
+        none = np.zeros_like(disturbance)
+        if _checked_kind(kind) == "input":
+            return Outlook(self._track(table).nodes[origins], disturbance, none)
+        states = self._open_loop(self._experiment(table), self._open_start(table))[origins]
+        return Outlook(states, none, disturbance)
+
+    def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
+        """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; ``T_za`` is read up to each origin only.
+        origins : sequence of int
+            Row numbers of X.
+        disturbance : array-like of shape (n_origins, n_leads)
+            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
+            ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
+        kind : {"input", "output"}
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads)
+            Temperature of the rows origin + 1, ... [degC]; a row beyond X repeats the last one.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        given = np.asarray(disturbance, dtype=np.float64)
+        return self._run(table, rows, self._given(table, rows, given, kind))
+
+    # -------------------------------------------------------------------------------------------------- simulation
+    def simulate(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> np.ndarray:
+        """Simulate the temperature from the inputs alone.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        heat_gain : array-like of shape (n_samples,), optional
+            Unmeasured heat on the disturbed node [kW]; 0 by default.
+        initial_state : array-like of shape (n_states,), optional
+            Node temperatures at the first row [degC], in the order of ``network_.nodes``.  By default the fitted
+            initial state where X begins as the training table did, the tracked state where X follows it, else all
+            nodes at the first ``T_za`` (or the training mean).
+
+        Returns
+        -------
+        ndarray of shape (n_samples,)
+            Temperature of the measured node at every row [degC]; the first is that of the initial state.
+
+        Raises
+        ------
+        ValueError
+            If ``heat_gain`` or ``initial_state`` has another length.
+        """
+        check_is_fitted(self)
+        states = self.simulate_states(X, heat_gain, initial_state)
+        return states[f"T_{self.network_.measured}"].to_numpy(copy=True)
+
+    def simulate_states(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> pd.DataFrame:
+        """Simulate every node, as :meth:`simulate` does the measured one.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        heat_gain : array-like of shape (n_samples,), optional
+            Unmeasured heat on the disturbed node [kW].
+        initial_state : array-like of shape (n_states,), optional
+            Node temperatures at the first row [degC].
+
+        Returns
+        -------
+        DataFrame of shape (n_samples, n_states)
+            Columns ``T_<node>`` [degC].
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        here = table.rows(slice(n_tail, None))
+        n, tracker = here.n_rows, self._tracker
+        heat = np.zeros(n) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64).reshape(-1)
+        if heat.shape != (n,):
+            raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] a row.")
+        if initial_state is None:
+            state = self._default_state(table, n_tail)
+        else:
+            state = np.asarray(initial_state, dtype=np.float64).reshape(-1)
+        if state.shape != (tracker.n,):
+            raise ValueError(f"initial_state has {len(state)} values, but the states are {self.network_.states}.")
+        path = simulate_path(
+            tracker.A, self._experiment(here).inputs @ tracker.B.T + np.outer(heat, tracker.B[:, -1]), state
+        )
+        return pd.DataFrame(path[:n], index=here.index, columns=list(self.network_.states))
+
+    def _default_state(self, table: ZoneTable, n_tail: int) -> np.ndarray:
+        if n_tail:
+            past = table.rows(slice(0, n_tail))
+            return self._track(past).end.mean[: self._tracker.n]
+        return self._start(table).mean[: self._tracker.n]
+
+    # ------------------------------------------------------------------------------------------------ disturbances
+    def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> pd.Series:
+        """Estimate what is not measured, from the measured temperature.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_samples, n_features)
+            With the measured temperature as column ``T_za``.
+        kind : {"input", "output"}
+            ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
+            temperature has beyond the simulated one [K] (paper Eq. od_pred).
+        smooth : bool
+            False: from rows up to each row, as a forecast may use it; True: from all rows.  An output disturbance is
+            the same either way.
+
+        Returns
+        -------
+        Series of length n_samples, named ``zeta``
+
+        Raises
+        ------
+        ValueError
+            If X has no ``T_za``.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        if table.T_za is None or "T_za" not in self._read_X(X).history:
+            raise ValueError("role 'T_za' is missing: a disturbance is estimated from the measured temperature.")
+        zeta = self._zeta(table, kind, smooth)[n_tail:]
+        return pd.Series(zeta, index=table.index[n_tail:], name="zeta")
+
+    def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
+        if _checked_kind(kind) == "input":
+            return self._track(table, smooth).gain
+        experiment = self._experiment(table)
+        path = self._open_loop(experiment, self._open_start(table))[:-1, self._tracker.measured]
+        return experiment.y - path
+
+    def transform(self, X: Any) -> Any:
+        """X with the causal input disturbance ``zeta`` [kW] as a further column.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Without ``T_za`` the disturbance is what the model expects without measurements.
+
+        Returns
+        -------
+        DataFrame or ndarray of shape (n_samples, n_features + 1)
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        zeta = self._zeta(table, "input")[n_tail:]
+        if isinstance(X, pd.DataFrame):
+            return X.assign(zeta=zeta)
+        return np.column_stack([np.asarray(X, dtype=np.float64), zeta])
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Names of the columns that :meth:`transform` returns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of X's columns where it had none in ``fit``.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        names = getattr(self, "feature_names_in_", input_features)
+        if names is None:
+            names = [f"x{j}" for j in range(self.n_features_in_)]
+        return np.array([*names, "zeta"], dtype=object)
+
+    # -------------------------------------------------------------------------------------------------------- loads
+    def predict_load(self, X: Any, setpoint: Any) -> pd.DataFrame:
+        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
+
+        Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
+        :meth:`predict`.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float or array-like of shape (n_samples,)
+            Wanted temperature at each row's stamp [degC].
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            Stages [-] by role and ``Q_hvac`` [kW], clipped to what the plant can do; the same with ``_unclipped`` as
+            the set-point would need.  Of stages that heat (or cool) alike, each takes its share of the capacity.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        origins, n = self._load_origins(table, n_tail)
+        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n))
+
+    def required_heat(self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input") -> pd.DataFrame:
+        """As :meth:`predict_load`, under a given disturbance.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float or array-like of shape (n_samples,)
+            Wanted temperature at each row's stamp [degC].
+        origins : sequence of int
+            Rows of X at which the state is taken from the measurements, beginning with 0.
+        disturbance : array-like of shape (n_origins, n_leads)
+            As in :meth:`drive`; long enough to reach the next origin.
+        kind : {"input", "output"}
+
+        Returns
+        -------
+        DataFrame of length n_samples
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        given = np.asarray(disturbance, dtype=np.float64)
+        return self._load(table, n_tail, setpoint, rows, self._given(table, rows, given, kind))
+
+    def _load_origins(self, table: ZoneTable, n_tail: int) -> tuple[np.ndarray, int]:
+        here = table.rows(slice(n_tail, None))
+        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
+        return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
+
+    def _load(
+        self, table: ZoneTable, n_tail: int, setpoint: Any, origins: np.ndarray, outlook: Outlook
+    ) -> pd.DataFrame:
+        tracker, plant = self._tracker, self._plant
+        here = table.rows(slice(n_tail, None))
+        target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
+        inputs = self._experiment(table).inputs.copy()
+        for j, role in enumerate(self.network_.inputs(self._roles)):
+            if is_plant(role):
+                inputs[:, j] = 0.0
+        heated = self.network_.nodes.index(self.network_.heated)
+        effect = self._unit_heat(heated)
+        c = np.eye(tracker.n)[tracker.measured]
+        ends = np.append(origins[1:], table.n_rows)
+        parts: list[list[np.ndarray]] = [[], []]
+        for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
+            forcing = inputs[a:b] @ tracker.B.T + np.outer(outlook.heat[i, : b - a], tracker.B[:, -1])
+            wanted = target[a:b] - outlook.offset[i, : b - a]
+            for part, (low, high) in zip(parts, ((plant.lower, plant.upper), (-np.inf, np.inf)), strict=True):
+                part.append(simulate_inverse(tracker.A, forcing, effect, c, wanted, low, high, outlook.states[i]))
+        return load_frame(plant, here.index, np.concatenate(parts[0]), np.concatenate(parts[1]))
+
+    def _unit_heat(self, node: int) -> np.ndarray:
+        """Effect on the states of 1 kW over a step on a node."""
+        names = [*self.network_.inputs(self._roles), "heat_gain"]
+        for source in self.network_.sources(self._roles):
+            if source.role.startswith("Q_"):
+                return self._tracker.B[:, names.index(source.role)].copy()
+        for source in self.network_.sources(self._roles):
+            if source.role.startswith("u_") and source.parameter and self.theta_[source.parameter] != 0:
+                return self._tracker.B[:, names.index(source.role)] / self.theta_[source.parameter]
+        if self.network_.nodes[node] == self.network_.disturbed:
+            return self._tracker.B[:, -1].copy()
+        raise ValueError("the network has no heating or cooling input, so no load can be predicted.")
+
+    # ------------------------------------------------------------------------------------------------------- others
+    def to_state_space(self) -> StateSpace:
+        """The identified model as discrete state-space matrices.
+
+        Returns
+        -------
+        StateSpace
+            With named states and inputs, at the training's sampling time.
+        """
+        check_is_fitted(self)
+        return self.state_space_
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # a room needs ordered rows and inputs that heat it
+        tags.target_tags.required = True
+        return tags
+
+
+def _checked_kind(kind: str) -> str:
+    if kind not in ("input", "output"):
+        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
+    return kind

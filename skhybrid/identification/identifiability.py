@@ -1,0 +1,121 @@
+"""What the data cannot say about the parameters."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from .._contract import ZoneTable
+from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from ..thermal import Parameter, RCNetwork
+
+#: a singular value below this share of the largest is a flat direction
+FLAT = 1e-6
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the data say about each direction of the parameter space.
+
+    Attributes
+    ----------
+    singular_values : Series
+        Of the sensitivity by the searched (log) parameters, largest first.
+    flat_directions : tuple of str
+        Combinations of parameters that the data do not move, in words.
+    at_bound : tuple of str
+        Parameters that ended at a bound of the search.
+    not_excited : tuple of str
+        Parameters that no row of the table moves; they stay at their default.
+    """
+
+    singular_values: pd.Series
+    flat_directions: tuple[str, ...]
+    at_bound: tuple[str, ...]
+    not_excited: tuple[str, ...]
+
+    def __str__(self) -> str:
+        lines = ["Identifiability"]
+        for title, names in (
+            ("flat directions", self.flat_directions),
+            ("at a bound", self.at_bound),
+            ("not excited", self.not_excited),
+        ):
+            lines.append(f"  {title}: {'; '.join(names) if names else 'none'}")
+        if len(self.singular_values):
+            ratio = self.singular_values.iloc[0] / max(self.singular_values.iloc[-1], 1e-300)
+            lines.append(f"  condition number of the sensitivity: {ratio:.3g}")
+        return "\n".join(lines)
+
+
+def scale_direction(parameters: Iterable[Parameter]) -> str:
+    """The scale direction in words: what rises together, and what falls."""
+    names = [p.name for p in parameters]
+    up = [n for n in names if n[0] in "CAQ"]
+    down = [n for n in names if n[0] == "R"]
+    return f"{', '.join(up)} together, {', '.join(down)} inversely"
+
+
+def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> bool:
+    """Warn where nothing fixes the scale of the network (design ruling 3); whether it is so."""
+    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
+    fixed = [k for k in known if k[0] in "CRAQ"]
+    if measured_heat or fixed:
+        return False
+    direction = scale_direction(network.parameters(table.inputs))
+    warnings.warn(
+        f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
+        "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
+        ScaleNotIdentifiableWarning,
+        stacklevel=4,
+    )
+    return True
+
+
+def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
+    """Gains whose input never ran, with a warning that names them."""
+    roles = network.sources(table.inputs)
+    idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]
+    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
+    if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
+        out += [f for f in network.solar.values() if f and f not in set(known) and any(p.startswith("A_") for p in out)]
+    if out:
+        columns = ", ".join(sorted({s.role for s in idle}))
+        warnings.warn(
+            f"{name}: {columns} is 0 in every row, so {', '.join(out)} cannot be identified and stays at its default; "
+            "pass it in known= or add days on which it ran.",
+            ExcitationWarning,
+            stacklevel=4,
+        )
+    return tuple(out)
+
+
+def describe_flat(sensitivity: np.ndarray, searched: Sequence[Parameter]) -> tuple[pd.Series, tuple[str, ...]]:
+    """Singular values of a sensitivity (n, p) by the searched scale, and its flat directions in words."""
+    if not len(searched):
+        return pd.Series(dtype=np.float64), ()
+    _, values, rows = np.linalg.svd(sensitivity, full_matrices=False)
+    flat = []
+    for value, row in zip(values, rows, strict=True):
+        if value > FLAT * values[0]:
+            continue
+        row = row * np.sign(row[np.argmax(np.abs(row))])
+        big = [(p.name, x) for p, x in zip(searched, row, strict=True) if abs(x) > 0.1]
+        up = [name for name, x in big if x > 0]
+        down = [name for name, x in big if x < 0]
+        flat.append(", ".join(up) + " together" + (f", {', '.join(down)} inversely" if down else ""))
+    return pd.Series(values, name="singular_value"), tuple(flat)
+
+
+def at_bounds(free: np.ndarray, searched: Sequence[Parameter]) -> tuple[str, ...]:
+    """Parameters within a thousandth of the searched range from a bound."""
+    out = []
+    for p, x in zip(searched, free, strict=True):
+        low, high = p.free_bounds
+        if min(x - low, high - x) < 1e-3 * (high - low):
+            out.append(p.name)
+    return tuple(out)

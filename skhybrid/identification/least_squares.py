@@ -1,0 +1,499 @@
+"""The three published identifications: CONV, ID and OD, least squares of one-step or simulation errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils import check_random_state
+
+from .._contract import ZoneTable, rows_of
+from .._kernels import one_step_errors
+from ..thermal import Parameter, RCNetwork
+from .base import NetworkIdentifier, Outlook
+from .disturbance import (
+    Conventional,
+    InputRandomWalk,
+    OutputARMA,
+    first_covariance,
+    measurement_variance,
+    walk_noise,
+)
+from .experiment import Experiment
+from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
+from .prediction_error import Minimum, PredictionErrorProblem, random_starts, run_starts
+from .tracking import GainTracker, fit_walk_noise
+
+
+class _LeastSquaresIdentifier(NetworkIdentifier):
+    """Sum of squared errors over bounded parameters, from many random starts."""
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
+        raise NotImplementedError
+
+    def _identify(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> None:
+        name, known = type(self).__name__, dict(self.known or {})
+        if any(p.name not in known for p in parameters):
+            warn_scale(network, table, known, name)
+        idle = unexcited(network, table, known, name)
+        disturbance = self._disturbance(network, experiment)
+        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in disturbance.own)
+        fixed = {p.name: p.default for p in parameters if p.name in idle}
+        fixed |= {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
+        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
+        problem = PredictionErrorProblem(network, experiment, disturbance, searched, fixed)
+        minima = self._minima(problem)
+        best = min(minima, key=lambda m: m.loss)
+        self._store(problem, best, minima, parameters, idle)
+
+    def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
+        if not problem.searched:
+            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
+            return [Minimum(np.zeros(0), loss, 1, True)]
+        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
+        return run_starts(problem.minimise, starts, self.n_jobs, self.verbose, type(self).__name__)
+
+    def _store(
+        self,
+        problem: PredictionErrorProblem,
+        best: Minimum,
+        minima: list[Minimum],
+        parameters: tuple[Parameter, ...],
+        idle: tuple[str, ...],
+    ) -> None:
+        values = problem.values(best.free)
+        jacobian = problem.jacobian(best.free) if problem.searched else np.zeros((1, 0))
+        n_seen = int(np.isfinite(problem.experiment.y).sum())
+        noise = best.loss / max(n_seen - len(best.free), 1)
+        names = [p.name for p in parameters]
+        self.network_ = problem.network
+        self.parameters_ = parameters
+        self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
+        self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
+        self.loss_, self.noise_std_ = best.loss, float(np.sqrt(noise))
+        self.starts_ = starts_table(minima, problem.searched)
+        covariance = log_covariance(jacobian, noise)
+        slopes = np.array([p.slope(values[p.name]) for p in problem.searched])
+        self.theta_cov_ = named_covariance(
+            slopes[:, None] * covariance * slopes, [p.name for p in problem.searched], names, idle
+        )
+        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
+        singular, flat = describe_flat(jacobian, problem.searched)
+        self.identifiability_ = Identifiability(singular, flat, at_bounds(best.free, problem.searched), idle)
+        self._tracker = self._make_tracker(problem)
+
+    def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
+        d = problem.network.discrete(self.theta_, problem.experiment.roles, problem.experiment.hours)
+        R = self._measurement_variance(problem.experiment.hours)
+        sigma_x, sigma_zeta = self._walk(d.A, d.B, problem.measured, R, problem.experiment)
+        Q, _ = walk_noise(len(d.A), sigma_x, sigma_zeta, 0)
+        return GainTracker(d.A, d.B, problem.measured, 1.0, Q, R)
+
+    def _measurement_variance(self, hours: float) -> float:
+        return measurement_variance(hours)
+
+    def _walk(
+        self, A: np.ndarray, B: np.ndarray, measured: int, R: float, experiment: Experiment
+    ) -> tuple[float, float]:
+        found = fit_walk_noise(A, B, measured, R, experiment)
+        return float(found[0]), float(found[1])
+
+
+def starts_table(minima: list[Minimum], searched: tuple[Parameter, ...]) -> pd.DataFrame:
+    """One row a start: its loss, its evaluations, whether it converged, and where it ended."""
+    rows = [
+        {"loss": m.loss, "n_evaluations": m.n_evaluations, "converged": m.converged}
+        | {p.name: p.from_free(x) for p, x in zip(searched, m.free, strict=True)}
+        for m in minima
+    ]
+    return pd.DataFrame(rows, index=pd.RangeIndex(len(rows), name="start"))
+
+
+def log_covariance(jacobian: np.ndarray, noise: float) -> np.ndarray:
+    """Gauss-Newton covariance on the searched scale; a flat direction gets a huge variance, not none."""
+    _, values, rows = np.linalg.svd(jacobian, full_matrices=False)
+    if not len(values):
+        return np.zeros((jacobian.shape[1], jacobian.shape[1]))
+    full = np.full(len(rows), max(float(values[0]) * 1e-8, 1e-12))
+    full[: len(values)] = np.maximum(values, full[: len(values)])
+    return (rows.T / full**2) @ rows * noise
+
+
+def named_covariance(
+    covariance: np.ndarray, searched: list[str], names: list[str], idle: tuple[str, ...]
+) -> pd.DataFrame:
+    """Covariance of all network parameters: 0 for known ones, infinite variance for those that nothing moved."""
+    out = pd.DataFrame(0.0, index=names, columns=names)
+    place = [i for i, n in enumerate(searched) if n in names]
+    chosen = [searched[i] for i in place]
+    out.loc[chosen, chosen] = covariance[np.ix_(place, place)]
+    for name in idle:
+        if name in names:
+            out.loc[name, name] = np.inf
+    return out
+
+
+class GrayBoxRC(_LeastSquaresIdentifier):
+    """Conventional gray box: simulation errors, no disturbance (CONV, paper 2.2.1).
+
+    A Kalman filter over the first day sets the state, then the network is simulated; the sum of squared simulation
+    errors is minimised within bounds from many random starts.
+
+    Parameters
+    ----------
+    network : str or RCNetwork, default="2R2C"
+        A name of the catalogue, or a network of your own.
+    known : dict of parameter to value, optional
+        Parameters that are not searched, such as a nameplate capacity ``{"Q_h": 6.0}`` [kW].
+    bounds : dict of parameter to (lower, upper), optional
+        Overrides the paper's bounds.
+    n_starts : int, default=50
+        Random starts, log-uniform within the bounds.
+    horizon : timedelta-like, optional
+        How far ahead ``predict`` looks; None simulates from the first row on.
+    warmup : timedelta-like, default="1D"
+        Span over which the filter sets the state.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps; 15 minutes by default.
+    n_jobs : int, optional
+        Starts run in parallel.
+    random_state : int, RandomState or None
+        Of the starts; the result is the same under any ``n_jobs``.
+    verbose : int, default=0
+        1 shows a progress bar.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+
+    Attributes
+    ----------
+    theta_, theta_std_ : Series
+        Parameters and their standard errors.
+    theta_cov_ : DataFrame
+        Gauss-Newton covariance of the parameters.
+    disturbance_ : Series
+        The disturbance model's own parameters.
+    identifiability_ : Identifiability
+        Flat directions, parameters at a bound, parameters that nothing moved.
+    loss_ : float
+        Sum of squared errors [K2].
+    noise_std_ : float
+        Standard deviation of the errors [K].
+    starts_ : DataFrame
+        One row a start.
+    state_space_ : StateSpace
+    initial_state_ : ndarray of shape (n_states,)
+        Node temperatures at the first training row [degC].
+    sampling_time_ : Timedelta
+    network_ : RCNetwork
+
+    Examples
+    --------
+    >>> from skhybrid import GrayBoxRC
+    >>> from skhybrid.datasets import make_office
+    >>> office = make_office(n_days=4, random_state=0)
+    >>> model = GrayBoxRC(known=office.theta).fit(office.X, office.y)
+    >>> float(model.theta_["C_za"])
+    1.0
+    """
+
+    def __init__(
+        self,
+        network="2R2C",
+        *,
+        known=None,
+        bounds=None,
+        n_starts=50,
+        horizon=None,
+        warmup="1D",
+        columns=None,
+        sampling_time=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+    ):
+        self.network = network
+        self.known = known
+        self.bounds = bounds
+        self.n_starts = n_starts
+        self.horizon = horizon
+        self.warmup = warmup
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.verbose = verbose
+        self.origin_step = origin_step
+        self.max_missing = max_missing
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
+        return Conventional(rows_of(self.warmup, pd.Timedelta(hours=experiment.hours), "warmup"))
+
+    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+        """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
+        span = rows_of(self.warmup, table.step, "warmup")
+        experiment, model = self._experiment(table), Conventional(span)
+        states = np.array([self._state_at(experiment, table, int(o), span, model) for o in origins])
+        none = np.zeros((len(origins), n))
+        return Outlook(states, none, none)
+
+    def _state_at(
+        self, experiment: Experiment, table: ZoneTable, origin: int, span: int, model: Conventional
+    ) -> np.ndarray:
+        tracker, first = self._tracker, max(0, origin + 1 - span)
+        rows = slice(first, origin + 1)
+        seen = experiment.y[rows][np.isfinite(experiment.y[rows])]
+        start = self._open_start(table) if first == 0 or not len(seen) else np.full(tracker.n, seen[0])
+        if not len(seen):
+            return self._open_loop(experiment, self._open_start(table))[origin]
+        plain = GainTracker(
+            tracker.A, tracker.B, tracker.measured, 0.0, model.noise(tracker.n), measurement_variance(experiment.hours)
+        )
+        begin = plain.cold(0.0)._replace(mean=np.append(start, 0.0))
+        part = experiment._replace(y=experiment.y[rows], inputs=experiment.inputs[rows])
+        zeros = np.zeros(origin + 1 - first, np.int64)
+        begin = begin._replace(covariance=np.pad(first_covariance(tracker.n, tracker.measured), (0, 1)))
+        return plain.track(part, zeros, zeros, begin).nodes[-1]
+
+
+class InputDisturbanceID(_LeastSquaresIdentifier):
+    """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
+
+    A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
+    minimised over the network's parameters and the two noise levels.
+
+    Parameters
+    ----------
+    network : str or RCNetwork, default="2R2C"
+        A name of the catalogue, or a network of your own.
+    known : dict of parameter to value, optional
+        Parameters that are not searched; also ``sigma_x`` [K] and ``sigma_zeta`` [kW].
+    bounds : dict of parameter to (lower, upper), optional
+        Overrides the paper's bounds.
+    n_starts : int, default=50
+        Random starts, log-uniform within the bounds.
+    horizon : timedelta-like, optional
+        How far ahead ``predict`` looks; None simulates from the first row on.
+    warmup : timedelta-like, default="1D"
+        How much of the training table's end is kept as history.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps; 15 minutes by default.
+    n_jobs : int, optional
+        Starts run in parallel.
+    random_state : int, RandomState or None
+        Of the starts; the result is the same under any ``n_jobs``.
+    verbose : int, default=0
+        1 shows a progress bar.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+    measurement_sd : float, optional
+        Standard deviation of the thermometer [K]; default ``0.25 / sqrt(T_s)`` with ``T_s`` in seconds, as the paper.
+
+    Attributes
+    ----------
+    theta_, theta_std_ : Series
+        Parameters and their standard errors.
+    theta_cov_ : DataFrame
+        Gauss-Newton covariance of the parameters.
+    disturbance_ : Series
+        ``sigma_x`` [K] and ``sigma_zeta`` [kW] over a step.
+    identifiability_ : Identifiability
+        Flat directions, parameters at a bound, parameters that nothing moved.
+    loss_, noise_std_ : float
+        Sum of squared errors [K2] and their standard deviation [K].
+    starts_ : DataFrame
+        One row a start.
+    state_space_ : StateSpace
+    initial_state_ : ndarray of shape (n_states,)
+        Node temperatures at the first training row [degC].
+    sampling_time_ : Timedelta
+    network_ : RCNetwork
+    """
+
+    def __init__(
+        self,
+        network="2R2C",
+        *,
+        known=None,
+        bounds=None,
+        n_starts=50,
+        horizon=None,
+        warmup="1D",
+        columns=None,
+        sampling_time=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+        measurement_sd=None,
+    ):
+        self.network = network
+        self.known = known
+        self.bounds = bounds
+        self.n_starts = n_starts
+        self.horizon = horizon
+        self.warmup = warmup
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.verbose = verbose
+        self.origin_step = origin_step
+        self.max_missing = max_missing
+        self.measurement_sd = measurement_sd
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
+        return InputRandomWalk(self.measurement_sd)
+
+    def _own_parameters(self) -> tuple[Parameter, ...]:
+        return InputRandomWalk().own
+
+    def _measurement_variance(self, hours: float) -> float:
+        return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
+
+    def _walk(
+        self, A: np.ndarray, B: np.ndarray, measured: int, R: float, experiment: Experiment
+    ) -> tuple[float, float]:
+        return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])
+
+
+class OutputDisturbanceID(_LeastSquaresIdentifier):
+    """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
+
+    The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
+    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``.
+
+    Parameters
+    ----------
+    network : str or RCNetwork, default="2R2C"
+        A name of the catalogue, or a network of your own.
+    known : dict of parameter to value, optional
+        Parameters that are not searched.
+    bounds : dict of parameter to (lower, upper), optional
+        Overrides the paper's bounds.
+    n_starts : int, default=50
+        Random starts, log-uniform within the bounds.
+    horizon : timedelta-like, optional
+        How far ahead ``predict`` looks; None simulates from the first row on.
+    warmup : timedelta-like, default="1D"
+        How much of the training table's end is kept as history.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps; 15 minutes by default.
+    n_jobs : int, optional
+        Starts run in parallel.
+    random_state : int, RandomState or None
+        Of the starts; the result is the same under any ``n_jobs``.
+    verbose : int, default=0
+        1 shows a progress bar.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+    rho_box : {"stable", "paper"}, default="stable"
+        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable; or the paper's
+        box for ``(rho_1, rho_2)``, which also holds unstable predictors.
+
+    Attributes
+    ----------
+    theta_, theta_std_ : Series
+        Parameters and their standard errors.
+    theta_cov_ : DataFrame
+        Gauss-Newton covariance of the parameters.
+    disturbance_ : Series
+        ``rho_1``, ``rho_2`` [-] and the hidden nodes' first temperatures [degC].
+    identifiability_ : Identifiability
+        Flat directions, parameters at a bound, parameters that nothing moved.
+    loss_, noise_std_ : float
+        Sum of squared errors [K2] and their standard deviation [K].
+    starts_ : DataFrame
+        One row a start.
+    state_space_ : StateSpace
+    initial_state_ : ndarray of shape (n_states,)
+        Node temperatures at the first training row [degC].
+    sampling_time_ : Timedelta
+    network_ : RCNetwork
+    """
+
+    def __init__(
+        self,
+        network="2R2C",
+        *,
+        known=None,
+        bounds=None,
+        n_starts=50,
+        horizon=None,
+        warmup="1D",
+        columns=None,
+        sampling_time=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+        rho_box="stable",
+    ):
+        self.network = network
+        self.known = known
+        self.bounds = bounds
+        self.n_starts = n_starts
+        self.horizon = horizon
+        self.warmup = warmup
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.verbose = verbose
+        self.origin_step = origin_step
+        self.max_missing = max_missing
+        self.rho_box = rho_box
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:
+        if self.rho_box not in ("stable", "paper"):
+            raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
+        hidden = tuple(node for node in network.nodes if node != network.measured)
+        return OutputARMA(hidden, experiment.first, self.rho_box == "paper")
+
+    def _own_parameters(self) -> tuple[Parameter, ...]:
+        return OutputARMA((), 20.0, self.rho_box == "paper").own
+
+    def _store(self, problem: PredictionErrorProblem, *rest: Any) -> None:
+        super()._store(problem, *rest)
+        own = self.disturbance_
+        if "rho_2" not in own:
+            own = pd.concat([own, pd.Series({"rho_2": own["rho_1"] - own["rho_gap"]})])
+        self.disturbance_ = own
+
+    def _first_state(self, smooth: Any) -> np.ndarray:
+        """The fit's own first state: a measured node at its measurement, the hidden ones as they were searched."""
+        state = smooth.nodes[0].copy()
+        for i, node in enumerate(self.network_.nodes):
+            state[i] = self.disturbance_.get(f"T0_{node}", state[i])
+        return state
+
+    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+        """The network open loop, and the output disturbance that decays by ``rho_1``."""
+        experiment, tracker = self._experiment(table), self._tracker
+        rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
+        states = self._open_loop(experiment, self._open_start(table))
+        free = experiment.y - states[:-1, tracker.measured]
+        one = np.ones(1)
+        zeta = one_step_errors(
+            np.full((1, 1), rho_1), np.zeros((len(free), 1)), np.full((len(free), 1), rho_2), one, free, np.zeros(1)
+        ).states[:, 0]
+        offset = zeta[origins + 1][:, None] * rho_1 ** np.arange(n)
+        return Outlook(states[origins], np.zeros((len(origins), n)), offset)
