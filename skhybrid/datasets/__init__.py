@@ -1,0 +1,20 @@
+"""Data: the paper's synthetic office, a shipped EnergyPlus run, readers of logs and weather files."""
+
+from ._epw import read_epw
+from ._readers import read_zone_csv
+from ._regularize import RegularizeReport, regularize
+from ._small_office import load_small_office
+from .excitation import make_prbs
+from .office import make_office
+from .weather import make_weather
+
+__all__ = [
+    "RegularizeReport",
+    "load_small_office",
+    "make_office",
+    "make_prbs",
+    "make_weather",
+    "read_epw",
+    "read_zone_csv",
+    "regularize",
+]

@@ -1,0 +1,30 @@
+"""One way from ``random_state`` to independent streams of random numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.utils import check_random_state
+
+
+def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
+    """``n`` independent generators from an int, None, a RandomState or a Generator.
+
+    A purpose keeps its own stream, so that a change of one (no excitation, no noise) leaves the others as they were.
+    """
+    if isinstance(random_state, np.random.Generator):
+        entropy = random_state.integers(2**31, size=4)
+    else:
+        entropy = check_random_state(random_state).randint(2**31 - 1, size=4)
+    seeds = np.random.SeedSequence([int(word) for word in entropy]).spawn(n)
+    return [np.random.default_rng(seed) for seed in seeds]
+
+
+def ar1(rng: np.random.Generator, n: int, phi: float) -> np.ndarray:
+    """A stationary first-order autoregression of unit variance, shape (n,)."""
+    from scipy.signal import lfilter
+
+    shocks = rng.standard_normal(n)
+    shocks[1:] *= np.sqrt(1.0 - phi**2)
+    return lfilter([1.0], [1.0, -phi], shocks)

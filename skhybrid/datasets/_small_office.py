@@ -1,0 +1,71 @@
+"""The shipped log: an EnergyPlus run of the DOE reference small office."""
+
+from __future__ import annotations
+
+from importlib.resources import as_file, files
+
+import pandas as pd
+from sklearn.utils import Bunch
+
+_DESCR = """The DOE reference small office in Chicago, autumn 2018 (label), 15 min, UTC-06:00 without daylight saving.
+
+An EnergyPlus 25.2 run of a 511 m2 office of five zones (new construction, 90.1-2004) under TMY3 weather, with an
+irregular occupancy (day level autocorrelated, off-site days, random arrivals).  control="irregular" has the reference
+set-points; control="shifted" is the same building, weather and occupancy under random daily set-points, pre-heating
+and load shifting: a control that the first log has never seen.
+
+X: T_oa [degC] and T_za [degC] (mean of the zones by volume) are values at the stamp; q_sol (global horizontal)
+[kW/m2] and Q_hvac (net sensible heat delivered, + heats) [kW] are means over [t, t + 15 min).
+heat_gain: the internal gains [kW] (people, lights, plugs), which are truth to compare with, never an input.
+frame: set-points, stages (mean runtime fraction), dni and dhi [kW/m2], people.
+
+Credit: EnergyPlus (BSD-style licence, LBNL/DOE); reference buildings by DOE, NREL, PNNL, LBNL: Deru et al. (2011),
+"U.S. Department of Energy Commercial Reference Building Models of the National Building Stock", NREL/TP-5500-46861.
+Cut from year-long runs by benchmarks/data/make_small_office.py.
+"""
+
+
+def load_small_office(control: str = "irregular") -> Bunch:
+    """Load the shipped EnergyPlus run of a small office, autumn, 15 min.
+
+    Parameters
+    ----------
+    control : {"irregular", "shifted"}
+        The usual set-points, or the same autumn under set-points that were shifted and randomised.
+
+    Returns
+    -------
+    Bunch
+        ``X`` DataFrame [T_oa, q_sol, Q_hvac, T_za]; ``y`` Series T_za [degC]; ``heat_gain`` Series, internal gains
+        [kW], truth that is never in ``X``; ``frame`` DataFrame [set_heat, set_cool, stage_heat, stage_cool, dni, dhi,
+        people]; ``DESCR``.
+
+    Raises
+    ------
+    ValueError
+        If ``control`` is unknown.
+
+    Examples
+    --------
+    >>> from skhybrid.datasets import load_small_office
+    >>> list(load_small_office().X.columns)
+    ['T_oa', 'q_sol', 'Q_hvac', 'T_za']
+    """
+    if control not in ("irregular", "shifted"):
+        raise ValueError(f"control={control!r} is unknown; choose 'irregular' or 'shifted'.")
+    everything = _read("irregular")
+    if control == "shifted":  # weather and occupancy are those of the other run
+        changed = _read("shifted")
+        everything = everything.assign(**{str(name): changed[name] for name in changed})
+    X = everything[["T_oa", "q_sol", "Q_hvac", "T_za"]].copy()
+    rest = ["set_heat", "set_cool", "stage_heat", "stage_cool", "dni", "dhi", "people"]
+    return Bunch(
+        X=X, y=X["T_za"].copy(), heat_gain=everything["heat_gain"].copy(), frame=everything[rest].copy(), DESCR=_DESCR
+    )
+
+
+def _read(control: str) -> pd.DataFrame:
+    with as_file(files("skhybrid.datasets").joinpath("data", f"small_office_{control}.csv.gz")) as path:
+        table = pd.read_csv(path, index_col="time")
+    table.index = pd.DatetimeIndex(pd.to_datetime(table.index), name="time")
+    return table.astype("float64")

@@ -1,0 +1,145 @@
+"""Time stamps of a CSV: finding the column, parsing it, and giving it the right zone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pandas.tseries.api import guess_datetime_format
+
+_USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
+_OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
+_NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
+
+
+def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) -> str:
+    """The column that holds the stamps: the one named, one with a usual name, or the first whose cells are dates.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if time_column is not None:
+        if time_column not in table:
+            raise ValueError(
+                f"time_column={time_column!r} is not in {where}; its columns are {', '.join(map(repr, table.columns))}."
+            )
+        return time_column
+    for column in table.columns:
+        if str(column).strip().lower() in _USUAL_NAMES:
+            return column
+    for column in table.columns:
+        cells = table[column].dropna().head(3).astype(str)
+        looks = cells.str.contains(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}", regex=True)
+        if len(cells) and looks.all():
+            return column
+    raise ValueError(
+        f"{where} has no column of time stamps among {', '.join(map(repr, table.columns))}; name it by time_column=."
+    )
+
+
+def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
+    """Stamps of a log, with the zone that they or ``timezone`` say; without one where neither does.
+
+    Raises
+    ------
+    ValueError
+        With the row, if a cell is no date or an hour that daylight saving skips; if only some cells have an offset;
+        if dates such as 02/03/2024 may be read both ways.
+    """
+    text = cells.astype(str).str.strip()
+    absent = cells.isna().to_numpy()
+    offsets = text.str.extract(_OFFSET)[0]
+    zoned = offsets.notna().to_numpy()
+    if zoned.any() and not zoned[~absent].all():
+        row = int(np.argmax(~zoned & ~absent))
+        raise ValueError(
+            f"row {line(text.index[row])} of {where}: the time stamp {text.iloc[row]!r} has no offset from UTC, where "
+            "others have one."
+        )
+    stamps = _parse(text, absent, bool(zoned.any()), _day_first(text, dayfirst, where), where)
+    if not zoned.any():
+        return stamps if timezone is None else _localize(stamps, _zone(timezone), text, where)
+    if timezone is not None:
+        return stamps.tz_convert(_zone(timezone))
+    return stamps.tz_convert(pd.Timestamp(text.iloc[0]).tz) if len(offsets.unique()) == 1 else stamps
+
+
+def line(row: int) -> int:
+    """The line of the file that a row of data stands on; the header is line 1."""
+    return row + 2
+
+
+def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
+    """Whether dates such as 31/01/2024 begin with the day, as a number above 12 shows."""
+    numbers = text.str.extract(_NUMBERED).astype(np.float64)
+    if dayfirst is not None or numbers[0].isna().all():
+        return bool(dayfirst)
+    if (numbers[0] > 12).any():
+        return True
+    if (numbers[1] > 12).any():
+        return False
+    raise ValueError(
+        f"{where} has dates such as {text.iloc[0]!r}, which may begin with the day or the month; pass dayfirst=True or "
+        "dayfirst=False."
+    )
+
+
+def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, where: str) -> pd.DatetimeIndex:
+    known = text.mask(absent)
+    guess = guess_datetime_format(text.iloc[0], dayfirst=day_first)
+    parsed = pd.to_datetime(known, errors="coerce", utc=utc, format=guess or "mixed", dayfirst=day_first)
+    again = parsed.isna().to_numpy() & ~absent & ~_contradicts(text, day_first)
+    if again.any():  # a logger may leave out the time at midnight, or seconds that are zero
+        other = pd.to_datetime(known[again], errors="coerce", utc=utc, format="mixed", dayfirst=day_first)
+        parsed = parsed.where(~again, other)
+    failed = parsed.isna().to_numpy()
+    if failed.any():
+        row = int(np.argmax(failed))
+        found = "is empty" if absent[row] else f"{text.iloc[row]!r} is no date and time"
+        raise ValueError(
+            f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
+        )
+    return pd.DatetimeIndex(parsed)
+
+
+def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
+    """Dates whose month would be above 12: never to be read the other way round than the rest."""
+    numbers = text.str.extract(_NUMBERED).astype(np.float64)
+    return (numbers[1 if day_first else 0] > 12).to_numpy()
+
+
+def _zone(timezone: str) -> Any:
+    try:
+        return pd.Timestamp("2001-01-01").tz_localize(timezone).tz
+    except Exception as error:  # the class differs between zoneinfo and pytz
+        raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
+
+
+def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) -> pd.DatetimeIndex:
+    """Local wall-clock stamps with their zone; of the hour that comes twice in autumn the first pass is summer time."""
+    skipped = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT").isna()
+    if skipped.any():
+        row = int(np.argmax(skipped))
+        raise ValueError(
+            f"row {line(text.index[row])} of {where}: {text.iloc[row]!r} does not exist in {zone}, where daylight "
+            "saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
+        )
+    twice = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()
+    return stamps.tz_localize(zone, ambiguous=_is_first_pass(stamps, np.asarray(twice)))
+
+
+def _is_first_pass(stamps: pd.DatetimeIndex, twice: np.ndarray) -> np.ndarray:
+    """For the stamps of an hour that comes twice: True until the clock of that day goes back, or stands still."""
+    first = np.ones(len(stamps), dtype=bool)
+    ticks = stamps.as_unit("ns").asi8
+    days = stamps.normalize()
+    for day in days[twice].unique():
+        rows = np.flatnonzero(twice & (days == day))
+        advance = np.diff(ticks[rows])
+        turn = np.flatnonzero(advance < 0) if (advance < 0).any() else np.flatnonzero(advance == 0)
+        if len(turn):  # an hourly log shows the same stamp twice
+            first[rows[turn[0] + 1 :]] = False
+    return first

@@ -1,0 +1,233 @@
+"""The paper's office: the TRUE 2R2C model under an on/off thermostat and unmeasured gains (paper 2.1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numba import njit
+from scipy.signal import cont2discrete
+from sklearn.utils import Bunch
+
+from .._contract import rows_of
+from ._random import spawn_generators
+from ._weather_table import resample_weather
+from .excitation import plan_setpoints
+from .gains import Gains, draw_gains
+from .weather import make_weather
+
+#: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
+TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
+#: simulation step, and so the shortest time that heating or cooling stays on or off (paper 2.1).
+SIMULATION_STEP = pd.Timedelta("5min")
+_HYSTERESIS = 0.3  # [K] beyond the set-point on either side before the thermostat switches
+
+_DESCR = """The office of Ham & Kim, section 2.1: a synthetic thermostat log whose true parameters are known.
+
+{n_days} days from {start}, weather: {weather}, set-point perturbation: {excitation}, step {step}.
+X: T_oa [degC], q_sol [kW/m2], u_heat, u_cool [-] are means over [t, t + step); T_za [degC] is the value at t, with
+measurement noise of {noise_std} K, and equals y.  heat_gain [kW] is the unmeasured mean heat into the zone over the
+step (truth, never an input); states are the noise-free T_w and T_za at t; theta the true parameters.
+"""
+
+
+def make_office(
+    n_days: int = 14,
+    climate: str = "oakland",
+    *,
+    start: Any = "2023-07-08",
+    excitation: str | None = "weekend_prbs",
+    noise_std: float = 0.03,
+    sampling_time: Any = "15min",
+    weather: pd.DataFrame | None = None,
+    random_state: Any = None,
+) -> Bunch:
+    """Simulate the paper's office and return its thermostat log with the truth beside it.
+
+    The 2R2C network with the paper's TRUE parameters is propagated exactly (zero-order hold) at 5 min under an on/off
+    thermostat, and averaged to ``sampling_time``.
+
+    Parameters
+    ----------
+    n_days : int
+        Length [days].
+    climate : {"oakland", "chicago"}
+        Climate of the embedded weather generator.
+    start : timestamp-like
+        First day, of any year; begins at 00:00 local standard time.
+    excitation : {"weekend_prbs", "none"} or None
+        Whether the set-point of the first weekend follows a PRBS of order 4 and scale 2 h between 18 and 25 degC,
+        tracked by heating and cooling both.
+    noise_std : float
+        Standard deviation of the measurement noise [K].
+    sampling_time : timedelta-like
+        Step of the log: a multiple of 5 min that divides a day.
+    weather : DataFrame, optional
+        ``T_oa`` [degC] and ``q_sol`` [kW/m2] that cover the run, or what :func:`read_epw` returns; replaces the
+        generator.
+    random_state : int, RandomState, Generator or None
+        Seed of weather, gains, set-points and noise, each with a stream of its own.
+
+    Returns
+    -------
+    Bunch
+        ``X`` DataFrame [T_oa, q_sol, u_heat, u_cool, T_za]; ``y`` Series T_za [degC], with noise; ``heat_gain``
+        Series [kW]; ``states`` DataFrame [T_w, T_za], noise-free at the stamps; ``theta`` dict; ``setpoints``
+        DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs, lights, air] [kW], whose sum is
+        ``heat_gain``; ``DESCR``.  The index has no time zone.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or ``weather`` does not cover the run (the missing span is named).
+
+    Notes
+    -----
+    With ``sampling_time="5min"`` every input is constant over a step, so that the exact zero-order hold with ``X``
+    and ``heat_gain`` reproduces ``states``.
+
+    References
+    ----------
+    Paper section 2.1, Eqs. gray_state and gray_mes.
+
+    Examples
+    --------
+    >>> from skhybrid.datasets import make_office
+    >>> office = make_office(n_days=2, random_state=0)
+    >>> list(office.X.columns)
+    ['T_oa', 'q_sol', 'u_heat', 'u_cool', 'T_za']
+    """
+    per_step = _check(n_days, excitation, noise_std, sampling_time)
+    weather_rng, gain_rng, plan_rng, prbs_rng, noise_rng = spawn_generators(random_state, 5)
+    first = pd.Timestamp(start).normalize()
+    if first.tzinfo is not None:
+        raise ValueError(f"start={start!r} has a time zone; the office runs on local standard time, give it without.")
+    time = pd.date_range(first, periods=n_days * 288, freq=SIMULATION_STEP)
+    if weather is None:
+        outside = make_weather(n_days, climate, start=first, step=SIMULATION_STEP, random_state=weather_rng)
+    else:
+        outside = resample_weather(weather, time)
+    setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
+    gains = draw_gains(time, gain_rng)
+    fine = _run(outside, setpoints, gains)
+    origin = "as given" if weather is not None else climate
+    described = _DESCR.format(
+        n_days=n_days,
+        start=first.date(),
+        weather=origin,
+        excitation=excitation,
+        step=sampling_time,
+        noise_std=noise_std,
+    )
+    return _log(fine, setpoints, per_step, noise_std * noise_rng.standard_normal(len(time) // per_step), described)
+
+
+def _check(n_days: int, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
+    """Refuse arguments out of range; the number of simulation steps in a step of the log."""
+    if not isinstance(n_days, int | np.integer) or n_days < 1:
+        raise ValueError(f"n_days={n_days!r} must be a positive whole number of days.")
+    if excitation not in ("weekend_prbs", "none", None):
+        raise ValueError(f"excitation={excitation!r} is unknown; choose 'weekend_prbs' or None.")
+    if not (np.isfinite(noise_std) and noise_std >= 0):
+        raise ValueError(f"noise_std={noise_std!r} must be zero or a positive number of kelvin.")
+    per_step = rows_of(sampling_time, SIMULATION_STEP, "sampling_time")
+    if 288 % per_step:
+        raise ValueError(f"sampling_time={sampling_time!r} does not divide a day.")
+    return per_step
+
+
+def _run(outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gains) -> pd.DataFrame:
+    """The run at the simulation step."""
+    transition, effect = true_system(SIMULATION_STEP / pd.Timedelta("1h"))
+    air = outside["T_oa"].to_numpy()
+    levels = setpoints[["T_heat_set", "T_cool_set"]].to_numpy()
+    begin = np.full(2, np.clip(air[:288].mean() + 4.0, levels[0, 0] + 1.0, levels[0, 1] - 1.0))
+    states, heat, cool, gain = _simulate(
+        transition,
+        effect,
+        np.column_stack([air, outside["q_sol"].to_numpy()]),
+        levels,
+        gains.sensible,
+        gains.air,
+        begin,
+        _HYSTERESIS,
+    )
+    return pd.DataFrame(
+        {
+            "T_oa": air,
+            "q_sol": outside["q_sol"].to_numpy(),
+            "u_heat": heat,
+            "u_cool": cool,
+            "heat_gain": gain,
+            "T_w": states[:, 0],
+            "T_za": states[:, 1],
+            "people": gains.people,
+            "plugs": gains.plugs,
+            "lights": gains.lights,
+            "air": gain - gains.sensible,
+        },
+        index=outside.index,
+    )
+
+
+def true_system(step_hours: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact discrete (A, B) of the TRUE model: states T_w, T_za; inputs T_oa, q_sol, u_heat, u_cool, heat gain."""
+    p = TRUE_THETA
+    to_wall, to_air = p["C_w"] * p["R_zw"], p["C_za"] * p["R_zw"]
+    a = np.array([[-1 / to_wall, 1 / to_wall], [1 / to_air, -1 / to_air - 1 / (p["C_za"] * p["R_zo"])]])
+    b = np.array(
+        [
+            [0.0, (1 - p["f"]) * p["A_win"] / p["C_w"], 0.0, 0.0, 0.0],
+            np.array([1 / p["R_zo"], p["f"] * p["A_win"], p["Q_h"], p["Q_c"], 1.0]) / p["C_za"],
+        ]
+    )
+    discrete = cont2discrete((a, b, np.eye(2), np.zeros((2, 5))), step_hours, method="zoh")
+    return np.ascontiguousarray(discrete[0]), np.ascontiguousarray(discrete[1])
+
+
+@njit(cache=True)
+def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hysteresis):
+    """States (n, 2) at the steps' starts, on/off signals and gain [kW] held over the steps."""
+    n = len(sensible)
+    states, heat, cool, gain = np.empty((n, 2)), np.zeros(n), np.zeros(n), np.empty(n)
+    wall, room = begin[0], begin[1]
+    heating, cooling = False, False
+    v = np.empty(5)
+    for k in range(n):
+        states[k, 0], states[k, 1] = wall, room
+        heating = room < setpoints[k, 0] + (hysteresis if heating else -hysteresis)
+        cooling = (not heating) and room > setpoints[k, 1] + (-hysteresis if cooling else hysteresis)
+        heat[k] = 1.0 if heating else 0.0
+        cool[k] = 1.0 if cooling else 0.0
+        gain[k] = sensible[k] + air[k] * (outside[k, 0] - room)
+        v[0], v[1], v[2], v[3], v[4] = outside[k, 0], outside[k, 1], heat[k], cool[k], gain[k]
+        wall_next = transition[0, 0] * wall + transition[0, 1] * room
+        room_next = transition[1, 0] * wall + transition[1, 1] * room
+        for j in range(5):
+            wall_next += effect[0, j] * v[j]
+            room_next += effect[1, j] * v[j]
+        wall, room = wall_next, room_next
+    return states, heat, cool, gain
+
+
+def _log(fine: pd.DataFrame, setpoints: pd.DataFrame, per_step: int, noise: np.ndarray, described: str) -> Bunch:
+    """The run averaged to the log's step: means of inputs, values at the stamp of temperatures."""
+    index = pd.DatetimeIndex(fine.index.to_numpy()[::per_step])
+
+    def mean(column: pd.Series) -> np.ndarray:
+        return column.to_numpy().reshape(-1, per_step).mean(axis=1)
+
+    states = pd.DataFrame({name: fine[name].to_numpy()[::per_step] for name in ("T_w", "T_za")}, index=index)
+    X = pd.DataFrame({name: mean(fine[name]) for name in ("T_oa", "q_sol", "u_heat", "u_cool")}, index=index)
+    X["T_za"] = states["T_za"] + noise
+    return Bunch(
+        X=X,
+        y=X["T_za"].copy(),
+        heat_gain=pd.Series(mean(fine["heat_gain"]), index=index, name="heat_gain"),
+        states=states,
+        theta=dict(TRUE_THETA),
+        setpoints=pd.DataFrame({name: mean(setpoints[name]) for name in setpoints}, index=index),
+        gain_parts=pd.DataFrame({n: mean(fine[n]) for n in ("people", "plugs", "lights", "air")}, index=index),
+        DESCR=described,
+    )

@@ -1,0 +1,189 @@
+"""Weather of the synthetic office: an embedded seeded generator.
+
+Its monthly constants (``data/climate.json``) are fitted to TMY3 weather files by
+``benchmarks/data/fit_climate.py``.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import expit
+
+from ._random import ar1, spawn_generators
+
+#: the largest share of the clear-sky irradiance; above 1, because thin broken cloud adds reflected light.
+MAX_CLEARNESS = 1.1
+#: albedo of the ground before the window [-].
+ALBEDO = 0.2
+_CLOUD_HOURS = 1.0  # time constant of passing clouds [h]
+_AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and size [K] of the air's own wandering
+
+
+@cache
+def climates() -> dict[str, dict[str, Any]]:
+    """The embedded climates by name: site and monthly constants."""
+    text = files("skhybrid.datasets").joinpath("data", "climate.json").read_text(encoding="utf-8")
+    return json.loads(text)
+
+
+def make_weather(
+    n_days: int = 14,
+    climate: str = "oakland",
+    *,
+    start: Any = "2023-07-08",
+    step: Any = "5min",
+    window_azimuth: float = 180.0,
+    window_tilt: float = 90.0,
+    random_state: Any = None,
+) -> pd.DataFrame:
+    """Draw synthetic weather: seasonal and daily cycles, autocorrelated days, clouds under a clear-sky model.
+
+    Parameters
+    ----------
+    n_days : int
+        Length [days].
+    climate : {"oakland", "chicago"}
+        Which embedded climate.
+    start : timestamp-like
+        First day; its clock is local standard time.
+    step : timedelta-like
+        Sampling time.
+    window_azimuth, window_tilt : float
+        Orientation of the window [degrees]: 180 faces south, 90 is vertical.
+    random_state : int, RandomState, Generator or None
+        Seed.
+
+    Returns
+    -------
+    DataFrame
+        ``T_oa`` [degC] and ``q_sol`` (on the window), ``ghi``, ``dni``, ``dhi`` [kW/m2]; index without time zone.
+
+    Raises
+    ------
+    ValueError
+        If the climate is unknown or ``n_days`` is not positive.
+    """
+    known = climates()
+    if climate not in known:
+        raise ValueError(f"climate={climate!r} is unknown; choose one of {', '.join(map(repr, known))}.")
+    if not n_days > 0:
+        raise ValueError(f"n_days={n_days!r} must be positive.")
+    site = known[climate]
+    delta = pd.Timedelta(step)
+    first = pd.Timestamp(start).normalize()
+    time = pd.date_range(first, first + pd.Timedelta(days=n_days), freq=delta, inclusive="left")
+    day_rng, cloud_rng, air_rng, anomaly_rng = spawn_generators(random_state, 4)
+    clear_day = ar1(day_rng, int(np.ceil(n_days)) + 1, site["cloud_ar1"])
+    air = air_temperature(site, time, clear_day, anomaly_rng, air_rng)
+    middle = time + delta / 2
+    beam = _irradiance(site, middle, clear_day, cloud_rng, delta)
+    beam.index = time
+    window = window_irradiance(
+        middle, beam["ghi"], beam["dni"], beam["dhi"], site, azimuth=window_azimuth, tilt=window_tilt
+    )
+    return pd.DataFrame({"T_oa": air, "q_sol": window, **beam}, index=time)
+
+
+def air_temperature(
+    site: dict[str, Any],
+    time: pd.DatetimeIndex,
+    clear_day: np.ndarray,
+    anomaly_rng: np.random.Generator,
+    air_rng: np.random.Generator,
+) -> np.ndarray:
+    """Outdoor air temperature [degC]: season + daily cycle (larger on clear days) + autocorrelated days."""
+    season = _monthly(time, np.asarray(site["T_anchor"]))
+    angle = 2 * np.pi * (time - time.normalize()).total_seconds().to_numpy() / 86400.0
+    c1, s1, c2, s2 = (_monthly(time, np.asarray(column)) for column in zip(*site["diurnal"], strict=True))
+    cycle = c1 * np.cos(angle) + s1 * np.sin(angle) + c2 * np.cos(2 * angle) + s2 * np.sin(2 * angle)
+    day = np.asarray((time.normalize() - time[0].normalize()).days)
+    swing = 1.0 + 0.3 * np.tanh(clear_day[day])
+    elapsed = (time - time[0].normalize()) / pd.Timedelta("1D")
+    anomaly = ar1(anomaly_rng, day[-1] + 3, site["T_day_ar1"])
+    slow = np.interp(elapsed, np.arange(-0.5, day[-1] + 2), anomaly)  # through noon of every day
+    spread = _monthly(time, np.asarray(site["T_day_std"]))
+    step_hours = (time[1] - time[0]) / pd.Timedelta("1h") if len(time) > 1 else 1.0
+    wander = _AIR_STD * ar1(air_rng, len(time), float(np.exp(-step_hours / _AIR_HOURS)))
+    return season + swing * cycle + spread * slow + wander
+
+
+def _irradiance(
+    site: dict[str, Any], middle: pd.DatetimeIndex, clear_day: np.ndarray, rng: np.random.Generator, delta: pd.Timedelta
+) -> pd.DataFrame:
+    """Global, beam and diffuse irradiance [kW/m2]: Haurwitz' clear sky times the cloudiness, split by Erbs' model."""
+    from pvlib.irradiance import erbs
+
+    zenith = sun(site, middle)["zenith"].to_numpy()
+    day = np.asarray((middle.normalize() - middle[0].normalize()).days)
+    fast = ar1(rng, len(middle), float(np.exp(-(delta / pd.Timedelta("1h")) / _CLOUD_HOURS)))
+    share = site["cloud_day_share"]
+    latent = np.sqrt(share) * clear_day[day] + np.sqrt(1 - share) * fast
+    month = middle.month.to_numpy() - 1
+    level, spread = np.asarray(site["clear_level"])[month], np.asarray(site["clear_spread"])[month]
+    ghi = MAX_CLEARNESS * expit(level + spread * latent) * clear_sky(zenith)
+    parts = erbs(ghi, zenith, middle.day_of_year.to_numpy())
+    split = pd.DataFrame({"ghi": ghi, "dni": np.asarray(parts["dni"]), "dhi": np.asarray(parts["dhi"])})
+    return split / 1000.0
+
+
+def clear_sky(zenith: np.ndarray) -> np.ndarray:
+    """Clear-sky global horizontal irradiance [W/m2] by Haurwitz, from the sun's zenith angle [degrees]."""
+    from pvlib.clearsky import haurwitz
+
+    return haurwitz(pd.Series(zenith))["ghi"].to_numpy()
+
+
+def sun(site: dict[str, Any], standard_time: pd.DatetimeIndex) -> pd.DataFrame:
+    """Position of the sun (``zenith``, ``azimuth`` [degrees]) at stamps of local standard time without zone."""
+    from pvlib.solarposition import get_solarposition
+
+    utc = (standard_time - pd.Timedelta(hours=site["utc_offset"])).tz_localize("UTC")
+    return get_solarposition(utc, site["latitude"], site["longitude"], method="ephemeris")
+
+
+def window_irradiance(
+    middle: pd.DatetimeIndex,
+    ghi: pd.Series,
+    dni: pd.Series,
+    dhi: pd.Series,
+    site: dict[str, Any],
+    *,
+    azimuth: float,
+    tilt: float,
+) -> np.ndarray:
+    """Irradiance on a tilted plane [units of ``ghi``], isotropic sky and an albedo of 0.2.
+
+    ``middle`` holds the middle of every step, local standard time: a mean over the step is best met by the sun there.
+    """
+    from pvlib.irradiance import get_total_irradiance
+
+    place = sun(site, middle)
+    total = get_total_irradiance(
+        tilt,
+        azimuth,
+        place["zenith"].to_numpy(),
+        place["azimuth"].to_numpy(),
+        dni.to_numpy(),
+        ghi.to_numpy(),
+        dhi.to_numpy(),
+        albedo=ALBEDO,
+        model="isotropic",
+    )
+    return np.maximum(np.nan_to_num(np.asarray(total["poa_global"])), 0.0)
+
+
+def _monthly(time: pd.DatetimeIndex, anchors: np.ndarray) -> np.ndarray:
+    """Twelve values, each at the middle of its month, joined by straight lines round the year."""
+    return np.interp(year_position(time), np.arange(-0.5, 13.0), anchors[np.arange(-1, 13) % 12])
+
+
+def year_position(time: pd.DatetimeIndex) -> np.ndarray:
+    """Where in the year a stamp lies, in months: 0 at New Year, 0.5 in the middle of January."""
+    into = (time.day - 1) + (time - time.normalize()) / pd.Timedelta("1D")
+    return np.asarray(time.month - 1 + into / time.days_in_month, dtype=np.float64)

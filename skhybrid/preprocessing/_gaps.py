@@ -1,0 +1,142 @@
+"""Filling short gaps of inputs inside a Pipeline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from .._contract import HISTORY_ROLES
+from ._frames import numeric, read_input
+
+
+class GapFiller(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
+    """Fill short gaps of inputs by straight lines and leave long ones missing.
+
+    Parameters
+    ----------
+    max_gap : timedelta-like
+        The longest gap that is filled: missing rows times the step.
+    sampling_time : timedelta-like, optional
+        Step of a table without time stamps; default = 15 min, the data contract's.
+
+    Attributes
+    ----------
+    max_gap_ : Timedelta
+    n_features_in_ : int
+    feature_names_in_ : ndarray of str
+        Only where fitted on a DataFrame.
+
+    Notes
+    -----
+    A line through a gap uses the value behind it.  That is no leak for inputs, which a forecast may know ahead, but
+    it would be one for history: the columns ``T_za`` and ``zeta`` are never filled (filters skip what is missing
+    there).  Missing rows at either end have nothing to lean on and stay missing, as do rows of columns that are not
+    numeric.  Whole rows that are absent are put back by :func:`skhybrid.datasets.regularize`.
+
+    A DataFrame comes back as a DataFrame with its index, names and order.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhybrid.preprocessing import GapFiller
+    >>> log = pd.DataFrame({"T_oa": [1.0, None, 3.0]}, index=pd.date_range("2024-01-01", periods=3, freq="15min"))
+    >>> GapFiller(max_gap="1h").fit_transform(log)["T_oa"].tolist()
+    [1.0, 2.0, 3.0]
+    """
+
+    def __init__(self, max_gap: Any = "1h", sampling_time: Any = None) -> None:
+        self.max_gap = max_gap
+        self.sampling_time = sampling_time
+
+    def fit(self, X: Any, y: Any = None) -> GapFiller:
+        """Check the columns; nothing is learned from the values.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``max_gap`` is no duration.
+        """
+        read_input(self, X, reset=True)
+        self.max_gap_ = _duration(self.max_gap, "max_gap")
+        return self
+
+    def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
+        """Fill the short gaps.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+
+        Returns
+        -------
+        DataFrame or ndarray of shape (n_samples, n_features), as given, float64
+        """
+        check_is_fitted(self)
+        table = read_input(self, X, reset=False)
+        if not isinstance(table, pd.DataFrame):
+            hours = self._row_hours(len(table))
+            return np.column_stack([fill_gaps(column, hours, self.max_gap_) for column in table.T])
+        hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(len(table))
+        filled = table.copy()
+        chosen = [c for c in table if c not in HISTORY_ROLES and pd.api.types.is_numeric_dtype(table[c])]
+        for column in chosen:
+            filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_)
+        return filled
+
+    def _row_hours(self, n: int) -> np.ndarray:
+        step = _duration("15min" if self.sampling_time is None else self.sampling_time, "sampling_time")
+        return np.arange(n) * (step / pd.Timedelta("1h"))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
+    """Hours since the first stamp, shape (n,)."""
+    ticks = index.as_unit("ns").asi8
+    return (ticks - ticks[0]) / 3.6e12 if len(ticks) else np.zeros(0)
+
+
+def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> np.ndarray:
+    """Straight lines over the gaps of ``values`` that last at most ``max_gap``.
+
+    A gap lasts from one step behind the last known value to the next known one.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    filled = values.astype(np.float64, copy=True)
+    if len(known) < 2 or len(known) == len(values):
+        return filled
+    step = float(np.median(np.diff(hours)))
+    missing = np.flatnonzero(np.isnan(values))
+    after = np.searchsorted(known, missing)
+    inside = (after > 0) & (after < len(known))
+    missing, after = missing[inside], after[inside]
+    lasts = hours[known[after]] - hours[known[after - 1]] - step
+    short = missing[lasts <= max_gap / pd.Timedelta("1h") + 1e-9]
+    filled[short] = np.interp(hours[short], hours[known], values[known])
+    return filled
+
+
+def _duration(value: Any, name: str) -> pd.Timedelta:
+    try:
+        span = pd.Timedelta(value)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name}={value!r} is not a duration such as '1h'.") from error
+    if not span >= pd.Timedelta(0):
+        raise ValueError(f"{name}={value!r} must be a duration that is not negative, such as '1h'.")
+    return span

@@ -1,0 +1,136 @@
+"""Bringing logs to an even step, against plain resampling and hand-made cases."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.datasets import make_office, regularize
+
+
+@pytest.fixture(scope="module")
+def log():
+    return make_office(3, random_state=0).X
+
+
+def test_an_even_log_is_left_as_it_is(log):
+    out, report = regularize(log, return_report=True)
+    pd.testing.assert_frame_equal(out, log, check_freq=False, check_index_type=False)
+    assert not report.filled
+    assert not report.missing
+
+
+def test_means_and_instant_values_of_a_longer_step(log):
+    out = regularize(log, "1h")
+    inputs = ["q_sol", "u_heat", "u_cool"]
+    pd.testing.assert_frame_equal(out[inputs], log[inputs].resample("1h").mean(), check_freq=False)
+    np.testing.assert_array_equal(out[["T_oa", "T_za"]], log[["T_oa", "T_za"]].iloc[::4])
+
+
+def test_a_shorter_step_holds_inputs_and_never_invents_history(log):
+    out = regularize(log, "5min")
+    held = log["u_cool"].resample("5min").ffill()
+    np.testing.assert_allclose(out["u_cool"], held)
+    line = log["T_oa"].resample("5min").interpolate()
+    np.testing.assert_allclose(out["T_oa"], line)
+    known = out["T_za"].notna()
+    assert known.sum() == len(log)
+    assert out["T_za"][known].tolist() == log["T_za"].tolist()
+
+
+def test_uneven_stamps_weigh_by_time():
+    index = pd.DatetimeIndex(["2024-01-01 00:00", "2024-01-01 00:04", "2024-01-01 00:10", "2024-01-01 00:15"])
+    frame = pd.DataFrame({"u_heat": [1.0, 0.0, 0.5, 0.0]}, index=index)
+    out = regularize(frame, "15min")
+    assert out["u_heat"].iloc[0] == pytest.approx((4 * 1.0 + 6 * 0.0 + 5 * 0.5) / 15)
+
+
+def test_jitter_disorder_duplicates_and_gaps_are_mended_and_reported(log):
+    rng = np.random.default_rng(0)
+    worn = log.set_axis(log.index + pd.to_timedelta(rng.integers(-20, 20, len(log)), unit="s"), axis=0)
+    worn = worn.drop(worn.index[10:13]).drop(worn.index[40:60])
+    worn = pd.concat([worn, worn.iloc[100:102]])
+    before = worn.copy()
+    out, report = regularize(worn, return_report=True)
+    pd.testing.assert_frame_equal(worn, before)
+    assert out.index.equals(log.index.rename(out.index.name))
+    assert (report.rows_before, report.rows_after, report.duplicates) == (len(worn), len(log), 2)
+    assert report.out_of_order == 1
+    assert report.filled == dict.fromkeys(["T_oa", "q_sol", "u_heat", "u_cool"], 3)
+    assert report.missing == {**dict.fromkeys(["T_oa", "q_sol", "u_heat", "u_cool"], 20), "T_za": 23}
+    assert report.first_missing["T_za"] == log.index[10]
+    assert report.first_missing["T_oa"] == log.index[40]
+    known = out["T_za"].notna()
+    np.testing.assert_array_equal(out["T_za"][known], log["T_za"][known])
+    np.testing.assert_allclose(out["q_sol"].dropna(), log["q_sol"][out["q_sol"].notna()], atol=0.03)
+    text = str(report)
+    assert out.attrs["report"] == text
+    for words in ("2 rows with a stamp that stood before: dropped", "q_sol: 3 rows", "T_za: 23 rows left missing"):
+        assert words in text
+
+
+def test_max_gap(log):
+    holed = log.drop(log.index[20:26])  # an hour and a half
+    assert regularize(holed)["u_cool"].isna().sum() == 6
+    assert regularize(holed, max_gap="90min")["u_cool"].isna().sum() == 0
+    assert regularize(holed, max_gap="1D")["T_za"].isna().sum() == 6  # history is never filled
+
+
+def test_history_knows_nothing_later(log):
+    """A change of a later measurement changes no earlier one."""
+    changed = log.copy()
+    changed.iloc[50:, changed.columns.get_loc("T_za")] += 5
+    for step in ("5min", "15min", "1h"):
+        a, b = (regularize(frame, step)["T_za"] for frame in (log, changed))
+        early = a.index < log.index[50]
+        pd.testing.assert_series_equal(a[early], b[early])
+
+
+@pytest.mark.parametrize("start", ["2023-10-28", "2024-03-30"])
+def test_daylight_saving(start):
+    index = pd.date_range(start, periods=200, freq="15min", tz="Europe/Amsterdam")
+    frame = pd.DataFrame({"T_za": np.arange(200.0), "u_heat": 1.0}, index=index)
+    out = regularize(frame.drop(index[95:97]))
+    assert (out.index == index).all()
+    assert (out["u_heat"] == 1).all()
+
+
+def test_zone_of_a_half_hour():
+    index = pd.date_range("2024-01-01", periods=50, freq="15min", tz="Asia/Kolkata")
+    out = regularize(pd.DataFrame({"T_za": 1.0}, index=index), "1h")
+    assert out.index[0] == index[0]
+    assert (out.index.minute == 0).all()
+
+
+def test_a_column_that_is_logged_less_often():
+    index = pd.date_range("2024-01-01", periods=49, freq="5min")
+    frame = pd.DataFrame({"u_heat": 1.0, "q_sol": np.nan, "T_oa": np.nan}, index=index)
+    frame.loc[frame.index.minute == 0, ["q_sol", "T_oa"]] = np.arange(5.0)[:, None]
+    out = regularize(frame, "15min").iloc[:16]
+    assert out["q_sol"].tolist() == np.repeat(np.arange(4.0), 4).tolist()  # an hour's mean holds for the hour
+    np.testing.assert_allclose(out["T_oa"], np.arange(16) / 4)
+
+
+def test_missing_cells_of_an_input():
+    index = pd.date_range("2024-01-01", periods=12, freq="5min")
+    values = np.ones(12)
+    values[[3, 4]] = np.nan  # two thirds of the second quarter
+    values[[7]] = np.nan  # one third of the third
+    out = regularize(pd.DataFrame({"u_heat": values}, index=index), "15min", max_gap="0min")
+    assert out["u_heat"].isna().tolist() == [False, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "message"),
+    [
+        (lambda f: f.reset_index(drop=True), {}, "needs a DataFrame with a DatetimeIndex"),
+        (lambda f: f.iloc[:1], {}, "at least two rows, found 1"),
+        (lambda f: f.iloc[[0, 0]], {}, "two distinct stamps"),
+        (lambda f: f.set_axis(f.index.where(f.index != f.index[3]), axis=0), {}, "NaT at row 3"),
+        (lambda f: f, {"step": "0min"}, "step='0min'"),
+        (lambda f: f.assign(T_oa="cold"), {}, "column 'T_oa' is not numeric"),
+        (lambda f: pd.concat([f, f[["T_oa"]]], axis=1), {}, "column 'T_oa' stands twice"),
+    ],
+)
+def test_refused(log, make, options, message):
+    with pytest.raises(ValueError, match=message):
+        regularize(make(log), **options)

@@ -1,0 +1,162 @@
+"""Transformers of ``skhybrid.preprocessing``: scikit-learn's checks, index and names, units, gaps."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from skhybrid.preprocessing import GapFiller, UnitConverter
+
+
+@parametrize_with_checks([UnitConverter(), UnitConverter({0: "degF"}), GapFiller(), GapFiller(max_gap="30min")])
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+@pytest.fixture
+def log():
+    index = pd.date_range("2024-03-30 22:00", periods=12, freq="15min", tz="Europe/Amsterdam")
+    return pd.DataFrame(
+        {
+            "T_oa": np.linspace(32.0, 54.0, 12),
+            "q_sol": np.linspace(0.0, 800.0, 12),
+            "u_heat": np.linspace(0.0, 100.0, 12),
+            "T_za": np.linspace(68.0, 69.0, 12),
+        },
+        index=index,
+    )
+
+
+UNITS = {"T_oa": "degF", "q_sol": "W/m2", "u_heat": "percent", "T_za": "degF"}
+
+
+@pytest.mark.parametrize("output", ["default", "pandas"])
+@pytest.mark.parametrize("transformer", [UnitConverter(UNITS), GapFiller()])
+def test_frames_keep_index_names_and_order(log, transformer, output):
+    fitted = clone(transformer).set_output(transform=output).fit(log)
+    out = fitted.transform(log)
+    assert isinstance(out, pd.DataFrame)
+    pd.testing.assert_index_equal(out.index, log.index)
+    assert list(out.columns) == list(log.columns) == list(fitted.get_feature_names_out())
+    assert (out.dtypes == np.float64).all()
+
+
+def test_units_against_known_values(log):
+    before = log.copy()
+    out = UnitConverter(UNITS).fit_transform(log)
+    pd.testing.assert_frame_equal(log, before)  # the input is left as it was
+    assert out["T_oa"].iloc[0] == pytest.approx(0.0)
+    assert out["T_za"].iloc[0] == pytest.approx(20.0)
+    assert out["q_sol"].iloc[-1] == pytest.approx(0.8)
+    assert out["u_heat"].iloc[-1] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "expected"),
+    [
+        ("K", 273.15, 0.0),
+        ("degF", -40.0, -40.0),
+        ("W", 1500.0, 1.5),
+        ("Btu/h", 3412.142, 1.0),
+        ("kBtu/h", 3.412142, 1.0),
+        ("MW", 0.002, 2.0),
+        ("%", 55.0, 0.55),
+        ("Btu/(h ft2)", 317.0, 1.0),
+        ("kW", 2.0, 2.0),
+    ],
+)
+def test_every_unit(unit, value, expected):
+    frame = pd.DataFrame({"sensor": [value]})
+    converter = UnitConverter({"sensor": unit}).fit(frame)
+    assert converter.transform(frame)["sensor"].iloc[0] == pytest.approx(expected, abs=2e-4)
+    back = converter.inverse_transform(converter.transform(frame))
+    assert back["sensor"].iloc[0] == pytest.approx(value)
+
+
+def test_units_of_an_array_by_role_or_position():
+    X = np.array([[50.0, 500.0, 30.0]])
+    expected = [[10.0, 0.5, 0.3]]
+    np.testing.assert_allclose(UnitConverter({"T_oa": "degF", "q_sol": "W/m2", "u_2": "%"}).fit_transform(X), expected)
+    np.testing.assert_allclose(UnitConverter({0: "degF", 1: "W/m2", 2: "%"}).fit_transform(X), expected)
+
+
+def test_missing_history_passes_the_unit_converter(log):
+    log.iloc[3, 3] = np.nan
+    out = UnitConverter(UNITS).fit_transform(log)
+    assert out["T_za"].isna().tolist() == log["T_za"].isna().tolist()
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ({"T_oa": "degf"}, "did you mean 'degF'"),
+        ({"T_oa": "furlong"}, "none of degC"),
+        ({"q_sol": "degF"}, r"'q_sol' the unit 'degF', but that role holds irradiance \[kW/m2\]"),
+        ({"outdoor": "degF"}, "column 'outdoor', but X has 'T_oa'"),
+        ({9: "degF"}, "column 9"),
+    ],
+)
+def test_refused_units(log, units, message):
+    with pytest.raises(ValueError, match=message):
+        UnitConverter(units).fit(log)
+
+
+def test_text_in_a_converted_column_is_named(log):
+    with pytest.raises(ValueError, match="column 'T_oa' is not numeric"):
+        UnitConverter(UNITS).fit_transform(log.astype({"T_oa": str}).replace({"T_oa": {"32.0": "off"}}))
+
+
+def test_short_gaps_are_filled_by_lines_and_long_ones_left(log):
+    truth = log.copy()
+    log.iloc[2:4, 0] = np.nan  # half an hour
+    log.iloc[5:10, 1] = np.nan  # an hour and a quarter
+    out = GapFiller(max_gap="1h").fit_transform(log)
+    np.testing.assert_allclose(out["T_oa"], truth["T_oa"])  # the truth is a line
+    assert out["q_sol"].isna().sum() == 5
+    assert GapFiller(max_gap="75min").fit_transform(log)["q_sol"].notna().all()
+    assert GapFiller(max_gap="15min").fit_transform(log)["T_oa"].isna().sum() == 2
+
+
+@pytest.mark.parametrize("column", ["T_za", "zeta"])
+def test_history_is_never_filled(log, column):
+    log[column] = 1.0
+    log.iloc[4, list(log.columns).index(column)] = np.nan
+    assert GapFiller().fit_transform(log)[column].isna().sum() == 1
+
+
+def test_gaps_at_the_ends_stay(log):
+    log.iloc[[0, -1], 0] = np.nan
+    assert GapFiller().fit_transform(log)["T_oa"].isna().tolist() == [True] + [False] * 10 + [True]
+
+
+def test_absent_rows_make_a_gap_long(log):
+    thinned = log.drop(log.index[3:9])
+    thinned.iloc[3, 0] = np.nan  # behind six absent rows
+    assert GapFiller(max_gap="1h").fit_transform(thinned)["T_oa"].isna().sum() == 1
+
+
+def test_gaps_of_an_array_go_by_sampling_time():
+    X = np.array([[0.0], [np.nan], [np.nan], [3.0]])
+    assert np.isnan(GapFiller(max_gap="1h", sampling_time="1h").fit_transform(X)).sum() == 2
+    np.testing.assert_allclose(GapFiller(max_gap="2h", sampling_time="1h").fit_transform(X).ravel(), [0, 1, 2, 3])
+
+
+def test_text_columns_pass_the_gap_filler(log):
+    log["note"] = "ok"
+    assert (GapFiller().fit_transform(log)["note"] == "ok").all()
+
+
+@pytest.mark.parametrize("max_gap", ["soon", "-1h"])
+def test_refused_max_gap(log, max_gap):
+    with pytest.raises(ValueError, match="max_gap="):
+        GapFiller(max_gap=max_gap).fit(log)
+
+
+def test_in_a_pipeline_with_pandas_output(log):
+    log.iloc[2, 0] = np.nan
+    pipeline = make_pipeline(UnitConverter(UNITS), GapFiller()).set_output(transform="pandas")
+    out = pipeline.fit_transform(log)
+    assert out.index.equals(log.index)
+    assert out["T_oa"].iloc[2] == pytest.approx((out["T_oa"].iloc[1] + out["T_oa"].iloc[3]) / 2)
