@@ -19,8 +19,10 @@ if TYPE_CHECKING:
         identification,
         inspection,
         model_selection,
+        persistence,
         preprocessing,
         report,
+        study,
         thermal,
     )
     from .forecasting import ARXRegressor, DisturbanceForecaster
@@ -51,8 +53,10 @@ _SUBMODULES = (
     "identification",
     "inspection",
     "model_selection",
+    "persistence",
     "preprocessing",
     "report",
+    "study",
     "thermal",
 )
 
@@ -72,8 +76,10 @@ __all__ = [
     "identification",
     "inspection",
     "model_selection",
+    "persistence",
     "preprocessing",
     "report",
+    "study",
     "thermal",
 ]
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,7 +38,8 @@ ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _DAY = pd.Timedelta("1D")
 
 
-class ZoneTable(NamedTuple):
+@dataclass(frozen=True)
+class ZoneTable:
     """A validated table of ``n`` consecutive, evenly spaced time steps."""
 
     inputs: dict[str, np.ndarray]  # role -> (n,) float64, finite
@@ -46,6 +48,7 @@ class ZoneTable(NamedTuple):
     time: pd.DatetimeIndex  # local wall-clock time, without zone; assumed where the table has no stamps
     utc: pd.DatetimeIndex | None  # stamps in UTC; None where the table has no stamps
     step: pd.Timedelta  # the sampling time
+    n_history: int = 0  # rows at the front that are the end of a training table
 
     @property
     def n_rows(self) -> int:
@@ -58,6 +61,10 @@ class ZoneTable(NamedTuple):
     @property
     def T_za(self) -> np.ndarray | None:
         return self.history.get("T_za")
+
+    def replace(self, **changes: Any) -> ZoneTable:
+        """The same table with other inputs, history or stamps."""
+        return replace(self, **changes)
 
     def rows(self, chosen: slice) -> ZoneTable:
         """The table's rows ``chosen``, as views."""
@@ -89,9 +96,10 @@ def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
         {role: np.concatenate([first.inputs[role], second.inputs[role]]) for role in shared},
         {role: np.concatenate([past(first, role), past(second, role)]) for role in sorted(kept)},
         first.index.append(second.index),
-        first.time.append(second.time),
-        None if first.utc is None or second.utc is None else first.utc.append(second.utc),
+        pd.DatetimeIndex(first.time.append(second.time)),
+        None if first.utc is None or second.utc is None else pd.DatetimeIndex(first.utc.append(second.utc)),
         second.step,
+        n_history=first.n_rows,
     )
 
 
@@ -219,9 +227,7 @@ def role_of(name: object) -> str | None:
     return name if isinstance(name, str) and _ROLE.match(name) else None
 
 
-def _columns_by_role(
-    X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]
-) -> dict[str, Any]:
+def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
     columns = dict(columns or {})
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]
@@ -232,8 +238,8 @@ def _columns_by_role(
         if column is not None and column not in X.columns:
             raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {_listed(X.columns)}.")
     taken = {c for c in columns.values() if c is not None}
-    found = {role: c for c in X.columns if (role := role_of(c)) and c not in taken and role not in columns}
-    found |= {role: c for role, c in columns.items() if c is not None}
+    by_name = {str(c): c for c in X.columns if role_of(c) and c not in taken and c not in columns}
+    found: dict[str, Any] = by_name | {role: c for role, c in columns.items() if c is not None}
     if not found and not columns and not isinstance(X.index, pd.DatetimeIndex):
         warnings.warn(
             f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
@@ -253,7 +259,7 @@ def _columns_by_role(
 
 
 def _positions(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
-    roles = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
+    roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
     for role, j in (columns or {}).items():
         if j is None:
             roles.pop(role, None)
@@ -264,7 +270,6 @@ def _positions(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, i
             )
         roles = {r: k for r, k in roles.items() if k != j} | {role: int(j)}
     return roles
-
 
 
 def _numeric(column: pd.Series, name: object) -> np.ndarray:

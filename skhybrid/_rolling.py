@@ -25,7 +25,7 @@ class RollingForecastMixin:
     """
 
     horizon: Any
-    _tail: ZoneTable | None
+    _tail: ZoneTable
 
     # ------------------------------------------------------------------------------------------------------- hooks
     def _read_X(self, X: Any) -> ZoneTable:

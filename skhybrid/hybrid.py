@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ._contract import ASSUMED_START, ZoneTable, origin_rows, read_table, read_target, rows_of
 from ._rolling import RollingForecastMixin
 from .forecasting import DisturbanceForecaster
+from .forecasting.forecaster import BASELINES
 from .identification import PeriodicDisturbanceID
 
 #: the disturbance is forecast by hours (paper 3.3)
@@ -51,9 +52,10 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     horizon : timedelta-like, default="1D"
         How far ahead ``predict`` looks; None forecasts from the first row on.
     adapt : {None, "linear", "full"}, default="linear"
-        What a forecast takes in from the history up to its origin: None, the state alone; ``"linear"``, also the level
-        of the disturbance, from how the completed forecasts of the last days missed; ``"full"`` is reserved and acts as
-        ``"linear"``.
+        What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
+        ``"linear"``: for every full week of history behind the training table a linear forecaster or baseline is also
+        re-fitted on training and history; networks and other regressors stay as trained.  ``"full"``: the network is
+        not re-identified yet, so it acts as ``"linear"``.
     memory : str or joblib.Memory, optional
         Where identifications are kept, so that candidates of a search that share one identify it once.
     n_jobs : int, optional
@@ -154,8 +156,10 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         target = read_target(y, table, max_missing=self.max_missing)
         if self.horizon is not None:
             rows_of(self.horizon, table.step)
-        frame = _frame(table._replace(history={"T_za": target}), ASSUMED_START)
-        fitted = _memory(self.memory).cache(_fit_gray_box)(gray_box, frame, target)
+        frame = _frame(table.replace(history={"T_za": target}), ASSUMED_START)
+        given = dict(self._columns() or {})
+        dark = "q_sol" not in table.inputs and (not isinstance(X, pd.DataFrame) or given.get("q_sol", "") is None)
+        fitted = _memory(self.memory).cache(_fit_gray_box)(gray_box, frame, target, {"q_sol": None} if dark else None)
         self.gray_box_ = fitted
         self.sampling_time_, self.disturbance_step_ = table.step, _disturbance_step(table.step)
         causal = fitted.estimate_disturbance(frame, kind=self.disturbance)
@@ -163,6 +167,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self.zeta_ = bins.frame["zeta"]
         rows = bins.frame.drop(columns="T_za", errors="ignore")
         self.forecaster_ = forecaster.fit(rows, rows["zeta"])
+        self._rows = rows
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._keep(table, target, causal.to_numpy())
         return self
@@ -179,39 +184,35 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         n = min(table.n_rows, int(_KEPT / table.step))
         tail = table.rows(slice(table.n_rows - n, None))
         inputs = {role: v.copy() for role, v in tail.inputs.items()}
-        self._tail = tail._replace(inputs=inputs, history={"T_za": target[-n:].copy(), "zeta": zeta[-n:].copy()})
+        self._tail = tail.replace(inputs=inputs, history={"T_za": target[-n:].copy(), "zeta": zeta[-n:].copy()})
 
     # ----------------------------------------------------------------------------------------------- tables at hand
     def _read(self, X: Any, *, reset: bool) -> ZoneTable:
-        gray_box = self.gray_box
-        columns = self.columns if self.columns is not None else getattr(gray_box, "columns", None)
-        step = self.sampling_time if self.sampling_time is not None else getattr(gray_box, "sampling_time", None)
+        step = self.sampling_time if self.sampling_time is not None else getattr(self.gray_box, "sampling_time", None)
         return read_table(
             self,
             X,
-            columns=columns,
+            columns=self._columns(),
             sampling_time=step,
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
         )
 
+    def _columns(self) -> Mapping[str, Any] | None:
+        return self.columns if self.columns is not None else getattr(self.gray_box, "columns", None)
+
     def _read_X(self, X: Any) -> ZoneTable:
         table = self._read(X, reset=False)
         # a measured disturbance is not a thing that this estimator reads
-        return table._replace(history={k: v for k, v in table.history.items() if k == "T_za"})
+        return table.replace(history={k: v for k, v in table.history.items() if k == "T_za"})
 
     def _cold_value(self, table: ZoneTable) -> float:
         return self._mean if table.T_za is None or not np.isfinite(table.T_za[0]) else float(table.T_za[0])
 
-    def _n_tail(self, table: ZoneTable) -> int:
-        """Rows of the kept training end in front of a joined table."""
-        joined = table.utc is not None and self._tail.utc is not None and table.utc[0] == self._tail.utc[0]
-        return self._tail.n_rows if joined and table.n_rows > self._tail.n_rows else 0
-
     # ----------------------------------------------------------------------------------------------------- forecast
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        n_tail = self._n_tail(table)
+        n_tail = table.n_history
         here = _frame(table.rows(slice(n_tail, None)), _ELSEWHERE)
         paths = self._disturbance_paths(table, here, origins, n_leads)
         return self.gray_box_.drive(here, origins - n_tail, paths, kind=self.disturbance)
@@ -225,7 +226,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         disturbance from the row behind it.
         """
         shift = (0 if self.disturbance == "input" else 1) if shift is None else shift
-        n_tail = self._n_tail(table)
+        n_tail = table.n_history
         zeta = np.full(table.n_rows, np.nan)
         if n_tail:
             zeta[:n_tail] = self._tail.history["zeta"]
@@ -238,9 +239,26 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         rows = origins[:, None] + shift + np.arange(n_leads)
         wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + lead_in] - known[:, None] - 1
         steps = int(wanted.max()) + 1
-        ahead = self.forecaster_.predict_from(bins.frame, known, horizon=steps * self.disturbance_step_)
-        ahead = pd.DataFrame(ahead).ffill(axis=1).to_numpy()
+        ahead = np.empty((len(origins), steps))
+        for forecaster, chosen in self._forecasters(bins, int(bins.of_row[n_tail + lead_in]), known):
+            paths = forecaster.predict_from(bins.frame, known[chosen], horizon=steps * self.disturbance_step_)
+            ahead[chosen] = pd.DataFrame(paths).ffill(axis=1).to_numpy()
         return np.take_along_axis(ahead, np.maximum(wanted, 0), axis=1)
+
+    def _forecasters(self, bins: _Bins, first: int, known: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
+        """The forecaster of each origin: as trained, or re-fitted on the full weeks since bin ``first``."""
+        week = int(pd.Timedelta("7D") / self.disturbance_step_)
+        weeks = np.maximum(known + 1 - first, 0) // week
+        before = self._rows.index[-1] < bins.frame.index[first]
+        if self.adapt is None or not before or not _refits_fast(self.forecaster_):
+            weeks[:] = 0
+        for count in np.unique(weeks):
+            chosen = np.flatnonzero(weeks == count)
+            if count == 0:
+                yield self.forecaster_, chosen
+                continue
+            rows = _joined_rows(self._rows, bins.frame.iloc[first : first + count * week], self.disturbance_step_)
+            yield clone(self.forecaster_).fit(rows, rows["zeta"]), chosen
 
     def forecast(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
         """Forecast from the last row of a history.
@@ -273,7 +291,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"future has no column {next(n for n in absent if n not in past)!r}, which history has.")
         whole = pd.concat([history, future.reindex(columns=history.columns)])
         for name in past & set(whole.columns):
-            whole.iloc[len(history) :, whole.columns.get_loc(name)] = np.nan
+            whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
         table, n_tail = self._with_history(whole)
         origin = np.array([n_tail + len(history) - 1])
         here = _frame(table.rows(slice(n_tail, None)), _ELSEWHERE)
@@ -321,10 +339,9 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return tags
 
 
-def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray) -> Any:
+def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
     """Fit on a table by roles; a function of its own, so that ``memory`` can keep it."""
-    settings: Mapping[str, Any] = {"columns": None, "sampling_time": None}
-    return gray_box.set_params(**settings).fit(frame, target)
+    return gray_box.set_params(columns=columns, sampling_time=None).fit(frame, target)
 
 
 def _memory(memory: Any) -> Memory:
@@ -341,6 +358,29 @@ def _frame(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
 def _disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
     """An hour where the table's step divides it, else the table's own step."""
     return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
+
+
+def _refits_fast(forecaster: Any) -> bool:
+    """Whether a forecaster is one of the linear ones, which are re-fitted in a fraction of a second."""
+    return isinstance(forecaster, DisturbanceForecaster) and forecaster.model in tuple(BASELINES)
+
+
+def _joined_rows(old: pd.DataFrame, new: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
+    """Training rows and history as one even table.
+
+    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
+    gap has no disturbance, so that nothing is learned from it.
+    """
+    gap = new.index[0] - old.index[-1] - step
+    moved = old.set_axis(old.index + pd.Timedelta("7D") * int(gap / pd.Timedelta("7D")))
+    whole = pd.concat([moved, new[list(old.columns)]])
+    grid = pd.date_range(whole.index[0], whole.index[-1], freq=step)
+    if len(grid) == len(whole):
+        return whole
+    filled = whole.reindex(grid)
+    inputs = [c for c in filled.columns if c != "zeta"]
+    filled[inputs] = filled[inputs].ffill()
+    return filled
 
 
 def _with_row_before(frame: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
@@ -362,6 +402,4 @@ def _gather(frame: pd.DataFrame, step: pd.Timedelta) -> _Bins:
     of_row, first_row = np.cumsum(begins) - 1, np.flatnonzero(begins)
     hours = frame.groupby(of_row).mean()
     labels = stamps[first_row]
-    return _Bins(
-        hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row, first_row
-    )
+    return _Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row, first_row)

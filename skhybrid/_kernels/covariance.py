@@ -1,4 +1,4 @@
-"""Steps of a covariance recursion as plain loops: for matrices of three rows a library call costs more than the work."""
+"""Steps of a covariance recursion as plain loops: at three rows a library call costs more than the work."""
 
 from __future__ import annotations
 

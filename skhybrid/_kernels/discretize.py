@@ -1,6 +1,6 @@
 """Exact zero-order hold of an RC network and its exact derivatives.
 
-Scaled by the square root of its capacitances an RC network is a symmetric system, so that it has real eigenvalues and an
+Scaled by the square root of its capacitances an RC network is a symmetric system: it has real eigenvalues and an
 orthogonal basis of eigenvectors.  Matrix functions of it are scalar functions of the eigenvalues, and their derivatives
 are divided differences (Daleckii and Krein), both cheap and stable.
 """

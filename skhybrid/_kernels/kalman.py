@@ -134,7 +134,7 @@ def smooth_states(A, filtered, covariances, predicted, before):
     -------
     Smoothed
     """
-    N, n = filtered.shape
+    N = len(filtered)
     states, spread = filtered.copy(), covariances.copy()
     for k in range(N - 2, -1, -1):
         ahead = before[k + 1]

@@ -144,7 +144,7 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         raise NotImplementedError
 
     def _make_state_space(self, network: RCNetwork, roles: tuple[str, ...], step: pd.Timedelta) -> StateSpace:
-        d = network.discrete(self.theta_, roles, step / pd.Timedelta("1h"))
+        d = network.discrete(self._theta, roles, step / pd.Timedelta("1h"))
         n = len(network.nodes)
         C = np.eye(n)[[network.nodes.index(network.measured)]]
         names = (*network.inputs(roles), "heat_gain")
@@ -161,7 +161,7 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         keep = min(table.n_rows, rows_of(self.warmup, table.step, "warmup"))
         tail = table.rows(slice(table.n_rows - keep, None))
         history = {**tail.history, "T_za": experiment.y[-keep:].copy()}
-        self._tail = tail._replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
+        self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
         self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
         free_run = self._open_loop(experiment, self.initial_state_)
@@ -169,7 +169,11 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         self._train_start = begin
         self._train_first = None if table.utc is None else table.utc[0]
         self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
-        self._plant = make_plant(self.network_, self.theta_, table)
+        self._plant = make_plant(self.network_, self._theta, table)
+
+    @property
+    def _theta(self) -> dict[str, float]:
+        return {p.name: float(self.theta_[p.name]) for p in self.parameters_}
 
     def _first_state(self, smooth: Track) -> np.ndarray:
         return smooth.nodes[0].copy()

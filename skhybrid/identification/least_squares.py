@@ -22,7 +22,7 @@ from .disturbance import (
 )
 from .experiment import Experiment
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
-from .prediction_error import Minimum, PredictionErrorProblem, random_starts, run_starts
+from .prediction_error import Minimum, PredictionErrorProblem, random_starts, search
 from .tracking import GainTracker, fit_walk_noise
 
 
@@ -54,7 +54,7 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
             loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
             return [Minimum(np.zeros(0), loss, 1, True)]
         starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
-        return run_starts(problem.minimise, starts, self.n_jobs, self.verbose, type(self).__name__)
+        return search(problem, starts, self.n_jobs, self.verbose, type(self).__name__)
 
     def _store(
         self,
@@ -86,7 +86,7 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self._tracker = self._make_tracker(problem)
 
     def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
-        d = problem.network.discrete(self.theta_, problem.experiment.roles, problem.experiment.hours)
+        d = problem.network.discrete(self._theta, problem.experiment.roles, problem.experiment.hours)
         R = self._measurement_variance(problem.experiment.hours)
         sigma_x, sigma_zeta = self._walk(d.A, d.B, problem.measured, R, problem.experiment)
         Q, _ = walk_noise(len(d.A), sigma_x, sigma_zeta, 0)

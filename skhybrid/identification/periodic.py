@@ -4,8 +4,8 @@ The unmeasured gain is ``p(t) + g(t)`` [kW] on the disturbed node: ``p`` a smoot
 Ornstein-Uhlenbeck state whose variance depends on the class of the hour.  The quiet hours then carry the information
 that they have about the building, which a single variance would drown.
 
-Everything that enters the output linearly (capacities, solar areas, the profile) is solved inside by ridge regression on
-the filtered channels; only R, C, the time constant and the standard deviations are searched, with exact derivatives.
+Everything that enters the output linearly (capacities, solar areas, the profile) is solved inside by ridge regression
+on the filtered channels; only R, C, the time constant and the standard deviations are searched, with exact derivatives.
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ class PeriodicProblem:
             A, self._series_matrix, self.klass, c, e.y, len(CLASSES), r, errors_bar, S_bar
         )
 
-        by_value = {name: 0.0 for name in values}
+        by_value = dict.fromkeys(values, 0.0)
         heat_bar = np.zeros((n, n))
         for j, node in enumerate(self._nodes_of_channels):
             heat_bar[:, node] += adjoint.columns[j + 1, :n]
@@ -262,7 +262,7 @@ class PeriodicProblem:
     def _solve_inner(
         self, errors: np.ndarray, S: np.ndarray, root: np.ndarray
     ) -> tuple[float, Linear, np.ndarray, np.ndarray, float]:
-        """Ridge solution of the linear coefficients, the objective, and its derivatives by innovations and variances."""
+        """Ridge solution of the linear coefficients, the objective, its derivatives by innovations and variances."""
         # a response enters the innovation with the sign of a prediction: e = e_y + sum_j beta_j e_j
         weight = np.outer(1.0 / np.sqrt(S), np.append(1.0, np.full(len(self.channels), -1.0)))
         scaled = errors * weight
@@ -308,7 +308,7 @@ class PeriodicProblem:
             jac=True,
             method="L-BFGS-B",
             bounds=[p.free_bounds for p in self.searched],
-            options={"maxiter": 300, "ftol": 1e-10, "gtol": 1e-4},
+            options={"maxiter": 300, "ftol": 1e-9, "gtol": 1e-3},
         )
         return Minimum(found.x, float(found.fun), int(found.nfev), bool(found.success))
 

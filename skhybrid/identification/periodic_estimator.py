@@ -142,7 +142,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         inner = _inner(network, table, fixed, set(dict(self.bounds or {})))
         own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in own_parameters())
         searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
-        searched = tuple(p for p in searched if not (p.name in _solved_fractions(network, inner)))
+        searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
         problem = PeriodicProblem(network, experiment, searched, fixed, inner, scale)
         minima = self._minima(problem)
         best = min(minima, key=lambda m: m.loss)
@@ -185,7 +185,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         self._tracker = self._make_tracker(problem)
 
     def _make_tracker(self, problem: PeriodicProblem) -> GainTracker:
-        d = problem.network.discrete(self.theta_, problem.experiment.roles, problem.experiment.hours)
+        d = problem.network.discrete(self._theta, problem.experiment.roles, problem.experiment.hours)
         n, own = len(d.A), self.disturbance_
         phi = float(np.exp(-problem.experiment.hours / own["tau"]))
         Q = np.zeros((len(CLASSES), n + 1, n + 1))

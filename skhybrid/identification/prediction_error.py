@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,9 @@ from scipy.optimize import least_squares
 from .._kernels import one_step_errors, one_step_sensitivities
 from ..thermal import Parameter, RCNetwork
 from .experiment import Experiment
+
+#: evaluations and tolerance of the rough search of every start, and how many of the best are then polished
+_ROUGH, _POLISHED = (30, 1e-5), 5
 
 
 class Minimum(NamedTuple):
@@ -28,8 +32,8 @@ class Minimum(NamedTuple):
 class PredictionErrorProblem:
     """Least-squares problem of CONV, ID or OD.
 
-    ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the values
-    of all others.
+    ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the
+    values of all others.
     """
 
     network: RCNetwork
@@ -70,11 +74,17 @@ class PredictionErrorProblem:
         slopes = np.array([p.slope(values[p.name]) for p in self.searched])
         return np.nan_to_num(result.derrors[self.disturbance.first_row(len(e.y)) :] * slopes)
 
-    def minimise(self, start: np.ndarray) -> Minimum:
+    def minimise(self, start: np.ndarray, max_evaluations: int = 150, tolerance: float = 1e-9) -> Minimum:
         """Bounded Gauss-Newton (trust region) from one start."""
-        bounds = np.array([p.free_bounds for p in self.searched]).T
+        low, high = np.array([p.free_bounds for p in self.searched]).T
         found = least_squares(
-            self.residuals, np.clip(start, *bounds), self.jacobian, bounds=tuple(bounds), max_nfev=150, xtol=1e-9
+            self.residuals,
+            np.clip(start, low, high),
+            self.jacobian,
+            bounds=(low, high),
+            max_nfev=max_evaluations,
+            ftol=tolerance,
+            xtol=tolerance,
         )
         return Minimum(found.x, 2.0 * float(found.cost), int(found.nfev), bool(found.success))
 
@@ -91,6 +101,19 @@ def run_starts(
     """Every start's minimum, in the order of the starts whatever ``n_jobs`` is, with a progress bar."""
     runs = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(minimise)(start) for start in starts)
     return list(_progress(runs, len(starts), verbose, name))
+
+
+def search(
+    problem: PredictionErrorProblem, starts: np.ndarray, n_jobs: int | None, verbose: int, name: str
+) -> list[Minimum]:
+    """Every start's minimum: all roughly, then the best few to the end, since most end in the same few basins."""
+    rough = partial(problem.minimise, max_evaluations=_ROUGH[0], tolerance=_ROUGH[1])
+    minima = run_starts(rough, starts, n_jobs, verbose, name)
+    best = np.argsort([m.loss for m in minima], kind="stable")[:_POLISHED]
+    polished = run_starts(problem.minimise, np.array([minima[i].free for i in best]), n_jobs, 0, name)
+    for i, end in zip(best, polished, strict=True):
+        minima[i] = end._replace(n_evaluations=end.n_evaluations + minima[i].n_evaluations)
+    return minima
 
 
 def _progress(runs: Any, total: int, verbose: int, name: str) -> Any:

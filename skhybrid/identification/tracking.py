@@ -78,7 +78,7 @@ class GainTracker:
         return Track(states[:, : self.n].copy(), gain, end, (predicted, before))
 
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
-        """(H, n) node temperatures of the rows after an origin, with the unmeasured heat of rows origin ... given [kW]."""
+        """(H, n) node temperatures of the rows after an origin; ``heat`` [kW] is that of the rows origin ...."""
         rows = experiment.inputs[origin : origin + len(heat)]
         forcing = rows @ self.B.T + np.outer(heat[: len(rows)], self.B[:, -1])
         path = simulate_path(self.A, forcing, state)[1:]

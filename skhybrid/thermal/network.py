@@ -63,8 +63,8 @@ class RCNetwork:
 
     Notes
     -----
-    Paper Eq. gray_state is ``RCNetwork("2R2C", {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")},
-    {"za": "f", "w": None})``.
+    Paper Eq. gray_state is ``RCNetwork("2R2C", {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za",
+    "T_oa")}, {"za": "f", "w": None})``.
 
     Examples
     --------
@@ -134,7 +134,16 @@ class RCNetwork:
         return (*self.boundaries, "q_sol") if self.solar else self.boundaries
 
     def sources(self, roles: Iterable[str]) -> tuple[Source, ...]:
-        """Heat sources among the given roles, in the order of the inputs."""
+        """Heat sources among the given roles, in the order of the inputs.
+
+        Parameters
+        ----------
+        roles : iterable of str
+
+        Returns
+        -------
+        tuple of Source
+        """
         present = sorted(set(roles), key=_role_order)
         shares = tuple(self.solar.items())
         heated: tuple[tuple[str, str | None], ...] = ((self.heated, None),)
@@ -150,12 +159,32 @@ class RCNetwork:
         return tuple(out)
 
     def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
-        """Roles that act on the network, in the order of the columns of B."""
+        """Roles that act on the network, in the order of the columns of B.
+
+        Parameters
+        ----------
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        tuple of str
+        """
         roles = set(roles)
         return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
 
     def parameters(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> tuple[Parameter, ...]:
-        """Parameters of the network under the given inputs, in the order of ``theta``."""
+        """Parameters of the network under the given inputs, in the order of ``theta``.
+
+        Parameters
+        ----------
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        tuple of Parameter
+        """
         sources = self.sources(roles)
         out = [self._make(c, "C", "kWh/K", f"capacitance of node {node}") for node, c in self.capacitances.items()]
         out += [self._make(r, "R", "K/kW", f"resistance between {a} and {b}") for r, (a, b) in self.resistors.items()]
@@ -180,7 +209,18 @@ class RCNetwork:
         return Parameter(name, unit, lower, upper, description, transform).bounded(self.bounds.get(name))
 
     def parameter_table(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> pd.DataFrame:
-        """Name, unit, bounds and meaning of every parameter under the given inputs."""
+        """Name, unit, bounds and meaning of every parameter under the given inputs.
+
+        Parameters
+        ----------
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        DataFrame
+            One row a parameter.
+        """
         return parameter_table(self.parameters(roles))
 
     # -------------------------------------------------------------------------------------------------- matrices
@@ -257,7 +297,21 @@ class RCNetwork:
                         flow.dB[order[other], place[node], j] += gain if other == fraction else -gain
 
     def discrete(self, theta: Mapping[str, float], roles: Iterable[str], dt: float) -> Discrete:
-        """Exact zero-order hold over ``dt`` [h], with exact derivatives by the parameters."""
+        """Exact zero-order hold, with exact derivatives by the parameters.
+
+        Parameters
+        ----------
+        theta : mapping of parameter to value
+        roles : iterable of str
+            Roles that a table has.
+        dt : float
+            The step [h].
+
+        Returns
+        -------
+        Discrete
+            ``A``, ``B`` over one step and ``dA``, ``dB`` by each parameter.
+        """
         c = self.matrices(theta, tuple(roles))
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
 
@@ -279,7 +333,7 @@ class _Flow(NamedTuple):
 
 
 def capacity_name(role: str) -> str:
-    """Parameter of a stage: ``u_heat`` -> ``Q_h``, ``u_cool`` -> ``Q_c``, ``u_heat_2`` -> ``Q_h_2``, ``u_x`` -> ``Q_x``."""
+    """Parameter of a stage, such as ``Q_h`` of ``u_heat``, ``Q_c`` of ``u_cool`` and ``Q_h_2`` of ``u_heat_2``."""
     name = role[len("u_") :]
     for long, short in (("heat", "h"), ("cool", "c")):
         if name == long or name.startswith(long + "_"):

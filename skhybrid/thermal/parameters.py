@@ -43,6 +43,7 @@ class Parameter:
 
     @property
     def sign(self) -> float:
+        """-1 where the parameter is negative, else 1."""
         return -1.0 if self.transform == "log" and self.upper < 0 else 1.0
 
     @property
@@ -57,19 +58,56 @@ class Parameter:
         return ends[0], ends[1]
 
     def to_free(self, value: float) -> float:
-        """From the value to the scale that is searched."""
+        """From the value to the scale that is searched.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        float
+        """
         return float(np.log(value * self.sign)) if self.transform == "log" else float(value)
 
     def from_free(self, free: float) -> float:
-        """From the scale that is searched to the value."""
+        """From the scale that is searched to the value.
+
+        Parameters
+        ----------
+        free : float
+
+        Returns
+        -------
+        float
+        """
         return float(self.sign * np.exp(free)) if self.transform == "log" else float(free)
 
     def slope(self, value: float) -> float:
-        """Derivative of the value by what is searched."""
+        """Derivative of the value by what is searched.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        float
+        """
         return float(value) if self.transform == "log" else 1.0
 
     def bounded(self, bounds: tuple[float, float] | None) -> Parameter:
-        """The same parameter within other bounds."""
+        """The same parameter within other bounds.
+
+        Parameters
+        ----------
+        bounds : tuple of (lower, upper) or None
+            None leaves it as it is.
+
+        Returns
+        -------
+        Parameter
+        """
         if bounds is None:
             return self
         lower, upper = sorted(float(b) for b in bounds)
