@@ -1,0 +1,51 @@
+# Each target makes what it needs: a virtual environment in $(VENV), with the versions of constraints.txt.
+PYTHON ?= python3
+VENV ?= .venv
+PYTEST_ARGS ?= -n auto --maxprocesses 4
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install -c constraints.txt
+BENCHMARKS := $(sort $(wildcard benchmarks/bench_*.py))
+# the workers of a test or a benchmark share the cores; BLAS must not take them too
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint docs bench clean
+
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+demo: $(VENV)/.installed  ## forecast tomorrow from a log, beside the simple rivals
+	$(BIN)/skhybrid demo
+
+test: $(VENV)/.installed-test  ## run the tests (PYTEST_ARGS= for one process)
+	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.installed-lint  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+
+bench: $(VENV)/.installed  ## run the benchmarks
+	@test -n "$(BENCHMARKS)" || { echo "there is no benchmarks/bench_*.py"; exit 1; }
+	@set -e; for script in $(BENCHMARKS); do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script"; done
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) build *.egg-info docs/_build docs/auto_examples docs/generated .mypy_cache .pytest_cache .ruff_cache
+
+# torch comes first and alone, so that a build for CPU is taken where one is at hand
+$(VENV)/.torch: constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) torch
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.torch pyproject.toml constraints.txt
+	$(PIP) -e .
+	@touch $@
+
+$(VENV)/.installed-%: $(VENV)/.torch pyproject.toml constraints.txt
+	$(PIP) -e ".[$*]"
+	@touch $@

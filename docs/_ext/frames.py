@@ -1,0 +1,48 @@
+"""``.. frame:: module: expression``: a DataFrame of the package as a table, so that the pages cannot drift from it."""
+
+from importlib import import_module
+from typing import Any
+
+import pandas as pd
+from docutils import nodes
+from sphinx.util.docutils import SphinxDirective
+
+
+class Frame(SphinxDirective):
+    """The table that an expression over the names of a module gives; its index is the first column."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        module, expression = self.arguments[0].split(":", 1)
+        frame = eval(expression.strip(), {**vars(import_module(module)), "pd": pd})
+        if frame.index.name or not isinstance(frame.index, pd.RangeIndex):
+            frame = frame.reset_index(names=[frame.index.name or ""])
+        rows = [[_shown(value) for value in row] for row in frame.itertuples(index=False)]
+        return [_table([str(c) for c in frame.columns], rows)]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple | list):
+        return ", ".join(map(str, value))
+    return str(value)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> nodes.table:
+    group = nodes.tgroup("", *[nodes.colspec(colwidth=1) for _ in head], cols=len(head))
+    group += nodes.thead("", _row(head))
+    group += nodes.tbody("", *map(_row, rows))
+    return nodes.table("", group)
+
+
+def _row(cells: list[str]) -> nodes.row:
+    return nodes.row("", *[nodes.entry("", nodes.paragraph(text=cell)) for cell in cells])
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Register the directive."""
+    app.add_directive("frame", Frame)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

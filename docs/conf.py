@@ -1,0 +1,85 @@
+"""Settings of the documentation; build it with `make docs`."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import skhybrid
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+project = "skhybrid"
+author = "skhybrid developers"
+project_copyright = "skhybrid developers"
+release = version = skhybrid.__version__
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.viewcode",
+    "numpydoc",
+    "sphinx_gallery.gen_gallery",
+    "frames",
+]
+templates_path = ["_templates"]
+exclude_patterns = ["_build", "_templates"]
+
+# ------------------------------------------------------------------------------------------------------- reference
+autosummary_generate = True
+autosummary_ignore_module_all = False
+autodoc_typehints = "none"  # numpydoc's Parameters section says it
+numpydoc_show_class_members = False  # the class template lists them
+numpydoc_use_plots = False
+
+# --------------------------------------------------------------------------------------------------------- gallery
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "auto_examples",
+    "filename_pattern": r"/plot_",
+    "abort_on_example_error": True,
+    "remove_config_comments": True,
+    "download_all_examples": False,
+    "show_memory": False,
+    # neither the date nor the machine belongs on the page
+    "show_signature": False,
+}
+
+# ------------------------------------------------------------------------------------------------------------ look
+html_theme = "pydata_sphinx_theme"
+html_title = f"skhybrid {release}"
+html_theme_options = {"navigation_with_keys": False, "show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+
+
+def _changelog_as_rst() -> str:
+    """CHANGELOG.md (headings, lists, links, code) as reStructuredText."""
+    text = (HERE.parent / "CHANGELOG.md").read_text(encoding="utf-8")
+    text = re.sub(r"\A# .*\n", "", text)
+    text = re.sub(r"(?<!`)`([^`\n]+)`(?!`)", r"``\1``", text)
+    text = re.sub(r"\[([^\]]+)\]\((http[^)]+)\)", r"`\1 <\2>`__", text)
+    text = re.sub(r"^## \[?([^\]\n]+?)\]?( - .*)?$", lambda m: _heading(m[1] + (m[2] or ""), "-"), text, flags=re.M)
+    return re.sub(r"^### (.*)$", lambda m: _heading(m[1], "~"), text, flags=re.M)
+
+
+def _heading(title: str, line: str) -> str:
+    return f"{title}\n{line * len(title)}"
+
+
+def _insert_changelog(app: Any, name: str, source: list[str]) -> None:
+    if name == "whats_new":
+        source[0] += _changelog_as_rst()
+
+
+def _skip_what_is_not_ours(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out members that a class has from scikit-learn or Python: they are documented there."""
+    if what == "class" and not isinstance(obj, property):
+        return skip or not str(getattr(obj, "__module__", None)).startswith("skhybrid") or None
+    return None
+
+
+def setup(app: Any) -> None:
+    """Connect the two hooks."""
+    app.connect("source-read", _insert_changelog)
+    app.connect("autodoc-skip-member", _skip_what_is_not_ours)

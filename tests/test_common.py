@@ -1,0 +1,40 @@
+"""scikit-learn's own checks on every estimator that holds a thermal network."""
+
+from __future__ import annotations
+
+import pytest
+from sklearn.linear_model import Ridge
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from skhybrid import (
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+)
+
+ESTIMATORS = [
+    GrayBoxRC(n_starts=1, random_state=0),
+    InputDisturbanceID(n_starts=1, random_state=0),
+    OutputDisturbanceID(n_starts=1, random_state=0),
+    PeriodicDisturbanceID(n_starts=1, random_state=0),
+    HybridPredictor(
+        InputDisturbanceID(n_starts=1, random_state=0), DisturbanceForecaster(Ridge(), random_state=0), random_state=0
+    ),
+]
+ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"
+
+
+def _expected(estimator):
+    return {
+        "check_methods_sample_order_invariance": ROWS_ARE_TIME_STEPS,
+        "check_methods_subset_invariance": ROWS_ARE_TIME_STEPS,
+    }
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+@parametrize_with_checks(ESTIMATORS, expected_failed_checks=_expected)
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)

@@ -1,0 +1,257 @@
+"""Who may import whom, read from the source; and what an import loads, seen in a subprocess."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import skhybrid
+
+PACKAGE = Path(skhybrid.__file__).parent
+#: modules that every part but the kernels may import.
+BASE = {"_contract", "_rolling", "exceptions"}
+#: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
+MAY_IMPORT: dict[str, set[str]] = {
+    "thermal": {"_kernels"},
+    "identification": {"_kernels", "thermal"},
+    "forecasting": set(),
+    "hybrid": {"thermal", "identification", "forecasting"},
+    "persistence": set(),
+    "preprocessing": set(),
+    "datasets": {"thermal", "preprocessing"},
+    "model_selection": {"identification", "forecasting", "hybrid"},
+    "inspection": {"thermal", "identification", "forecasting", "hybrid", "model_selection"},
+    "report": {"thermal", "identification", "forecasting", "hybrid", "model_selection", "inspection", "persistence"},
+    "study": {
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
+        "model_selection", "inspection", "report",
+    },
+    "cli": {
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
+        "model_selection", "inspection", "report", "study",
+    },
+}  # fmt: skip
+#: these may import less than BASE.
+STRICT = {"_kernels": set(), "exceptions": set(), "_contract": {"exceptions"}, "_rolling": {"_contract", "exceptions"}}
+#: parts that read fitted estimators through what is public.
+READERS = {"model_selection", "inspection", "report", "study", "cli"}
+#: a heavy library -> the files that may import it.
+HOMES = {
+    "torch": ("forecasting/",),
+    "skorch": ("forecasting/",),
+    "pymc": ("model_selection/expressiveness.py", "model_selection/robustness.py"),
+    "arviz": ("model_selection/expressiveness.py", "model_selection/robustness.py"),
+    "matplotlib": ("inspection/",),
+}
+
+
+class Import(NamedTuple):
+    """One imported name: ``module`` absolute, ``name`` None for ``import module``."""
+
+    module: str
+    name: str | None
+    line: int
+    on_load: bool  # run when the module is loaded, not inside a function or under TYPE_CHECKING
+
+    @property
+    def top(self) -> str:
+        return self.module.split(".")[0]
+
+
+def imports_of(tree: ast.AST, package: str) -> Iterator[Import]:
+    """Every import in a module that lives in ``package``, relative ones resolved."""
+
+    def walk(node: ast.AST, on_load: bool) -> Iterator[Import]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import):
+                yield from (Import(alias.name, None, child.lineno, on_load) for alias in child.names)
+            elif isinstance(child, ast.ImportFrom):
+                module = child.module or ""
+                if child.level:
+                    above = package.split(".")[: len(package.split(".")) - child.level + 1]
+                    module = ".".join([*above, *([module] if module else [])])
+                yield from (Import(module, alias.name, child.lineno, on_load) for alias in child.names)
+            else:
+                deferred = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+                typing_only = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+                yield from walk(child, on_load and not deferred and not typing_only)
+
+    return walk(tree, True)
+
+
+def _modules() -> dict[str, list[Import]]:
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        relative = path.relative_to(PACKAGE)
+        package = ".".join(["skhybrid", *relative.parent.parts])
+        found[relative.as_posix()] = list(imports_of(ast.parse(path.read_text(encoding="utf-8")), package))
+    return found
+
+
+MODULES = _modules()
+
+
+def _part(path: str) -> str:
+    """The part of the package that a file or a dotted name belongs to: "thermal", "cli", "_contract" ..."""
+    return path.removesuffix(".py").replace("/", ".").split(".")[0]
+
+
+def _inner(imports: list[Import]) -> Iterator[tuple[str, Import]]:
+    """(part imported, import) for the imports of this package itself."""
+    for one in imports:
+        if one.top == "skhybrid":
+            path = one.module.split(".")[1:] or [one.name or ""]
+            yield path[0], one
+
+
+def _shown(path: str, one: Import) -> str:
+    return f"{path}:{one.line} imports {one.module}{'' if one.name is None else '.' + one.name}"
+
+
+# ----------------------------------------------------------------------------------------------------- the reader
+def test_the_reader_of_imports_sees_every_kind():
+    source = """
+import numpy.linalg
+from ..thermal import RCNetwork as network
+from . import rivals
+if TYPE_CHECKING:
+    import torch
+def f():
+    from skhybrid._contract import read_table
+class A:
+    def g(self):
+        import matplotlib
+try:
+    import pymc
+except ImportError:
+    raise
+"""
+    seen = {(i.module, i.name, i.on_load) for i in imports_of(ast.parse(source), "skhybrid.forecasting")}
+    assert seen == {
+        ("numpy.linalg", None, True),
+        ("skhybrid.thermal", "RCNetwork", True),
+        ("skhybrid.forecasting", "rivals", True),
+        ("torch", None, False),
+        ("skhybrid._contract", "read_table", False),
+        ("matplotlib", None, False),
+        ("pymc", None, True),
+    }
+
+
+def test_the_table_of_layers_has_no_cycle():
+    left = {part: set(allowed) - set(STRICT) for part, allowed in MAY_IMPORT.items()}
+    while left:
+        lowest = {part for part, allowed in left.items() if not allowed}
+        assert lowest, f"a cycle among {sorted(left)}"
+        left = {part: allowed - lowest for part, allowed in left.items() if part not in lowest}
+
+
+# ------------------------------------------------------------------------------------------------------ the layers
+@pytest.mark.parametrize("path", sorted(MODULES))
+def test_a_module_imports_only_the_layers_below_it(path):
+    part = _part(path)
+    if part == "__init__":
+        pytest.skip("the root names every part; the subprocess tests below hold it to loading none of them")
+    allowed = {"cli"} if part == "__main__" else STRICT.get(part, MAY_IMPORT.get(part, set()) | BASE)
+    # `from . import x` at the root level may name an attribute of the root itself, such as __version__
+    wrong = [
+        _shown(path, one)
+        for imported, one in _inner(MODULES[path])
+        if imported not in {part, "__version__"} and imported not in allowed
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", sorted(MODULES))
+def test_no_private_name_of_another_part_is_imported(path):
+    wrong = [
+        _shown(path, one)
+        for imported, one in _inner(MODULES[path])
+        if imported != _part(path) and (one.name or "").startswith("_") and one.name not in {*STRICT, "__version__"}
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", [path for path in sorted(MODULES) if _part(path) in READERS])
+def test_a_reader_of_fitted_estimators_uses_public_modules_only(path):
+    wrong = [
+        _shown(path, one)
+        for imported, one in _inner(MODULES[path])
+        if imported != _part(path) and any(piece.startswith("_") for piece in one.module.split(".")[2:])
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_kernels_import_numpy_scipy_and_numba_only():
+    allowed = {"numpy", "scipy", "numba", "skhybrid"} | set(sys.stdlib_module_names)
+    wrong = [
+        _shown(path, one)
+        for path, imports in MODULES.items()
+        if _part(path) == "_kernels"
+        for one in imports
+        if one.top not in allowed
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("library", sorted(HOMES))
+def test_a_heavy_library_stays_where_it_lives(library):
+    wrong = [
+        _shown(path, one)
+        for path, imports in MODULES.items()
+        if not path.startswith(HOMES[library])
+        for one in imports
+        if one.top == library
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz"])
+def test_a_plotting_or_sampling_library_is_imported_inside_functions(library):
+    wrong = [
+        _shown(path, one) for path, imports in MODULES.items() for one in imports if one.top == library if one.on_load
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+# ------------------------------------------------------------------------------------------------ what an import loads
+HEAVY = ("torch", "skorch", "pymc", "matplotlib")
+
+
+def _heavy_after(code: str) -> list[str]:
+    program = f"import sys\n{code}\nprint(*[name for name in {HEAVY!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import skhybrid",
+        "import skhybrid\nfor name in skhybrid.__all__: getattr(skhybrid, name)",
+        "import skhybrid.cli",
+        "from skhybrid import HybridPredictor\nHybridPredictor().get_params()",
+    ],
+    ids=["root", "every public name", "command line", "an estimator made"],
+)
+def test_an_import_loads_no_heavy_library(code):
+    assert _heavy_after(code) == []
+
+
+def test_the_subprocess_test_would_see_a_heavy_library():
+    assert _heavy_after("import matplotlib") == ["matplotlib"]
+
+
+def test_the_root_names_what_it_holds():
+    assert set(skhybrid.__all__) == set(dir(skhybrid))
+    for name in skhybrid.__all__:
+        assert getattr(skhybrid, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'GrayBox'"):
+        skhybrid.GrayBox  # noqa: B018
