@@ -406,6 +406,20 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
     return round(rows)
 
 
+def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
+    """How many steps cover a duration, which need not be a multiple of the step.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive.
+    """
+    span = pd.Timedelta(duration)
+    if not span > pd.Timedelta(0):
+        raise ValueError(f"{name}={duration!r} is not a positive duration such as '1D'.")
+    return max(1, int(np.ceil(span / step - 1e-9)))
+
+
 def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
     """Rows that are forecast origins: row 0 and the starts of local days (and of ``origin_step`` within them).
 

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from .._contract import ZoneTable, origin_rows, read_table, read_target, rows_of
+from .._contract import ZoneTable, origin_rows, read_table, read_target, rows_covering, rows_of
 from .._kernels import simulate_inverse, simulate_path
 from .._rolling import RollingForecastMixin
 from ..thermal import Parameter, RCNetwork, get_network
@@ -158,7 +158,7 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         self.initial_state_ = self._first_state(smooth)
         begin = Start(np.append(self.initial_state_, smooth.gain[0] - tracker.profile[self._cells(table)[0]]), start[1])
         causal = tracker.track(experiment, self._cells(table), self._classes(table), begin)
-        keep = min(table.n_rows, rows_of(self.warmup, table.step, "warmup"))
+        keep = min(table.n_rows, rows_covering(self.warmup, table.step))
         tail = table.rows(slice(table.n_rows - keep, None))
         history = {**tail.history, "T_za": experiment.y[-keep:].copy()}
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import check_random_state
 
-from .._contract import ZoneTable, rows_of
+from .._contract import ZoneTable, rows_covering
 from .._kernels import one_step_errors
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier, Outlook
@@ -235,11 +235,11 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         self.max_missing = max_missing
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
-        return Conventional(rows_of(self.warmup, pd.Timedelta(hours=experiment.hours), "warmup"))
+        return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
-        span = rows_of(self.warmup, table.step, "warmup")
+        span = rows_covering(self.warmup, table.step)
         experiment, model = self._experiment(table), Conventional(span)
         states = np.array([self._state_at(experiment, table, int(o), span, model) for o in origins])
         none = np.zeros((len(origins), n))

@@ -1,0 +1,243 @@
+"""HybridPredictor: forecasts, loads, nested parameters, search, memory."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import Pipeline
+
+from skhybrid import (
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+)
+from skhybrid.datasets import make_office
+from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.preprocessing import UnitConverter
+
+DAY = 96
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=35, random_state=11)
+
+
+@pytest.fixture(scope="module")
+def hybrid(office):
+    """The default, trained on four weeks."""
+    gray_box = PeriodicDisturbanceID(known={"Q_h": 6.0}, n_starts=1)
+    return HybridPredictor(gray_box, random_state=0).fit(office.X[: 28 * DAY], office.y[: 28 * DAY])
+
+
+def rmse(a, b):
+    return float(np.sqrt(np.mean((np.asarray(a) - np.asarray(b)) ** 2)))
+
+
+def test_default_is_periodic_with_ridge(office):
+    model = HybridPredictor(random_state=0).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    assert isinstance(model.gray_box_, PeriodicDisturbanceID)
+    assert model.forecaster_.model == "ridge"
+    assert model.gray_box is None
+    assert model.disturbance_step_ == pd.Timedelta("1h")
+
+
+def test_it_forecasts_better_than_without_a_disturbance(hybrid, office):
+    test = slice(28 * DAY, None)
+    alone = GrayBoxRC(known=office.theta, horizon="1D").fit(office.X[: 28 * DAY], office.y[: 28 * DAY])
+    with_forecast = rmse(hybrid.predict(office.X[test]), office.y[test])
+    without = rmse(alone.predict(office.X[test]), office.y[test])
+    assert with_forecast < 0.5 * without
+
+
+def test_a_forecast_of_the_true_gain_would_be_near_perfect(office):
+    """The seam between gray box and forecast: true network, true gain, no forecaster."""
+    exact = make_office(n_days=4, noise_std=0.0, sampling_time="5min", random_state=2)
+    model = GrayBoxRC(known=exact.theta).fit(exact.X[:864], exact.y[:864])
+    ahead = exact.heat_gain.to_numpy()[863:][None, :-1]
+    driven = model.drive(exact.X[:864].iloc[-2:], [1], ahead[:, :1])
+    assert np.isfinite(driven).all()
+    path = model.drive(exact.X, [863], ahead)[0]
+    np.testing.assert_allclose(path, exact.y.to_numpy()[864:], atol=0.2)
+    truth = model.simulate(exact.X[863:], exact.heat_gain[863:], exact.states.iloc[863])[1:]
+    np.testing.assert_allclose(truth, exact.y.to_numpy()[864:], atol=1e-6)
+
+
+def test_forecast_from_one_origin(hybrid, office):
+    history, future = office.X[: 30 * DAY], office.X[30 * DAY : 31 * DAY].drop(columns="T_za")
+    out = hybrid.forecast(history, future)
+    assert out.index.equals(future.index)
+    assert list(out.columns) == ["T_za", "zeta"]
+    assert rmse(out["T_za"], office.y[30 * DAY : 31 * DAY]) < 1.0
+    assert np.corrcoef(out["zeta"], office.heat_gain[30 * DAY : 31 * DAY])[0, 1] > 0.7
+    rolled = hybrid.predict_from(office.X, [30 * DAY - 1], horizon="1D")[0]
+    np.testing.assert_allclose(out["T_za"], rolled, atol=0.1)
+
+
+@pytest.mark.parametrize("begin", [0, 13, 20, 27])
+def test_forecast_wherever_the_history_begins(begin, hybrid, office):
+    """A history that begins within the kept end of the training, at its start, or with the training table."""
+    history, future = office.X[begin * DAY : 29 * DAY + 7], office.X[29 * DAY + 7 : 30 * DAY]
+    out = hybrid.forecast(history, future)
+    assert rmse(out["T_za"], office.y[29 * DAY + 7 : 30 * DAY]) < 1.0
+
+
+def test_forecast_refuses_what_does_not_join(hybrid, office):
+    with pytest.raises(ValueError, match="not evenly spaced"):
+        hybrid.forecast(office.X[: 2 * DAY], office.X[3 * DAY : 4 * DAY])
+    with pytest.raises(ValueError, match="future has no column 'T_oa'"):
+        hybrid.forecast(office.X[: 2 * DAY], office.X[2 * DAY : 3 * DAY].drop(columns="T_oa"))
+
+
+def test_load_for_the_measured_temperature(hybrid, office):
+    test = slice(28 * DAY, 33 * DAY)
+    load = hybrid.predict_load(office.X[test], office.y[test])
+    measured = 6.0 * office.X["u_heat"][test] - 6.0 * office.X["u_cool"][test]
+    assert {"u_heat", "u_cool", "Q_hvac", "Q_hvac_unclipped", "zeta"} <= set(load.columns)
+    assert load.index.equals(office.X.index[test])
+    conventional = hybrid.gray_box_.predict_load(office.X[test].assign(), office.y[test])
+    assert rmse(load["Q_hvac"], measured) < 1.2 * rmse(conventional["Q_hvac"], measured)
+    assert rmse(load["Q_hvac"], measured) < 1.5
+
+
+def test_load_reads_no_plant_columns(hybrid, office):
+    test = slice(28 * DAY, 29 * DAY)
+    one = hybrid.predict_load(office.X[test], 23.0)
+    other = hybrid.predict_load(office.X[test].assign(u_heat=0.5), 23.0)
+    np.testing.assert_allclose(one["Q_hvac"][:DAY], other["Q_hvac"][:DAY], atol=1e-9)
+
+
+@pytest.mark.parametrize("disturbance", ["input", "output"])
+def test_both_disturbances_with_a_published_gray_box(disturbance, office):
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=4)
+    model = HybridPredictor(
+        gray_box, DisturbanceForecaster(model="profile"), disturbance=disturbance, random_state=0
+    ).fit(office.X[: 21 * DAY], office.y[: 21 * DAY])
+    test = slice(21 * DAY, 28 * DAY)
+    predicted = model.predict(office.X[test])
+    assert np.isfinite(predicted).all()
+    assert rmse(predicted, office.y[test]) < rmse(
+        model.gray_box_.set_params(horizon="1D").predict(office.X[test]), office.y[test]
+    )
+
+
+def test_adaptation_refits_on_full_weeks_only(hybrid, office):
+    still = clone(hybrid).set_params(adapt=None)
+    still.__dict__.update({k: v for k, v in hybrid.__dict__.items() if k.endswith("_") or k.startswith("_")})
+    X = office.X[28 * DAY :]
+    adapted, frozen = hybrid.predict(X), still.predict(X)
+    np.testing.assert_array_equal(adapted[: 6 * DAY], frozen[: 6 * DAY])
+    assert np.isfinite(adapted).all()
+    far = make_office(n_days=16, start="2024-01-15", random_state=1).X  # months behind the training
+    assert np.isfinite(hybrid.predict(far)).all()
+    assert not np.array_equal(hybrid.predict(far)[10 * DAY :], still.predict(far)[10 * DAY :])
+
+
+def test_other_steps_and_time_zones(office):
+    hourly = office.X.resample("1h").mean()
+    hourly.index = hourly.index.tz_localize("America/Los_Angeles")
+    model = HybridPredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=2), random_state=0)
+    model.fit(hourly[: 28 * 24], hourly["T_za"][: 28 * 24])
+    assert model.disturbance_step_ == pd.Timedelta("1h")
+    assert np.isfinite(model.predict(hourly[28 * 24 :])).all()
+    odd = office.X.resample("25min").mean()
+    model = clone(model).set_params(horizon="5h").fit(odd[:800], odd["T_za"][:800])
+    assert model.disturbance_step_ == pd.Timedelta("25min")
+    assert np.isfinite(model.predict(odd[800:])).all()
+
+
+def test_half_hour_offsets_and_odd_stamps(office):
+    X = office.X.set_axis(office.X.index.tz_localize("Asia/Kolkata") + pd.Timedelta("7min"))
+    model = HybridPredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), random_state=0)
+    model.fit(X[: 14 * DAY], X["T_za"][: 14 * DAY])
+    assert np.isfinite(model.predict(X[14 * DAY : 16 * DAY])).all()
+    assert np.isfinite(model.predict(X[20 * DAY + 5 : 22 * DAY])).all()
+
+
+def test_arrays_and_columns_by_role(office):
+    renamed = office.X.rename(columns={"T_oa": "outdoor", "T_za": "room"})
+    model = HybridPredictor(
+        InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1, columns={"T_oa": "outdoor", "T_za": "room"}), random_state=0
+    )
+    model.fit(renamed[: 7 * DAY], office.y[: 7 * DAY])
+    plain = clone(model).set_params(gray_box__columns=None).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    np.testing.assert_array_equal(model.predict(renamed[7 * DAY : 9 * DAY]), plain.predict(office.X[7 * DAY : 9 * DAY]))
+    array = office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy()
+    blind = HybridPredictor(InputDisturbanceID(n_starts=1), random_state=0).fit(array[: 7 * DAY], office.y[: 7 * DAY])
+    assert np.isfinite(blind.predict(array[7 * DAY : 9 * DAY])).all()
+
+
+def test_pipeline_grid_search_is_the_same_in_parallel(office):
+    """The search that the package is made for: transformer, nested parameters, rolling splits, two processes."""
+    X = office.X[: 16 * DAY].assign(q_sol=office.X["q_sol"][: 16 * DAY] * 1000.0)
+    pipeline = Pipeline(
+        [
+            ("units", UnitConverter(units={"q_sol": "W/m2"}).set_output(transform="pandas")),
+            (
+                "hybrid",
+                HybridPredictor(
+                    InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1),
+                    DisturbanceForecaster(max_epochs=2, patience=2),
+                    random_state=0,
+                ),
+            ),
+        ]
+    )
+    grid = {
+        "hybrid__forecaster__model": ["lstm", "mlp"],
+        "hybrid__forecaster__case": ["case01"],
+        "hybrid__forecaster__hidden_size": [4, 6],
+    }
+    cv = RollingOriginSplit(train="10D", test="2D", gap="0D", n_splits=2)
+    one = GridSearchCV(pipeline, grid, cv=cv, n_jobs=1, error_score="raise").fit(X, office.y[: 16 * DAY])
+    two = GridSearchCV(pipeline, grid, cv=cv, n_jobs=2, error_score="raise").fit(X, office.y[: 16 * DAY])
+    for key in ("split0_test_score", "split1_test_score"):
+        np.testing.assert_array_equal(one.cv_results_[key], two.cv_results_[key])
+    assert np.isfinite(one.cv_results_["mean_test_score"]).all()
+    assert one.best_params_ == two.best_params_
+
+
+def test_memory_identifies_once(office, tmp_path):
+    model = HybridPredictor(
+        InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), DisturbanceForecaster(model="ridge"), memory=str(tmp_path)
+    ).set_params(random_state=0)
+    first = model.fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    kept = sorted(p.name for p in tmp_path.rglob("output.pkl"))
+    other = clone(model).set_params(forecaster__model="profile").fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    assert sorted(p.name for p in tmp_path.rglob("output.pkl")) == kept
+    assert len(kept) == 1
+    pd.testing.assert_series_equal(first.gray_box_.theta_, other.gray_box_.theta_)
+    clone(model).set_params(gray_box__n_starts=2).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    assert len(list(tmp_path.rglob("output.pkl"))) == 2
+
+
+def test_pickle(hybrid, office):
+    again = pickle.loads(pickle.dumps(hybrid))
+    X = office.X[28 * DAY :]
+    np.testing.assert_array_equal(again.predict(X), hybrid.predict(X))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"disturbance": "both"}, "disturbance='both'"),
+        ({"adapt": "daily"}, "adapt='daily'"),
+        ({"horizon": "50min"}, "horizon='50min' is not a positive multiple"),
+    ],
+)
+def test_bad_settings_are_refused(settings, message, office):
+    with pytest.raises(ValueError, match=message):
+        HybridPredictor(**settings).fit(office.X[:DAY], office.y[:DAY])
+
+
+def test_set_point_of_another_index_is_refused(hybrid, office):
+    with pytest.raises(ValueError, match="setpoint bears other time stamps"):
+        hybrid.predict_load(office.X[28 * DAY : 29 * DAY], office.y[:DAY])

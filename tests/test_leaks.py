@@ -1,0 +1,97 @@
+"""No forecast may know what came after its origin: the past behind it is replaced by noise, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skhybrid import (
+    ARXRegressor,
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+)
+from skhybrid.datasets import make_office
+
+DAY = 96
+KNOWN = {"Q_h": 6.0}
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=24, random_state=5)
+
+
+def temperature_models():
+    quick = DisturbanceForecaster(model="lstm", max_epochs=2, hidden_size=4)
+    return [
+        GrayBoxRC(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
+        InputDisturbanceID(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
+        OutputDisturbanceID(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
+        PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
+        ARXRegressor(),
+        ARXRegressor(adapt="refit"),
+        HybridPredictor(PeriodicDisturbanceID(known=KNOWN, n_starts=1), random_state=0),
+        HybridPredictor(OutputDisturbanceID(known=KNOWN, n_starts=1), disturbance="output", random_state=0),
+        HybridPredictor(InputDisturbanceID(known=KNOWN, n_starts=1), quick, random_state=0),
+        *[
+            HybridPredictor(InputDisturbanceID(known=KNOWN, n_starts=1), DisturbanceForecaster(model=m), random_state=0)
+            for m in ("profile", "last_week", "persistence")
+        ],
+    ]
+
+
+def noisy_after(X, row, columns, seed=0):
+    """A copy whose history columns are noise behind a row."""
+    rng = np.random.default_rng(seed)
+    out = X.copy()
+    for column in columns:
+        out.iloc[row + 1 :, out.columns.get_loc(column)] = rng.normal(20.0, 30.0, len(out) - row - 1)
+    return out
+
+
+@pytest.mark.parametrize("model", temperature_models(), ids=lambda m: str(m).split("(")[0] + str(hash(str(m)) % 97))
+@pytest.mark.parametrize("following", [True, False], ids=["after-training", "elsewhere"])
+def test_temperature_behind_an_origin_is_not_read(model, following, office):
+    """Every origin of nine days, so that weekly re-fits happen too."""
+    train = slice(0, 14 * DAY)
+    test = slice(14 * DAY if following else 14 * DAY + 37, None)
+    fitted = model.fit(office.X[train], office.y[train])
+    X = office.X[test]
+    clean = fitted.predict(X)
+    origins = [0, 60, 3 * DAY + 5, 8 * DAY]
+    rolled = fitted.predict_from(X, origins, horizon="1D")
+    for i, origin in enumerate(origins):
+        noisy = noisy_after(X, origin, ["T_za"])
+        np.testing.assert_array_equal(
+            fitted.predict_from(noisy, [origin], horizon="1D")[0], fitted.predict_from(X, [origin], horizon="1D")[0]
+        )
+        np.testing.assert_array_equal(fitted.predict_from(noisy, origins, horizon="1D")[: i + 1], rolled[: i + 1])
+        # whatever predict gives for rows up to the next local midnight is forecast from an origin up to here
+        midnight = int(np.argmax((X.index > X.index[origin]) & (X.index == X.index.normalize())))
+        end = midnight + 1 if midnight else len(X)
+        np.testing.assert_array_equal(fitted.predict(noisy)[: min(end, origin + 1)], clean[: min(end, origin + 1)])
+        if X.index[origin] == X.index[origin].normalize() or origin == 0:
+            np.testing.assert_array_equal(fitted.predict(noisy)[:end], clean[:end])
+
+
+@pytest.mark.parametrize("model", temperature_models()[6:9], ids=["input", "output", "lstm"])
+def test_load_does_not_read_the_temperature_behind_its_origin(model, office):
+    fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+    X = office.X[14 * DAY : 16 * DAY]
+    noisy = noisy_after(X, 0, ["T_za"])
+    one, other = fitted.predict_load(X, 23.0), fitted.predict_load(noisy, 23.0)
+    np.testing.assert_array_equal(one[:DAY].to_numpy(), other[:DAY].to_numpy())
+
+
+def test_the_guard_would_see_a_leak(office):
+    """The test above can fail: the smoothed disturbance reads the future, and is seen to."""
+    model = InputDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(office.X, office.y)
+    noisy = noisy_after(office.X, 500, ["T_za"])
+    causal = [model.estimate_disturbance(X)[:501] for X in (office.X, noisy)]
+    smooth = [model.estimate_disturbance(X, smooth=True)[:501] for X in (office.X, noisy)]
+    np.testing.assert_array_equal(*causal)
+    assert not np.array_equal(*smooth)
