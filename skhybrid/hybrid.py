@@ -46,7 +46,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     gray_box : estimator, optional
         An identification of this package; default ``PeriodicDisturbanceID()``.
     forecaster : estimator, optional
-        A regressor of the disturbance; default ``DisturbanceForecaster(model="ridge")``.
+        A regressor of the disturbance; default ``DisturbanceForecaster(model="ridge")`` with the same horizon.
     disturbance : {"input", "output"}, default="input"
         Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].
     horizon : timedelta-like, default="1D"
@@ -151,7 +151,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
         gray_box = self._part(self.gray_box, PeriodicDisturbanceID())
-        forecaster = self._part(self.forecaster, DisturbanceForecaster(model="ridge"))
+        forecaster = self._part(self.forecaster, DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D"))
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing)
         if self.horizon is not None:
