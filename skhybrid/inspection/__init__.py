@@ -1,0 +1,12 @@
+"""Pictures of fitted models and back-tests, in scikit-learn's manner: ``from_estimator`` or ``from_predictions``.
+
+Matplotlib is loaded when a picture is drawn, not when this module is imported.
+"""
+
+from ._day import DayAheadDisplay
+from ._disturbance import DisturbanceWeekDisplay
+from ._forecast import ForecastDisplay
+from ._lead import LeadErrorDisplay
+from ._style import blank_axes
+
+__all__ = ["DayAheadDisplay", "DisturbanceWeekDisplay", "ForecastDisplay", "LeadErrorDisplay", "blank_axes"]

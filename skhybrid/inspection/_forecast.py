@@ -1,0 +1,166 @@
+"""Measured temperature and what was forecast, over days."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from ..model_selection import backtest
+from ._style import MEASURED, axes_or_new, legend, line_style, tidy, time_axis
+
+
+class ForecastDisplay:
+    """Measured zone temperature beside the forecasts of one or several models.
+
+    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+
+    Parameters
+    ----------
+    frames : mapping of label to DataFrame
+        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them.
+
+    Attributes
+    ----------
+    ax_ : matplotlib Axes
+        What was drawn on, after :meth:`plot`.
+    figure_ : matplotlib Figure
+        The figure that holds it.
+    """
+
+    ax_: Any
+    figure_: Any
+
+    def __init__(self, frames: Mapping[str, pd.DataFrame]) -> None:
+        self.frames = dict(frames)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: Any,
+        y: Any,
+        *,
+        horizon: Any = "1D",
+        origin_step: Any = "1D",
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> ForecastDisplay:
+        """Back-test a fitted estimator and draw it.
+
+        Parameters
+        ----------
+        estimator : fitted estimator
+            Or a mapping of label to fitted estimator.
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows.
+        y : Series or array-like of shape (n_samples,)
+            Measured zone temperature [degC].
+        horizon, origin_step : timedelta-like
+            As in :func:`skhybrid.model_selection.backtest`.
+        ax : matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        **kwargs
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        ForecastDisplay
+        """
+        return cls.from_predictions(_backtests(estimator, X, y, horizon, origin_step), ax=ax, **kwargs)
+
+    @classmethod
+    def from_predictions(
+        cls, frames: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
+    ) -> ForecastDisplay:
+        """Draw back-tests that were made already.
+
+        Parameters
+        ----------
+        frames : DataFrame or mapping of label to DataFrame
+            Back-tests with the columns origin, lead, time, y_true and y_pred.
+        ax : matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        **kwargs
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        ForecastDisplay
+        """
+        return cls(_labelled(frames)).plot(ax, **kwargs)
+
+    def plot(
+        self, ax: Any = None, *, start: Any = None, end: Any = None, unit: str = "degC", title: str | None = None
+    ) -> ForecastDisplay:
+        """Draw the measured temperature, and each model's forecasts, joined at origins that do not overlap.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        start, end : timestamp, optional
+            Only forecasts of times in this span.
+        unit : str
+            For the label of the axis.
+        title : str, optional
+            Above the picture.
+
+        Returns
+        -------
+        ForecastDisplay
+            With ``ax_`` and ``figure_``.
+        """
+        ax = axes_or_new(ax, (9.0, 3.6))
+        chosen = {label: _within(_joined(frame), start, end) for label, frame in self.frames.items()}
+        first = next(iter(chosen.values()))
+        ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
+        for number, (label, frame) in enumerate(chosen.items()):
+            ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **line_style(number))
+        for origin in first["origin"].unique():
+            ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
+        tidy(ax, ylabel=f"zone temperature [{unit}]")
+        time_axis(ax, pd.Index(first["time"]))
+        legend(ax, 1 + len(chosen))
+        if title:
+            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+        self.ax_, self.figure_ = ax, ax.figure
+        return self
+
+
+def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
+    found = {"forecast": frames} if isinstance(frames, pd.DataFrame) else dict(frames)
+    if not found or any(frame.empty for frame in found.values()):
+        raise ValueError("there is no back-test to draw: pass at least one, with at least one origin.")
+    return found
+
+
+def _backtests(estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any) -> dict[str, pd.DataFrame]:
+    models = estimator if isinstance(estimator, Mapping) else {type(estimator).__name__: estimator}
+    return {label: backtest(model, X, y, horizon=horizon, origin_step=origin_step) for label, model in models.items()}
+
+
+def _joined(frame: pd.DataFrame) -> pd.DataFrame:
+    """The forecasts of origins whose spans do not overlap, in time order."""
+    spans = frame.groupby("origin", sort=True)["time"].max()
+    kept, reached = [], None
+    for origin, last in spans.items():
+        if reached is None or origin >= reached:
+            kept.append(origin)
+            reached = last
+    return frame[frame["origin"].isin(kept)].sort_values("time")
+
+
+def _within(frame: pd.DataFrame, start: Any, end: Any) -> pd.DataFrame:
+    zone = getattr(frame["time"].dt, "tz", None) if pd.api.types.is_datetime64_any_dtype(frame["time"]) else None
+    for limit, late in ((start, False), (end, True)):
+        if limit is None:
+            continue
+        stamp = limit if not isinstance(limit, str) else pd.Timestamp(limit)
+        if zone is not None and getattr(stamp, "tzinfo", None) is None:
+            stamp = pd.Timestamp(stamp).tz_localize(zone)
+        frame = frame[frame["time"] <= stamp] if late else frame[frame["time"] >= stamp]
+    if frame.empty:
+        raise ValueError(f"no forecast lies between start={start!r} and end={end!r}.")
+    return frame

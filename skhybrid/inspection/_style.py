@@ -1,0 +1,97 @@
+"""What all pictures share: colours, axes, dates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+#: Okabe and Ito's palette, told apart by colour-blind readers (without its black and its pale yellow).
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+MEASURED = "#222222"
+WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+#: lines differ in more than their colour.
+DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
+
+
+def line_style(number: int) -> dict[str, Any]:
+    """Colour and dashes of the line of that number."""
+    return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number % len(DASHES)]}
+
+
+def axes_or_new(ax: Any, figsize: tuple[float, float], n_rows: int = 1) -> Any:
+    """The given axes, or those of a new figure: one, or an array of ``n_rows`` that share their time axis."""
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, dtype=object))
+        if len(given) != n_rows:
+            raise ValueError(f"ax holds {len(given)} axes, but this display draws on {n_rows}.")
+        return given[0] if n_rows == 1 else given
+    import matplotlib.pyplot as plt
+
+    _, made = plt.subplots(n_rows, 1, sharex=True, figsize=figsize, layout="constrained")
+    return made
+
+
+def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
+    """A figure apart from pyplot, which keeps none alive, and its axes.
+
+    Parameters
+    ----------
+    n_rows : int
+        Axes below one another.
+    figsize : tuple of float
+        Width and height [inch].
+    share : bool
+        Whether they share their horizontal axis.
+
+    Returns
+    -------
+    figure : matplotlib Figure
+    axes : ndarray of Axes of shape (n_rows,)
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=figsize, layout="constrained")
+    axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
+    return figure, axes[:, 0]
+
+
+def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None = None) -> None:
+    """Labels, a light grid and no box."""
+    ax.set_ylabel(ylabel)
+    if xlabel:
+        ax.set_xlabel(xlabel)
+    if title:
+        ax.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+    ax.grid(True, color="#dddddd", linewidth=0.6)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def legend(ax: Any, n_entries: int) -> None:
+    """A legend above the picture, where it hides nothing."""
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=min(n_entries, 5),
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+        handlelength=2.6,
+    )
+
+
+def time_axis(ax: Any, time: pd.Index) -> None:
+    """Dates in the time zone of the stamps; row numbers stay numbers."""
+    if not isinstance(time, pd.DatetimeIndex):
+        ax.set_xlabel("row [-]")
+        return
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=3, maxticks=9, tz=time.tz)
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
+    ax.set_xlim(time.min(), time.max())
+    ax.set_xlabel("local time" if time.tz is None else f"local time ({time.tz})")

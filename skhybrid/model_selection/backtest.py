@@ -1,0 +1,181 @@
+"""Day-ahead back-tests: what would have been forecast at every origin, beside what came."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import _num_samples, check_is_fitted
+
+from .._contract import ASSUMED_START, even_step, rows_of
+
+_DAY = pd.Timedelta("1D")
+_COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")
+
+
+def backtest(
+    estimator: Any, X: Any, y: Any, *, horizon: Any = "1D", origin_step: Any = "1D", start: Any = None
+) -> pd.DataFrame:
+    """Forecast from every origin and set the forecasts beside the measurements.
+
+    Parameters
+    ----------
+    estimator : fitted estimator
+        With ``predict_from(X, origins, horizon)``; a Pipeline whose last step has it; a search that holds one as
+        ``best_estimator_``; or any regressor, whose ``predict(X)`` then stands at every origin and lead.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
+    y : Series or array-like of shape (n_samples,)
+        Measured zone temperature [degC]; NaN is kept as it is.
+    horizon : timedelta-like, default="1D"
+        How far ahead.
+    origin_step : timedelta-like, default="1D"
+        Distance of the origins.  If it is a whole number of days or divides a day, origins are counted from the
+        first local midnight, by the wall clock; any other step, such as ``"25h"``, is counted from the first row.
+    start : timestamp or int, optional
+        No origin before it (a row number for an array): earlier rows are history only.  "First" above is then meant
+        from here on.
+
+    Returns
+    -------
+    DataFrame
+        One row an (origin, lead): ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
+        (Timedelta), ``y_true`` and ``y_pred`` [degC].  Only origins whose whole horizon lies in X.
+
+    Raises
+    ------
+    sklearn.exceptions.NotFittedError
+        If the estimator is not fitted.
+    ValueError
+        If the lengths of X and y differ, a duration is no multiple of the sampling time, or no origin fits.
+    """
+    check_is_fitted(estimator)
+    truth = np.asarray(y, dtype=np.float64)
+    if truth.shape != (_num_samples(X),):
+        raise ValueError(f"X has {_num_samples(X)} rows, but y has the shape {truth.shape}; pass one value a row.")
+    stamps, wall, sampling = _clock(estimator, X)
+    n_leads = rows_of(horizon, sampling)
+    origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
+    origins = origins[origins + n_leads < len(wall)]
+    if not len(origins):
+        raise ValueError(
+            f"no origin fits: X has {len(wall)} rows ({len(wall) * sampling}), and a horizon of {horizon!r} must "
+            "follow the first origin; pass a longer X."
+        )
+    rows = origins[:, None] + np.arange(1, n_leads + 1)
+    paths = _paths(estimator, X, origins, rows, pd.Timedelta(horizon))
+    columns = (
+        stamps[np.repeat(origins, n_leads)],
+        pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
+        stamps[rows.ravel()],
+        truth[rows.ravel()],
+        np.asarray(paths, dtype=np.float64).ravel(),
+    )
+    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+
+
+def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
+    """Errors of a back-test.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        From :func:`backtest`; rows without a measurement or a forecast are left out.
+    by : {None, "lead", "origin"}, default=None
+        One number over all, or one a lead or an origin.
+
+    Returns
+    -------
+    Series or DataFrame
+        ``rmse`` and ``mae`` [degC], and the number ``n`` of forecasts compared; a row a lead or origin with ``by``.
+    """
+    if by not in (None, "lead", "origin"):
+        raise ValueError(f"by={by!r} must be None, 'lead' or 'origin'.")
+    error = (frame["y_pred"] - frame["y_true"]).rename("error")
+    if by is None:
+        known = error.dropna().to_numpy()
+        return pd.Series(_errors(known) | {"n": len(known)})
+    groups = error.groupby(frame[by])
+    return pd.DataFrame(
+        {
+            "rmse": (error**2).groupby(frame[by]).mean() ** 0.5,
+            "mae": error.abs().groupby(frame[by]).mean(),
+            "n": groups.count(),
+        }
+    )
+
+
+def _errors(error: np.ndarray) -> dict[str, float]:
+    if not len(error):
+        return {"rmse": np.nan, "mae": np.nan}
+    return {"rmse": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error)))}
+
+
+# --------------------------------------------------------------------------------------------------------- forecasts
+def _paths(estimator: Any, X: Any, origins: np.ndarray, rows: np.ndarray, horizon: pd.Timedelta) -> np.ndarray:
+    """(n_origins, n_leads) forecasts of the given rows."""
+    forecaster, table = _unwrap(estimator, X)
+    if hasattr(forecaster, "predict_from"):
+        return forecaster.predict_from(table, origins, horizon=horizon)
+    return np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
+
+
+def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
+    """The estimator inside searches and pipelines, and X as it sees it."""
+    while True:
+        if hasattr(estimator, "best_estimator_"):
+            estimator = estimator.best_estimator_
+        elif isinstance(estimator, Pipeline):
+            if len(estimator.steps) > 1:
+                X = estimator[:-1].transform(X)
+            estimator = estimator.steps[-1][1]
+        else:
+            return estimator, X
+
+
+def _innermost(estimator: Any) -> Any:
+    estimator = getattr(estimator, "best_estimator_", estimator)
+    return _innermost(estimator.steps[-1][1]) if isinstance(estimator, Pipeline) else estimator
+
+
+# ------------------------------------------------------------------------------------------------------------- clock
+def _clock(estimator: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:
+    """Names of the rows, their local wall-clock time, and the sampling time."""
+    index = getattr(X, "index", None)
+    if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
+        wall = index.tz_localize(None) if index.tz is not None else index
+        utc = index.tz_convert("UTC") if index.tz is not None else index
+        return index, wall, even_step(utc, index)
+    last = _innermost(estimator)
+    given = getattr(last, "sampling_time_", None) or getattr(last, "sampling_time", None) or "15min"
+    sampling = pd.Timedelta(given)
+    n_rows = _num_samples(X)
+    return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
+
+
+def _first_row(stamps: pd.Index, start: Any) -> int:
+    if start is None:
+        return 0
+    if isinstance(stamps, pd.DatetimeIndex):
+        start = pd.Timestamp(start)
+        if stamps.tz is not None and start.tz is None:
+            start = start.tz_localize(stamps.tz)
+    return int(stamps.searchsorted(start))
+
+
+def _origins(wall: pd.DatetimeIndex, sampling: pd.Timedelta, origin_step: Any, first: int) -> np.ndarray:
+    """Rows that are origins, by the rule that :func:`backtest` states."""
+    every = pd.Timedelta(origin_step)
+    apart = rows_of(origin_step, sampling, "origin_step")
+    if every % _DAY != pd.Timedelta(0) and _DAY % every != pd.Timedelta(0):
+        return np.arange(first, len(wall), apart)
+    later = wall[first:]
+    midnights = np.flatnonzero(later == later.normalize())
+    if not len(midnights):
+        return np.empty(0, dtype=np.int64)
+    later = later[midnights[0] :]
+    since = later - later[0]
+    on_grid = (since % every == pd.Timedelta(0)) & ~later.duplicated()  # an hour that the clock repeats counts once
+    return first + midnights[0] + np.flatnonzero(on_grid)

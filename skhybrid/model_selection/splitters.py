@@ -1,0 +1,152 @@
+"""Cross-validation that keeps rows in time order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.model_selection import BaseCrossValidator
+from sklearn.utils.validation import _num_samples
+
+from .._contract import even_step, rows_of
+
+
+class RollingOriginSplit(BaseCrossValidator):
+    """Contiguous training and test blocks that roll forward through time.
+
+    A split is a training block, a gap that is used by neither, and a test block behind it; the next split lies one
+    ``step`` later.  The first training block begins at the first row, so that blocks of whole days keep the time of
+    day at which the table begins.
+
+    Parameters
+    ----------
+    train, test : timedelta-like or int, default="28D" and "1D"
+        Length of a block, as a duration or as a number of rows.
+    gap : timedelta-like or int, default="0D"
+        Rows left out between them.
+    step : timedelta-like or int, optional
+        Distance of one split from the next; default = ``test``, so that test blocks touch and never overlap.
+    n_splits : int, optional
+        The newest so many splits; default is every split that fits.
+    sampling_time : timedelta-like, default="15min"
+        The step of a table without time stamps; a ``DatetimeIndex`` tells its own.
+    expanding : bool, default=False
+        Whether every training block begins at the first row and so grows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhybrid.model_selection import RollingOriginSplit
+    >>> cv = RollingOriginSplit(train="3D", test="1D", sampling_time="1h")
+    >>> [(int(train[0]), int(train[-1]), int(test[0]), int(test[-1])) for train, test in cv.split(np.zeros((120, 1)))]
+    [(0, 71, 72, 95), (24, 95, 96, 119)]
+    """
+
+    def __init__(
+        self,
+        train: Any = "28D",
+        test: Any = "1D",
+        gap: Any = "0D",
+        step: Any = None,
+        n_splits: int | None = None,
+        sampling_time: Any = "15min",
+        expanding: bool = False,
+    ) -> None:
+        self.train = train
+        self.test = test
+        self.gap = gap
+        self.step = step
+        self.n_splits = n_splits
+        self.sampling_time = sampling_time
+        self.expanding = expanding
+
+    def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Row numbers of every split, in time order.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; its ``DatetimeIndex`` gives the sampling time where it has one.
+        y, groups : ignored
+            Present for scikit-learn.
+
+        Yields
+        ------
+        train, test : ndarray of int
+            Consecutive row numbers.
+
+        Raises
+        ------
+        ValueError
+            If X is too short, or a length is no positive multiple of the sampling time.
+        """
+        n_train, n_test, n_gap, n_step = self._lengths(X)
+        for first in self._first_rows(X) * n_step:
+            end = first + n_train
+            begin = end + n_gap
+            yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
+
+    def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
+        """How many splits there are.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like, optional
+            Needed unless ``n_splits`` was given.
+        y, groups : ignored
+            Present for scikit-learn.
+
+        Returns
+        -------
+        int
+        """
+        if X is not None:
+            return len(self._first_rows(X))
+        if self.n_splits is None:
+            raise ValueError("the number of splits depends on the length of X: pass X, or give n_splits=.")
+        return int(self.n_splits)
+
+    def _lengths(self, X: Any) -> tuple[int, int, int, int]:
+        """Rows of the training block, the test block, the gap, and from one split to the next."""
+        sampling = _sampling_time(X, self.sampling_time)
+        n_test = _rows(self.test, sampling, "test")
+        n_step = n_test if self.step is None else _rows(self.step, sampling, "step")
+        return _rows(self.train, sampling, "train"), n_test, _rows(self.gap, sampling, "gap", least=0), n_step
+
+    def _first_rows(self, X: Any) -> np.ndarray:
+        """Numbers, from 0, of the splits that are used."""
+        n_train, n_test, n_gap, n_step = self._lengths(X)
+        wanted = 1 if self.n_splits is None else int(self.n_splits)
+        if wanted < 1:
+            raise ValueError(f"n_splits={self.n_splits!r} must be at least 1.")
+        n_rows = _num_samples(X)
+        needed = n_train + n_gap + n_test + (wanted - 1) * n_step
+        if n_rows < needed:
+            sampling = _sampling_time(X, self.sampling_time)
+            plural = "split needs" if wanted == 1 else "splits need"
+            raise ValueError(
+                f"X is too short: {wanted} {plural} {needed} rows ({needed * sampling}) of train={self.train!r}, "
+                f"gap={self.gap!r} and test={self.test!r}, but X has {n_rows} rows ({n_rows * sampling})."
+            )
+        n_fit = (n_rows - n_train - n_gap - n_test) // n_step + 1
+        return np.arange(0 if self.n_splits is None else n_fit - wanted, n_fit)
+
+
+def _sampling_time(X: Any, given: Any) -> pd.Timedelta:
+    index = getattr(X, "index", None)
+    if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
+        return even_step(index, index)
+    return pd.Timedelta(given)
+
+
+def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int:
+    """A length, given as a duration or a number of rows, as a number of rows."""
+    if isinstance(length, int | np.integer) and not isinstance(length, bool):
+        if length < least:
+            raise ValueError(f"{name}={length!r} must be at least {least} row(s).")
+        return int(length)
+    if least == 0 and pd.Timedelta(length) == pd.Timedelta(0):
+        return 0
+    return rows_of(length, sampling, name)

@@ -1,0 +1,362 @@
+"""Model files that hold data only: nothing in a file is executed when it is read.
+
+A file is one line of text, with the version and a checksum, and behind it a ``skops`` archive.  pandas objects and this
+package's own objects are written as plain data and rebuilt from it, so that a file can name no other type than those,
+and what ``skops`` itself trusts (NumPy, scikit-learn).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+import re
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted
+
+from . import __version__
+from .exceptions import ModelFileError
+
+_HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
+_MARK = "__skhybrid__"
+_OWN = "skhybrid."
+#: beside what skops trusts: what a fitted search or a scikit-learn network holds, which is data too.
+_TRUSTED = [
+    "sklearn.metrics._scorer._PassthroughScorer",
+    "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
+    "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+]
+#: plain values that are written as they are.
+_PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A file to write to, which takes the place of ``path`` when the block ends without an error.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to make or replace; its folder is made if need be.
+
+    Yields
+    ------
+    Path
+        A new file in the same folder; it is removed if the block raises.
+    """
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+    os.close(handle)
+    made = Path(name)
+    try:
+        yield made
+        made.chmod(0o666 & ~_umask())
+        os.replace(made, target)
+    finally:
+        made.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
+    """Write a fitted estimator to a file.
+
+    Parameters
+    ----------
+    estimator : fitted estimator
+        Of this package, or a scikit-learn estimator (a Pipeline, a search) that holds one.
+    path : path-like
+        The file; it is replaced in one step, so that a reader never sees half of it.
+
+    Raises
+    ------
+    sklearn.exceptions.NotFittedError
+        If the estimator is not fitted.
+    TypeError
+        If it holds an object that cannot be written as data, such as a lambda.
+    """
+    check_is_fitted(estimator)
+    import skops.io
+
+    try:
+        body = skops.io.dumps(_to_data(estimator, type(estimator).__name__))
+    except (AttributeError, NotImplementedError, TypeError) as error:
+        raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
+    unknown = sorted(set(skops.io.get_untrusted_types(data=body)) - set(_TRUSTED))
+    if unknown:
+        raise TypeError(
+            f"{type(estimator).__name__} holds a {unknown[0]}, which cannot be written as data that is safe to read; "
+            "use another regressor (tree ensembles are such)."
+        )
+    version = __version__.encode()
+    with atomic_path(path) as made:
+        made.write_bytes(b"skhybrid-model version=%s sha256=%s\n%s" % (version, _digest(version, body), body))
+
+
+def load_model(path: str | os.PathLike[str]) -> Any:
+    """Read an estimator that :func:`save_model` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    fitted estimator
+
+    Raises
+    ------
+    skhybrid.exceptions.ModelFileError
+        If the file is truncated, altered, of another version (major.minor), or no model file; nothing in it has been
+        executed then.
+    OSError
+        If the file cannot be read.
+    """
+    content = Path(path).read_bytes()
+    header = _HEADER.match(content)
+    if header is None:
+        raise ModelFileError(f"{path} is not a model file of skhybrid, or its beginning was altered.")
+    version, digest = header[1], header[2]
+    body = content[header.end() :]
+    if _digest(version, body) != digest:
+        raise ModelFileError(f"{path} is truncated or was altered after it was saved; save the model again.")
+    if _minor(version.decode()) != _minor(__version__):
+        raise ModelFileError(
+            f"{path} was saved by skhybrid {version.decode()}, but this is {__version__}; load it with that version, "
+            "or fit again."
+        )
+    return _decoded(body, path)
+
+
+def _decoded(body: bytes, path: object) -> Any:
+    import skops.io
+    from skops.io.exceptions import UntrustedTypesFoundException
+
+    try:
+        return _from_data(skops.io.loads(body, trusted=_TRUSTED))
+    except UntrustedTypesFoundException as error:
+        raise ModelFileError(f"{path} holds types that are not read from a model file: {error}") from None
+    except (
+        zipfile.BadZipFile, ValueError, TypeError, KeyError, IndexError, AttributeError, ImportError, EOFError,
+        RecursionError, NotImplementedError,
+    ) as error:  # fmt: skip
+        raise ModelFileError(f"{path} cannot be read as a model: {error}") from None
+
+
+def _digest(version: bytes, body: bytes) -> bytes:
+    return hashlib.sha256(version + b"\n" + body).hexdigest().encode()
+
+
+def _minor(version: str) -> str:
+    return ".".join(version.split("+")[0].split(".")[:2])
+
+
+# ------------------------------------------------------------------------------------------------ objects to data
+def _to_data(value: Any, where: str) -> Any:
+    """``value`` with pandas objects and own objects replaced by marked dictionaries, at any depth."""
+    if isinstance(value, _PLAIN):
+        return _array_to_data(value, where)
+    for kind, (accepted, encode, _) in _PANDAS.items():
+        if isinstance(value, accepted):
+            return {_MARK: kind, **{k: _to_data(v, f"{where}.{k}") for k, v in encode(value).items()}}
+    if isinstance(value, type):
+        return _type_to_data(value, where)
+    if type(value).__module__.startswith(_OWN):
+        return _own_to_data(value, where)
+    if isinstance(value, dict):
+        pairs = [(_to_data(k, where), _to_data(v, f"{where}[{k!r}]")) for k, v in value.items()]
+        if type(value) is dict and all(isinstance(k, str) and k != _MARK for k in value):
+            return dict(pairs)
+        return {_MARK: "dict", "pairs": [list(pair) for pair in pairs]}
+    if isinstance(value, list | tuple | set | frozenset):
+        items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]
+        return items if type(value) is list else {_MARK: "sequence", "kind": _sequence(value, where), "items": items}
+    if _is_foreign(value):
+        return _foreign_to_data(value, where)
+    return value  # skops knows it (a random generator, a SciPy matrix), or save_model refuses it
+
+
+def _array_to_data(value: Any, where: str) -> Any:
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value.ravel())]
+        return {_MARK: "objects", "shape": list(value.shape), "items": items}
+    return value
+
+
+def _sequence(value: Any, where: str) -> str:
+    if type(value) not in (tuple, set, frozenset):
+        raise TypeError(f"{where} is a {type(value).__qualname__}, which cannot be written as data.")
+    return type(value).__name__
+
+
+def _type_to_data(value: type, where: str) -> Any:
+    if value.__module__.startswith(_OWN):
+        return {_MARK: "type", "type": f"{value.__module__}:{value.__qualname__}"}
+    return value
+
+
+def _own_to_data(value: Any, where: str) -> dict[str, Any]:
+    cls = type(value)
+    if "<locals>" in cls.__qualname__:
+        raise TypeError(f"{where} is {value!r}, which cannot be written as data.")
+    name = f"{cls.__module__}:{cls.__qualname__}"
+    if isinstance(value, tuple):
+        return {_MARK: "tuple", "type": name, "items": [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]}
+    state = value.__getstate__()
+    if not isinstance(state, dict):
+        raise TypeError(f"{where} is a {cls.__qualname__} without plain attributes, which cannot be written as data.")
+    return {_MARK: "object", "type": name, "state": {k: _to_data(v, f"{where}.{k}") for k, v in state.items()}}
+
+
+def _is_foreign(value: Any) -> bool:
+    """Whether it is a plain Python object of scikit-learn: an estimator, a scorer, a splitter."""
+    return type(value).__module__.startswith("sklearn.") and hasattr(value, "__dict__")
+
+
+def _foreign_to_data(value: Any, where: str) -> Any:
+    """A scikit-learn object, which skops writes, with what it holds replaced."""
+    made = object.__new__(type(value))
+    made.__dict__.update({k: _to_data(v, f"{where}.{k}") for k, v in vars(value).items()})
+    return made
+
+
+# ------------------------------------------------------------------------------------------------ data to objects
+def _from_data(value: Any) -> Any:
+    """What :func:`_to_data` replaced, rebuilt."""
+    if isinstance(value, dict):
+        kind = value.get(_MARK)
+        return {k: _from_data(v) for k, v in value.items()} if kind is None else _rebuilt(kind, value)
+    if isinstance(value, list):
+        return [_from_data(v) for v in value]
+    if _is_foreign(value):
+        vars(value).update({k: _from_data(v) for k, v in vars(value).items()})
+    return value
+
+
+def _rebuilt(kind: str, value: dict[str, Any]) -> Any:
+    parts = {k: _from_data(v) for k, v in value.items() if k != _MARK}
+    if kind in _PANDAS:
+        return _PANDAS[kind][2](**parts)
+    if kind == "dict":
+        return {k: v for k, v in parts["pairs"]}  # noqa: C416 -- dict(pairs) would take pairs of any kind
+    if kind == "sequence":
+        return {"tuple": tuple, "set": set, "frozenset": frozenset}[parts["kind"]](parts["items"])
+    if kind == "objects":
+        made = np.empty(len(parts["items"]), dtype=object)
+        made[:] = parts["items"]
+        return made.reshape(parts["shape"])
+    cls = _own_type(parts["type"])
+    if kind == "type":
+        return cls
+    if kind == "tuple" and issubclass(cls, tuple):
+        return tuple.__new__(cls, parts["items"])
+    if kind == "object" and not issubclass(cls, tuple):
+        return _with_state(cls, parts["state"])
+    raise ValueError(f"the kind {kind!r} is unknown")
+
+
+def _with_state(cls: type, state: dict[str, Any]) -> Any:
+    made: Any = object.__new__(cls)
+    if hasattr(made, "__setstate__"):
+        made.__setstate__(state)
+    else:
+        made.__dict__.update(state)
+    return made
+
+
+def _own_type(name: str) -> type:
+    """A class that this package defines, by "module:qualified name"; never anything that a module merely imports."""
+    module, _, qualified = name.partition(":")
+    if not re.fullmatch(r"skhybrid(\.\w+)+", module):
+        raise ValueError(f"the type {name!r} is not one of skhybrid")
+    found: Any = importlib.import_module(module)
+    for part in qualified.split("."):
+        found = vars(found)[part]
+    if not isinstance(found, type) or found.__module__ != module or found.__qualname__ != qualified:
+        raise ValueError(f"the type {name!r} is not one of skhybrid")
+    return found
+
+
+# ------------------------------------------------------------------------------------------------------------ pandas
+def _zone(index: Any) -> str | None:
+    return None if index.tz is None else str(index.tz)
+
+
+def _datetimes(value: pd.DatetimeIndex) -> dict[str, Any]:
+    freq = None if value.freq is None else value.freq.freqstr
+    return {"ns": value.as_unit("ns").asi8, "unit": value.unit, "tz": _zone(value), "freq": freq, "name": value.name}
+
+
+def _to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
+    made = pd.DatetimeIndex(ns.view("M8[ns]")).as_unit(unit)
+    made = made if tz is None else made.tz_localize("UTC").tz_convert(tz)
+    return pd.DatetimeIndex(made, freq=freq, name=name)
+
+
+def _frame(value: pd.DataFrame) -> dict[str, Any]:
+    return {"index": value.index, "columns": value.columns, "values": [_values(c) for _, c in value.items()]}
+
+
+def _to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.DataFrame:
+    made = pd.DataFrame(dict(enumerate(values)), index=index)
+    made.columns = columns
+    return made
+
+
+def _values(column: pd.Series) -> Any:
+    """A column's values: an array of numbers, or an index, which keeps time zones."""
+    if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
+        return pd.Index(column).rename(None)
+    return column.to_numpy()
+
+
+#: kind -> (types, object to parts, parts to object); looked through in this order.
+_PANDAS: dict[str, tuple[Any, Any, Any]] = {
+    "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
+    "Timestamp": (
+        pd.Timestamp,
+        lambda v: {"ns": v.as_unit("ns").value, "tz": None if v.tz is None else str(v.tz)},
+        lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
+    ),
+    "DatetimeIndex": (pd.DatetimeIndex, _datetimes, _to_datetimes),
+    "TimedeltaIndex": (
+        pd.TimedeltaIndex,
+        lambda v: {"ns": v.as_unit("ns").asi8, "unit": v.unit, "name": v.name},
+        lambda ns, unit, name: pd.TimedeltaIndex(ns.view("m8[ns]"), name=name).as_unit(unit),
+    ),
+    "RangeIndex": (
+        pd.RangeIndex,
+        lambda v: {"start": v.start, "stop": v.stop, "step": v.step, "name": v.name},
+        lambda start, stop, step, name: pd.RangeIndex(start, stop, step, name=name),
+    ),
+    "MultiIndex": (
+        pd.MultiIndex,
+        lambda v: {"tuples": v.to_list(), "names": list(v.names)},
+        lambda tuples, names: pd.MultiIndex.from_tuples(tuples, names=names),
+    ),
+    "Index": (
+        pd.Index,
+        lambda v: {"values": v.to_numpy(), "name": v.name},
+        lambda values, name: pd.Index(values, name=name),
+    ),
+    "Series": (
+        pd.Series,
+        lambda v: {"values": _values(v), "index": v.index, "name": v.name},
+        lambda values, index, name: pd.Series(values, index=index, name=name),
+    ),
+    "DataFrame": (pd.DataFrame, _frame, _to_frame),
+}

@@ -1,0 +1,23 @@
+"""The whole path: from a log and its settings to identified models, a fair comparison, a forecast and a report."""
+
+from .data import StudyData, read_log, split_log
+from .outputs import format_table, write_outputs
+from .rivals import Yesterday, make_rivals
+from .run import StudyResult, run_study
+from .settings import Settings, propose_settings, read_settings, settings_from
+
+__all__ = [
+    "Settings",
+    "StudyData",
+    "StudyResult",
+    "Yesterday",
+    "format_table",
+    "make_rivals",
+    "propose_settings",
+    "read_log",
+    "read_settings",
+    "run_study",
+    "settings_from",
+    "split_log",
+    "write_outputs",
+]

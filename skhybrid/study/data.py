@@ -1,0 +1,221 @@
+"""A log, cut into training rows, rows to test on, and the next day."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import pandas as pd
+
+from .._contract import HISTORY_ROLES, even_step
+from ..datasets import read_zone_csv, regularize
+from .settings import Settings
+
+#: column of the log's own set-point, beside the roles.
+SETPOINT = "setpoint"
+#: history that a forecast of the next day is given at least: the longest lag of any forecaster.
+_HISTORY = pd.Timedelta("14D")
+#: an empty end of T_za shorter than this is a sensor's outage, not a future.
+_SHORTEST_FUTURE = pd.Timedelta("1h")
+
+
+class StudyData(NamedTuple):
+    """What a study works on; every table has its roles as columns and ``T_za`` as history.
+
+    Parameters
+    ----------
+    train : DataFrame
+        Rows to fit on.
+    later : DataFrame
+        Rows from behind the training rows to the end of the test rows.
+    test_start : Timestamp
+        The first stamp of ``later`` that is tested.
+    history : DataFrame
+        Rows before the next day.
+    future : DataFrame
+        The next day; ``T_za`` as far as it was measured.
+    setpoint : Series
+        Temperature to hold [degC], over history and future.
+    held_out : bool
+        Whether the next day is the last of the log, and so was measured.
+    """
+
+    train: pd.DataFrame
+    later: pd.DataFrame
+    test_start: pd.Timestamp
+    history: pd.DataFrame
+    future: pd.DataFrame
+    setpoint: pd.Series
+    held_out: bool
+
+
+def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
+    """Read a log as its settings say.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV file.
+    settings : Settings
+        Columns, units, factors, time zone, label and step.
+
+    Returns
+    -------
+    frame : DataFrame
+        One column a role, at an even step.
+    report : str
+        What was sorted, dropped, filled and left missing.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        In one sentence if the file cannot be read as asked.
+    """
+    columns = dict(settings.columns)
+    wanted = settings.load.get("setpoint", "measured")
+    if isinstance(wanted, str) and wanted != "measured":
+        columns[SETPOINT] = wanted
+    raw = read_zone_csv(path, columns, timezone=settings.timezone, label=settings.label, units=dict(settings.units))
+    for role, factor in settings.scale.items():
+        if role not in raw:
+            raise ValueError(f"[scale] names {role!r}, which [columns] does not have ({', '.join(map(repr, raw))}).")
+        raw[role] = raw[role] * factor
+    frame, report = cast("tuple[pd.DataFrame, object]", regularize(raw, settings.step, return_report=True))
+    return frame, str(report)
+
+
+def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
+    """Cut a log into training rows, rows to test on, and the next day.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        One column a role, at an even step; ``setpoint`` where the log has it.
+    settings : Settings
+        Spans, horizon and set-point.
+
+    Returns
+    -------
+    StudyData
+        If the log ends in rows without ``T_za``, these are the next day; else its last whole local day is, and is
+        held out.
+
+    Raises
+    ------
+    ValueError
+        If a span holds no rows, or the test begins before the training ends.
+    """
+    inputs = _inputs(frame)
+    complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
+    if not len(complete):
+        raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
+    frame = frame.iloc[complete[0] : complete[-1] + 1]
+    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+    if not len(known):
+        raise ValueError("the log has no measured temperature (T_za) at all.")
+    measured = frame.iloc[: known[-1] + 1]
+    train, test = _spans(measured, settings)
+    roles = frame[[*inputs, "T_za"]]
+    later = roles.loc[train.index[-1] : test.index[-1]].iloc[1:]
+    begin, end, held_out = _next_day(frame, measured.index[-1], pd.Timedelta(settings.horizon))
+    earliest = min(train.index[-1], begin - _HISTORY)
+    history = _unbroken(roles.loc[earliest:begin].iloc[1:-1])
+    future = roles.loc[begin:end]
+    return StudyData(
+        roles.loc[train.index[0] : train.index[-1]],
+        _from_gap(later, test.index[0]),
+        test.index[0],
+        history,
+        future,
+        _setpoint(frame, settings.load, history, future),
+        held_out,
+    )
+
+
+def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.drop(columns=[*HISTORY_ROLES, SETPOINT], errors="ignore")
+
+
+def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Training rows and test rows; what is not given is what is left, or two thirds and one third."""
+    train, test = dict(settings.train), dict(settings.test)
+    if "end" not in train and "start" not in test:
+        days = pd.DatetimeIndex(frame.index).normalize().unique()
+        cut = days[max(1, round(len(days) * 2 / 3)) - 1] if len(days) > 1 else days[0]
+        train["end"] = cut.date()
+    first = _rows(frame, train, "train") if "end" in train else None
+    if first is None:
+        first = _rows(frame, train, "train")
+        first = first.loc[first.index < _stamp(test["start"], frame.index)]
+    second = _rows(frame, test, "test")
+    if "start" not in test:
+        second = second.loc[second.index > first.index[-1]]
+    for name, rows in (("train", first), ("test", second)):
+        if rows.empty:
+            raise ValueError(f"[{name}] holds no rows; the log spans {frame.index[0]} to {frame.index[-1]}.")
+    if second.index[0] <= first.index[-1]:
+        raise ValueError(f"[test] begins at {second.index[0]}, but [train] ends at {first.index[-1]}.")
+    return first, second
+
+
+def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFrame:
+    start, end = (None if span.get(key) is None else str(span[key]) for key in ("start", "end"))
+    try:
+        rows = frame.loc[start:end]
+    except (KeyError, ValueError, TypeError):
+        raise ValueError(f"[{name}] start = {start!r}, end = {end!r} are not dates such as 2021-11-30.") from None
+    if rows.empty:
+        raise ValueError(
+            f"[{name}] from {start or 'the start'} to {end or 'the end'} holds no rows; the log spans "
+            f"{frame.index[0]} to {frame.index[-1]}."
+        )
+    return rows
+
+
+def _stamp(given: Any, index: pd.Index) -> pd.Timestamp:
+    stamp = pd.Timestamp(str(given))
+    zone = pd.DatetimeIndex(index).tz
+    return stamp.tz_localize(zone) if zone is not None and stamp.tzinfo is None else stamp
+
+
+def _next_day(
+    frame: pd.DataFrame, last_known: pd.Timestamp, horizon: pd.Timedelta
+) -> tuple[pd.Timestamp, pd.Timestamp, bool]:
+    """First and last stamp of the day to forecast, and whether it was measured."""
+    index = pd.DatetimeIndex(frame.index)
+    step = even_step(index.tz_convert("UTC") if index.tz is not None else index, index)
+    if index[-1] - last_known >= _SHORTEST_FUTURE:
+        return last_known + step, index[-1], False
+    midnights = index[index == index.normalize()]
+    whole = midnights[midnights + horizon - step <= last_known]
+    begin = whole[-1] if len(whole) and whole[-1] > index[0] + horizon else last_known - horizon + step
+    if begin <= index[0]:
+        raise ValueError(f"the log spans {index[0]} to {index[-1]}, which leaves no history before a last day.")
+    return begin, begin + horizon - step, True
+
+
+def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows behind the last one that lacks an input."""
+    broken = np.flatnonzero(_inputs(rows).isna().any(axis=1).to_numpy())
+    return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
+
+
+def _from_gap(later: pd.DataFrame, test_start: pd.Timestamp) -> pd.DataFrame:
+    """Without the rows before the test that a gap of an input cuts off; a gap in the test itself is refused later."""
+    before = later.loc[later.index < test_start]
+    return later.iloc[len(before) - len(_unbroken(before)) :]
+
+
+def _setpoint(frame: pd.DataFrame, load: Mapping[str, Any], history: pd.DataFrame, future: pd.DataFrame) -> pd.Series:
+    """The temperature to hold: given, logged, or as measured (on the last day that was measured)."""
+    index = history.index.append(future.index)
+    wanted = load.get("setpoint", "measured")
+    if not isinstance(wanted, str):
+        return pd.Series(float(wanted), index=index, name=SETPOINT)
+    if wanted != "measured":
+        return frame[SETPOINT].reindex(index).ffill().bfill().rename(SETPOINT)
+    measured = frame["T_za"].reindex(index).interpolate(limit_area="inside")
+    day = round(pd.Timedelta("1D") / (index[1] - index[0]))
+    return measured.fillna(measured.shift(day)).ffill().bfill().rename(SETPOINT)

@@ -1,0 +1,137 @@
+"""Write what a study found: tables, numbers, the model and the report."""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .. import __version__
+from ..persistence import atomic_path, save_model
+from ..report import study_picture, verdict, write_report
+from .rivals import HYBRID
+from .run import StudyResult
+
+
+def format_table(table: pd.DataFrame) -> str:
+    """The comparison as text, the best first and marked, with a sentence on what it says.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Index = model; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``.
+
+    Returns
+    -------
+    str
+    """
+    width = max(len(str(name)) for name in table.index) + 2
+    lines = [
+        f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]",
+        "-" * (width + 46),
+    ]
+    for place, (name, row) in enumerate(table.iterrows()):
+        load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"
+        mark = "* " if place == 0 else "  "
+        lines.append(
+            f"{mark + str(name):{width}}  {row['rmse']:8.3f}  {row['mae']:7.3f}  {load}  {row['seconds']:8.1f}"
+        )
+    return "\n".join([*lines, "", verdict(table, HYBRID)])
+
+
+def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd.Series | None = None) -> list[Path]:
+    """Write every result of a study, each file in one step.
+
+    Parameters
+    ----------
+    result : StudyResult
+        From :func:`skhybrid.study.run_study`.
+    folder : path-like
+        Made if need be.
+    truth : Series, optional
+        True unmeasured heat [kW] at the stamps of the training rows, for the report.
+
+    Returns
+    -------
+    list of Path
+        ``forecast.csv``, ``backtest.csv``, ``parameters.csv``, ``metrics.json``, ``model.skops``, ``report.html`` and
+        ``forecast.png``.
+    """
+    out = Path(folder)
+    _write_csv(result.forecast, out / "forecast.csv")
+    _write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
+    _write_csv(result.parameters, out / "parameters.csv", digits=6)
+    with atomic_path(out / "metrics.json") as made:
+        made.write_text(json.dumps(_metrics(result), indent=2, allow_nan=False, default=str) + "\n", encoding="utf-8")
+    save_model(result.model, out / "model.skops")
+    write_report(
+        out / "report.html",
+        title=result.settings.name,
+        table=result.table,
+        frames=result.frames,
+        forecast=result.forecast,
+        parameters=result.parameters,
+        label=HYBRID,
+        zeta=result.zeta,
+        truth=truth,
+        spans=_spans(result),
+        settings=result.settings.as_dict(),
+        notes=result.warnings,
+    )
+    ordered = {name: result.frames[name] for name in [HYBRID, *result.table.index.drop(HYBRID)]}
+    study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
+    names = (
+        "forecast.csv",
+        "backtest.csv",
+        "parameters.csv",
+        "metrics.json",
+        "model.skops",
+        "report.html",
+        "forecast.png",
+    )
+    return [out / name for name in names]
+
+
+def _write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
+    with atomic_path(path) as made:
+        frame.to_csv(
+            made, float_format=f"%.{digits}g" if digits > 4 else f"%.{digits}f", date_format="%Y-%m-%dT%H:%M:%S%z"
+        )
+
+
+def _wide(result: StudyResult) -> pd.DataFrame:
+    """All back-tests side by side: origin, lead [h], time, measured, one column a model."""
+    first = result.frames[HYBRID]
+    shared = first[["origin", "lead", "time", "y_true"]].assign(lead=first["lead"].dt.total_seconds() / 3600)
+    return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})
+
+
+def _spans(result: StudyResult) -> dict[str, Any]:
+    data, frame = result.data, result.frames[HYBRID]
+    return {
+        "train": f"{data.train.index[0]} to {data.train.index[-1]}",
+        "test": f"{data.test_start} to {data.later.index[-1]}",
+        "forecasts compared": frame["origin"].nunique(),
+    }
+
+
+def _metrics(result: StudyResult) -> dict[str, Any]:
+    numbers = result.table.drop(columns="note").astype(object)
+    rows = numbers.where(numbers.notna(), None).to_dict(orient="index")
+    return {
+        "skhybrid": __version__,
+        "name": result.settings.name,
+        "best": result.best,
+        "verdict": verdict(result.table, HYBRID),
+        "models": rows,
+        **_spans(result),
+        "next_day": str(result.forecast.index[0].date()),
+        "next_day_held_out": result.data.held_out,
+        "seconds": round(result.seconds, 2),
+        "warnings": result.warnings,
+        "settings": result.settings.as_dict(),
+    }

@@ -1,0 +1,315 @@
+"""The command line does the whole path, and refuses bad input in one line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.cli import main
+from skhybrid.persistence import load_model
+from skhybrid.study import (
+    Settings,
+    Yesterday,
+    format_table,
+    make_rivals,
+    propose_settings,
+    read_log,
+    read_settings,
+    settings_from,
+    split_log,
+)
+
+FILES = {
+    "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
+}  # fmt: skip
+
+
+def _log(n_days=14, step="1h", tz=None):
+    """A room under a thermostat's schedule, by one resistor and one capacitor."""
+    index = pd.date_range("2024-01-01", periods=int(pd.Timedelta(days=n_days) / pd.Timedelta(step)), freq=step, tz=tz)
+    rng = np.random.default_rng(0)
+    hours = (index - index[0]) / pd.Timedelta("1h")
+    outside = 5 + 4 * np.sin(2 * np.pi * (hours - 9) / 24) + rng.normal(0, 0.3, len(index))
+    sun = np.clip(np.sin(2 * np.pi * (hours - 6) / 24), 0, None) * 0.3
+    heat = np.where((index.hour >= 6) & (index.hour < 20), 3.0, 0.8) + rng.normal(0, 0.3, len(index)).clip(-0.5, 0.5)
+    gain = np.where((index.day_of_week < 5) & (index.hour >= 8) & (index.hour < 17), 0.8, 0.1)
+    room = np.empty(len(index))
+    room[0] = 20.0
+    for k in range(len(index) - 1):
+        room[k + 1] = room[k] + ((outside[k] - room[k]) / 6.0 + heat[k] + gain[k] + 2 * sun[k]) / 4.0
+    room = room + rng.normal(0, 0.03, len(index))
+    return pd.DataFrame(
+        {"room_temp": room, "outdoor_temp": outside, "solar_W_m2": 1000 * sun, "hvac_kW": heat}, index=index
+    ).rename_axis("timestamp")
+
+
+CONFIG = """
+name = "Test room"
+step = "1h"
+random_state = 1
+[columns]
+T_za = "room_temp"
+T_oa = "outdoor_temp"
+q_sol = "solar_W_m2"
+Q_hvac = "hvac_kW"
+[units]
+q_sol = "W/m2"
+[network]
+name = "1R1C"
+[estimator]
+name = "input"
+n_starts = 2
+[forecaster]
+model = "profile"
+[train]
+end = 2024-01-10
+[test]
+start = 2024-01-11
+"""
+
+
+@pytest.fixture
+def files(tmp_path):
+    _log().to_csv(tmp_path / "log.csv")
+    (tmp_path / "zone.toml").write_text(CONFIG)
+    return tmp_path
+
+
+def _run(folder, *more):
+    return main(
+        ["run", str(folder / "log.csv"), "--config", str(folder / "zone.toml"), "--out", str(folder / "out"), *more]
+    )
+
+
+# ------------------------------------------------------------------------------------------------------ the whole path
+def test_a_log_is_run_end_to_end(files, capsys):
+    assert _run(files) == 0
+    out, err = capsys.readouterr()
+    assert {p.name for p in (files / "out").iterdir()} == FILES
+    assert "hybrid" in out
+    assert "ARX" in out
+    assert "[1/" in err
+    metrics = json.loads((files / "out" / "metrics.json").read_text())
+    assert set(metrics["models"]) >= {"hybrid", "conventional OD", "ARX", "yesterday", "hybrid, persistence"}
+    assert metrics["models"]["hybrid"]["rmse"] < metrics["models"]["yesterday"]["rmse"]
+    assert metrics["verdict"] in out
+    assert next(iter(metrics["models"])) == metrics["best"]
+
+
+def test_the_files_agree_with_one_another(files, capsys):
+    assert _run(files, "-q") == 0
+    assert capsys.readouterr().err == ""
+    out = files / "out"
+    backtest = pd.read_csv(out / "backtest.csv")
+    rmse = np.sqrt(((backtest["hybrid"] - backtest["y_true"]) ** 2).mean())
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert rmse == pytest.approx(metrics["models"]["hybrid"]["rmse"], abs=1e-3)
+    assert backtest["lead"].max() == 24
+    assert backtest["origin"].min().startswith("2024-01-11T00:00")
+    forecast = pd.read_csv(out / "forecast.csv")
+    assert len(forecast) == 24
+    assert forecast["time"].iloc[0].startswith("2024-01-14T00:00")
+    assert {"T_za", "zeta", "Q_hvac", "setpoint", "T_za_measured"} <= set(forecast)
+    model = load_model(out / "model.skops")
+    parameters = pd.read_csv(out / "parameters.csv", index_col="parameter")
+    np.testing.assert_allclose(parameters["value"], model.gray_box_.theta_, rtol=1e-5)
+    assert parameters.loc["C_za", "value"] == pytest.approx(4.0, rel=0.3)
+    assert "Test room" in (out / "report.html").read_text()
+
+
+def test_rows_without_a_temperature_are_the_next_day(files):
+    log = _log()
+    log.iloc[-24:, log.columns.get_loc("room_temp")] = np.nan
+    log.to_csv(files / "log.csv")
+    (files / "zone.toml").write_text(CONFIG + "[load]\nsetpoint = 21.0\n")
+    assert _run(files, "-q") == 0
+    forecast = pd.read_csv(files / "out" / "forecast.csv")
+    assert len(forecast) == 24
+    assert "T_za_measured" not in forecast
+    assert (forecast["setpoint"] == 21.0).all()
+    assert not json.loads((files / "out" / "metrics.json").read_text())["next_day_held_out"]
+
+
+def test_two_temperatures_are_enough(files, capsys):
+    config = CONFIG.replace('q_sol = "solar_W_m2"', "").replace('Q_hvac = "hvac_kW"', "").replace("[units]", "")
+    (files / "zone.toml").write_text(config.replace('q_sol = "W/m2"', ""))
+    assert _run(files, "-q") == 0
+    metrics = json.loads((files / "out" / "metrics.json").read_text())
+    assert metrics["models"]["hybrid"]["load_rmse"] is None
+    assert "Q_hvac" not in pd.read_csv(files / "out" / "forecast.csv")
+    assert "needed that day" not in (files / "out" / "report.html").read_text()
+
+
+def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
+    assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
+    out, _ = capsys.readouterr()
+    assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
+    for row in ("hybrid", "conventional OD", "ARX", "hybrid, profile", "hybrid, last_week", "hybrid, persistence"):
+        assert row in out
+    for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
+        assert column in out
+
+
+def test_the_module_runs_and_tells_its_version():
+    done = subprocess.run(
+        [sys.executable, "-m", "skhybrid", "--version"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0
+    assert done.stdout.startswith("skhybrid ")
+
+
+# --------------------------------------------------------------------------------------------------------- bad input
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('step = "1h"', 'stepp = "1h"', "zone.toml: unknown key 'stepp'; did you mean 'step'?"),
+        ("n_starts", "n_startz", "unknown key 'n_startz' in [estimator]"),
+        ('model = "profile"', 'modl = "profile"', "unknown key 'modl' in [forecaster]"),
+        ("end = 2024-01-10", "ende = 2024-01-10", "unknown key 'ende' in [train]"),
+        ('"room_temp"', '"temperature"', "'temperature'"),
+        ('T_oa = "outdoor_temp"', "", "does not say which column is T_oa"),
+        ('name = "input"', 'name = "magic"', "[estimator] name = 'magic'"),
+        ('name = "1R1C"', 'name = "9R9C"', "'9R9C'"),
+        ('step = "1h"', 'step = "soon"', "step = 'soon' is not a duration"),
+        ('q_sol = "W/m2"', 'q_sol = "lux"', "'lux'"),
+        ("start = 2024-01-11", "start = 2031-01-11", "[test] from 2031-01-11"),
+        ("start = 2024-01-11", "start = 2024-01-05", "[train] ends at"),
+        ('step = "1h"', "step = ", "is not valid TOML"),
+        ("[units]", "[scale]\nu_heat = 0.1\n[units]", "[scale] names 'u_heat'"),
+        ('step = "1h"', 'step = "1h"\nlabel = "middle"', "label = 'middle'"),
+        ('step = "1h"', 'step = "1h"\norigin_step = "90min"', "origin_step="),
+    ],
+)
+def test_a_wrong_setting_is_refused_in_one_line(files, capsys, old, new, message):
+    assert old in CONFIG
+    (files / "zone.toml").write_text(CONFIG.replace(old, new, 1))
+    assert _run(files, "-q") == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("skhybrid: error: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert not (files / "out").exists()
+
+
+def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
+    assert main(["run", str(files / "none.csv"), "--config", str(files / "zone.toml"), "--out", str(files / "o")]) == 1
+    assert "none.csv" in capsys.readouterr().err
+    assert main(["run", str(files / "log.csv"), "--out", str(files / "o")]) == 2
+    assert "needs --config" in capsys.readouterr().err
+    assert main(["fly"]) == 2
+    assert main(["run", "--help"]) == 0
+
+
+def test_a_gap_of_an_input_in_the_training_span_is_named(files, capsys):
+    log = _log()
+    log.iloc[50:70, log.columns.get_loc("outdoor_temp")] = np.nan
+    log.to_csv(files / "log.csv")
+    assert _run(files, "-q") == 1
+    assert "T_oa" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------------------ configurations
+def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
+    assert main(["run", "--write-config", str(files / "log.csv")]) == 0
+    text = capsys.readouterr().out
+    proposed = tomllib.loads(text)
+    assert proposed["columns"] == {
+        "T_za": "room_temp", "T_oa": "outdoor_temp", "q_sol": "solar_W_m2", "Q_hvac": "hvac_kW",
+    }  # fmt: skip
+    assert proposed["units"] == {"q_sol": "W/m2"}
+    data = split_log(read_log(files / "log.csv", settings_from(proposed))[0], settings_from(proposed))
+    assert len(data.train)
+    assert data.test_start > data.train.index[-1]
+
+
+def test_a_proposal_is_written_to_a_file_that_is_not_there_yet(files, capsys):
+    path = files / "new.toml"
+    assert main(["run", "--write-config", str(files / "log.csv"), "--config", str(path)]) == 0
+    assert settings_from(tomllib.loads(path.read_text())).columns["T_za"] == "room_temp"
+    assert main(["run", "--write-config", str(files / "log.csv"), "--config", str(path)]) == 1
+    assert "exists" in capsys.readouterr().err
+
+
+def test_the_columns_of_real_logs_are_found(shared_data):
+    home = tomllib.loads(propose_settings(shared_data / "dutch_home_2.csv"))
+    assert home["columns"] == {
+        "T_za": "T_in_degC", "T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd",
+    }  # fmt: skip
+    highest = pd.read_csv(shared_data / "dutch_home_2.csv")["heat_cmd"].max()
+    assert home["scale"]["u_heat"] * highest == pytest.approx(1.0, rel=1e-3)
+    office = tomllib.loads(propose_settings(shared_data / "small_office_chicago_irregular.csv"))
+    assert office["columns"]["Q_hvac"] == "q_hvac_kW"
+    assert (office["label"], office["timezone"]) == ("right", "-06:00")
+    assert (home["label"], home["timezone"]) == ("left", "UTC")
+    assert "truth_gains_kW" not in office["columns"].values()
+
+
+def test_a_log_without_temperatures_gets_no_proposal(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("time,a,b\n2024-01-01T00:00,1,2\n")
+    assert main(["run", "--write-config", str(tmp_path / "log.csv")]) == 1
+    assert "looks like the room temperature" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["dutch_home_2", "small_office"])
+def test_the_kept_configurations_fit_their_logs(shared_data, name):
+    settings = read_settings(Path(__file__).parents[1] / "examples" / "configs" / f"{name}.toml")
+    log = {"small_office": "small_office_chicago_irregular"}.get(name, name)
+    data = split_log(read_log(shared_data / f"{log}.csv", settings)[0], settings)
+    assert data.train.notna().all(axis=None)
+    assert data.later.drop(columns="T_za").notna().all(axis=None)
+    assert data.later.index[0] == data.train.index[-1] + pd.Timedelta("15min")
+    assert str(data.test_start.date()) == str(settings.test["start"])
+    if "u_heat" in data.train:
+        assert 0.5 < data.train["u_heat"].max() <= 1.0
+    assert make_rivals(settings)[0].label == "hybrid"
+
+
+# -------------------------------------------------------------------------------------------------------------- parts
+def test_a_declared_network_is_understood():
+    settings = Settings(
+        columns={"q_sol": "sun"},
+        network={
+            "capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"]}, "solar": {"za": "rest"},
+        }
+    )  # fmt: skip
+    network = make_rivals(settings)[0].estimator.gray_box.network
+    assert network.states == ("T_za",)
+    assert network.resistors["R_zo"] == ("za", "T_oa")
+
+
+def test_spans_that_are_not_given_are_two_thirds_and_one():
+    frame = _log(n_days=12).rename(columns={"room_temp": "T_za", "outdoor_temp": "T_oa", "hvac_kW": "Q_hvac"})
+    data = split_log(frame[["T_oa", "Q_hvac", "T_za"]], Settings(step="1h"))
+    assert len(data.train) == 8 * 24
+    assert len(data.later) == 4 * 24
+    assert data.future.index[0] == pd.Timestamp("2024-01-12")
+    assert data.held_out
+
+
+def test_yesterday_is_what_was_measured_a_day_before_and_knows_nothing_later():
+    frame = _log(5).rename(columns={"room_temp": "T_za"})
+    model = Yesterday().fit(frame)
+    paths = model.predict_from(frame, [47, 60], "1D")
+    np.testing.assert_array_equal(paths[0], frame["T_za"].to_numpy()[24:48])
+    changed = frame.copy()
+    changed.iloc[61:, 0] = -99.0
+    np.testing.assert_array_equal(model.predict_from(changed, [47, 60], "1D"), paths)
+    np.testing.assert_array_equal(model.predict_from(frame, [47], "2D")[0, 24:], paths[0])
+
+
+def test_the_table_marks_the_best_and_names_a_simple_rival_that_wins():
+    table = pd.DataFrame(
+        {"rmse": [0.3, 0.5], "mae": [0.2, 0.4], "load_rmse": [np.nan, 1.0], "seconds": 1.0}, index=["ARX", "hybrid"]
+    )
+    lines = format_table(table).splitlines()
+    assert lines[2].startswith("* ARX")
+    assert lines[2].split()[-2] == "-"
+    assert "A rival forecasts better here: ARX" in lines[-1]

@@ -1,0 +1,173 @@
+"""Displays draw what they were given, with labels, units and a legend, and load no matplotlib before that."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from sklearn.base import BaseEstimator
+
+from skhybrid.inspection import (
+    DayAheadDisplay,
+    DisturbanceWeekDisplay,
+    ForecastDisplay,
+    LeadErrorDisplay,
+    blank_axes,
+)
+from skhybrid.model_selection import backtest
+
+INDEX = pd.date_range("2024-01-01", periods=6 * 24, freq="1h", tz="Europe/Amsterdam")
+
+
+class Shifted(BaseEstimator):
+    """A forecaster that is wrong by 0.1 K an hour ahead."""
+
+    def __sklearn_is_fitted__(self):
+        return True
+
+    def fit(self, X, y):
+        return self
+
+    def predict_from(self, X, origins, horizon=None):
+        leads = np.arange(1, 25)
+        return X["T_za"].to_numpy()[np.asarray(origins)[:, None] + leads] + 0.1 * leads
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture
+def table():
+    warm = 20 + np.sin(np.arange(len(INDEX)))
+    return pd.DataFrame({"T_oa": 5.0, "T_za": warm}, index=INDEX)
+
+
+@pytest.fixture
+def frame(table):
+    return backtest(Shifted(), table, table["T_za"])
+
+
+def _lines(ax):
+    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+
+
+def _legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+# ---------------------------------------------------------------------------------------------------------- forecasts
+def test_a_forecast_is_drawn_beside_the_measurement(frame):
+    display = ForecastDisplay.from_predictions({"hybrid": frame, "ARX": frame})
+    assert display.figure_ is display.ax_.figure
+    assert display.ax_.get_ylabel() == "zone temperature [degC]"
+    assert "Europe/Amsterdam" in display.ax_.get_xlabel()
+    assert _legend(display.ax_) == ["measured", "hybrid", "ARX"]
+    lines = _lines(display.ax_)
+    np.testing.assert_array_equal(lines["measured"].get_ydata(), frame["y_true"])
+    np.testing.assert_array_equal(lines["hybrid"].get_ydata(), frame["y_pred"])
+    assert lines["hybrid"].get_color() != lines["ARX"].get_color()
+
+
+def test_only_the_chosen_span_is_drawn(frame):
+    ax = ForecastDisplay.from_predictions(frame, start="2024-01-03", end="2024-01-04").ax_
+    assert len(_lines(ax)["measured"].get_ydata()) == 25
+    with pytest.raises(ValueError, match="no forecast lies between"):
+        ForecastDisplay.from_predictions(frame, start="2025-01-01")
+
+
+def test_overlapping_origins_are_not_drawn_on_one_another(table):
+    often = backtest(Shifted(), table, table["T_za"], origin_step="6h")
+    drawn = _lines(ForecastDisplay.from_predictions(often).ax_)["forecast"].get_xdata()
+    assert len(drawn) == len(set(drawn))
+
+
+def test_a_display_is_made_from_an_estimator(table, frame):
+    by_estimator = ForecastDisplay.from_estimator(Shifted(), table, table["T_za"])
+    pd.testing.assert_frame_equal(by_estimator.frames["Shifted"], frame)
+    several = LeadErrorDisplay.from_estimator({"a": Shifted(), "b": Shifted()}, table, table["T_za"])
+    assert list(several.errors) == ["a", "b"]
+
+
+def test_a_display_can_be_drawn_again_on_given_axes(frame):
+    _, ax = plt.subplots()
+    display = ForecastDisplay.from_predictions(frame, ax=ax)
+    assert display.ax_ is ax
+    assert display.plot().ax_ is not ax
+    with pytest.raises(ValueError, match="ax holds 1 axes, but this display draws on 2"):
+        DayAheadDisplay(pd.DataFrame({"T_za": [1.0], "Q_hvac": [1.0]}, index=INDEX[:1])).plot(ax)
+    with pytest.raises(ValueError, match="no back-test to draw"):
+        ForecastDisplay.from_predictions({})
+
+
+# -------------------------------------------------------------------------------------------------------- error by lead
+def test_the_error_is_drawn_by_lead(frame):
+    ax = LeadErrorDisplay.from_predictions({"hybrid": frame}).ax_
+    line = _lines(ax)["hybrid"]
+    np.testing.assert_allclose(line.get_xdata(), np.arange(1, 25))
+    np.testing.assert_allclose(line.get_ydata(), 0.1 * np.arange(1, 25))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("lead [h]", "RMSE of temperature [K]")
+
+
+# -------------------------------------------------------------------------------------------------- weekly disturbance
+def test_the_week_is_by_local_hours():
+    index = pd.date_range("2024-03-18", periods=4 * 7 * 24, freq="1h", tz="Europe/Amsterdam")  # the clock changes
+    office = np.where((index.day_of_week < 5) & (index.hour >= 8) & (index.hour < 18), 3.0, 0.0)
+    display = DisturbanceWeekDisplay.from_predictions(pd.Series(office, index=index), truth=office + 1)
+    week = display.week
+    assert set(week.index[week["median"] == 3.0]) == {24 * day + hour for day in range(5) for hour in range(8, 18)}
+    np.testing.assert_allclose(week["truth"], week["median"] + 1)
+    assert display.ax_.get_ylabel() == "unmeasured heat [kW]"
+    assert _legend(display.ax_) == ["10 to 90 % of the weeks", "median estimate", "truth (mean)"]
+
+
+def test_the_week_of_an_estimator_reads_its_gray_box(table):
+    class GrayBox:
+        feature_names_in_ = np.array(["T_za", "T_oa"], dtype=object)
+
+        def estimate_disturbance(self, X, kind, smooth):
+            assert list(X.columns) == ["T_za", "T_oa"]
+            return pd.Series(2.0 if kind == "output" else 1.0, index=X.index)
+
+    class Hybrid:
+        gray_box_ = GrayBox()
+
+    display = DisturbanceWeekDisplay.from_estimator(Hybrid(), table, kind="output")
+    assert display.ax_.get_ylabel() == "unmeasured heat [K]"
+    assert display.week["median"].dropna().eq(2.0).all()
+    with pytest.raises(ValueError, match="truth has the shape"):
+        DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=INDEX), truth=[1.0])
+
+
+# --------------------------------------------------------------------------------------------------------- the next day
+@pytest.mark.parametrize("load", [True, False])
+def test_the_next_day_has_temperature_and_load(load):
+    forecast = pd.DataFrame({"T_za": 20.0, "Q_hvac": -1.0}, index=INDEX[:24])
+    forecast = forecast if load else forecast[["T_za"]]
+    display = DayAheadDisplay.from_predictions(forecast, measured=forecast + 0.5, setpoint=21.0)
+    above = np.ravel(display.ax_)[0]
+    assert display.n_axes == len(np.ravel(display.ax_)) == (2 if load else 1)
+    assert _legend(above) == ["measured", "forecast", "set-point"]
+    if load:
+        assert _legend(display.ax_[1]) == ["delivered", "needed (forecast)"]
+        assert "[kW]" in display.ax_[1].get_ylabel()
+
+
+def test_blank_axes_leave_no_figure_with_pyplot():
+    figure, axes = blank_axes(2, (4, 3))
+    assert isinstance(figure, Figure)
+    assert len(axes) == 2
+    assert plt.get_fignums() == []
+
+
+def test_importing_loads_no_matplotlib():
+    code = "import sys, skhybrid.inspection; print('matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,203 @@
+"""Splits keep the order of time, and a back-test forecasts what the estimator forecasts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import StandardScaler
+
+from skhybrid.model_selection import RollingOriginSplit, backtest, score_backtest
+
+PER_DAY = 24
+
+
+def _table(n_days=10, start="2024-01-01", tz=None, freq="1h"):
+    index = pd.date_range(start, periods=n_days * PER_DAY, freq=freq, tz=tz)
+    rows = np.arange(len(index), dtype=float)
+    return pd.DataFrame({"T_oa": rows, "T_za": rows + 100}, index=index), pd.Series(rows + 100, index=index)
+
+
+class CountsFromOrigin(RegressorMixin, BaseEstimator):
+    """Forecasts 1000 * (history at the origin) + lead: shows from which row a forecast was made."""
+
+    sampling_time = "1h"
+
+    def fit(self, X, y):
+        self.fitted_ = True
+        return self
+
+    def predict_from(self, X, origins, horizon=None):
+        n_leads = round(pd.Timedelta(horizon) / pd.Timedelta("1h"))
+        column = X["T_za"] if isinstance(X, pd.DataFrame) else pd.Series(X[:, 1])
+        known = column.to_numpy()[np.asarray(origins)]
+        return 1000 * known[:, None] + np.arange(1, n_leads + 1)
+
+
+# ------------------------------------------------------------------------------------------------------------ splits
+@pytest.mark.parametrize("expanding", [False, True])
+def test_blocks_are_contiguous_ordered_and_apart(expanding):
+    X, _ = _table(20)
+    cv = RollingOriginSplit(train="7D", test="2D", gap="1D", expanding=expanding)
+    splits = list(cv.split(X))
+    assert len(splits) == cv.get_n_splits(X) == 6
+    for k, (train, test) in enumerate(splits):
+        first = 0 if expanding else 2 * PER_DAY * k
+        np.testing.assert_array_equal(train, np.arange(first, (7 + 2 * k) * PER_DAY))
+        np.testing.assert_array_equal(test, np.arange((8 + 2 * k) * PER_DAY, (10 + 2 * k) * PER_DAY))
+
+
+def test_lengths_may_be_numbers_of_rows_and_the_newest_splits_are_kept():
+    every = list(RollingOriginSplit(train=10, test=3, gap=2, step=4).split(np.zeros((40, 1))))
+    newest = list(RollingOriginSplit(train=10, test=3, gap=2, step=4, n_splits=2).split(np.zeros((40, 1))))
+    assert [int(test[0]) for _, test in every] == [12, 16, 20, 24, 28, 32, 36]
+    assert [test.tolist() for _, test in newest] == [test.tolist() for _, test in every[-2:]]
+
+
+def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():
+    X, _ = _table(4)
+    by_index = list(RollingOriginSplit(train="2D", test="1D", sampling_time="15min").split(X))
+    by_argument = list(RollingOriginSplit(train="2D", test="1D", sampling_time="1h").split(X.to_numpy()))
+    for (a, b), (c, d) in zip(by_index, by_argument, strict=True):
+        np.testing.assert_array_equal(a, c)
+        np.testing.assert_array_equal(b, d)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"train": "28D"}, r"too short.*29 days.*28D.*10 days"),
+        ({"train": "5D", "n_splits": 9}, "9 splits need"),
+        ({"train": "90min"}, "train='90min' is not a positive multiple"),
+        ({"train": 0}, "train=0 must be at least 1"),
+        ({"gap": -1}, "gap=-1"),
+        ({"n_splits": 0}, "n_splits=0"),
+    ],
+)
+def test_a_split_that_cannot_be_made_says_why(kwargs, message):
+    X, _ = _table(10)
+    with pytest.raises(ValueError, match=message):
+        list(RollingOriginSplit(**kwargs).split(X))
+
+
+def test_the_number_of_splits_needs_a_table_or_a_number():
+    assert RollingOriginSplit(n_splits=3).get_n_splits() == 3
+    with pytest.raises(ValueError, match="pass X"):
+        RollingOriginSplit().get_n_splits()
+
+
+def test_it_serves_a_grid_search_in_two_processes():
+    X, y = _table(10)
+    cv = RollingOriginSplit(train="5D", test="1D")
+    scores = [
+        GridSearchCV(Ridge(), {"alpha": [0.1, 10.0]}, cv=cv, n_jobs=n).fit(X, y).cv_results_["mean_test_score"]
+        for n in (1, 2)
+    ]
+    np.testing.assert_array_equal(*scores)
+    assert "train='5D'" in repr(cv)
+
+
+# --------------------------------------------------------------------------------------------------------- back-tests
+def test_every_origin_and_lead_has_a_row_and_the_right_measurement():
+    X, y = _table(5)
+    frame = backtest(CountsFromOrigin().fit(X, y), X, y)
+    assert list(frame.columns) == ["origin", "lead", "time", "y_true", "y_pred"]
+    assert len(frame) == 4 * PER_DAY  # the fifth day's horizon ends beyond X
+    assert (frame["time"] == frame["origin"] + frame["lead"]).all()
+    np.testing.assert_array_equal(frame["y_true"], y.loc[frame["time"]])
+    expected = 1000 * y.loc[frame["origin"]].to_numpy() + frame["lead"] / pd.Timedelta("1h")
+    np.testing.assert_array_equal(frame["y_pred"], expected)
+
+
+@pytest.mark.parametrize(
+    ("origin_step", "expected_hours"),
+    [("1D", [19, 43]), ("12h", [19, 31, 43, 55]), ("2D", [19]), ("25h", [0, 25, 50]), ("5h", list(range(0, 56, 5)))],
+)
+def test_origins_follow_the_stated_rule(origin_step, expected_hours):
+    X, y = _table(n_days=4, start="2024-01-01 05:00")
+    X, y = X[:80], y[:80]
+    frame = backtest(CountsFromOrigin().fit(X, y), X, y, origin_step=origin_step)
+    hours = (pd.Index(frame["origin"].unique()) - X.index[0]) / pd.Timedelta("1h")
+    assert list(hours) == expected_hours
+
+
+@pytest.mark.parametrize("day", ["2024-03-31", "2024-10-27"])
+def test_origins_are_local_midnights_across_a_change_of_clocks(day):
+    index = pd.date_range(pd.Timestamp(day, tz="Europe/Amsterdam") - pd.Timedelta("2D"), periods=6 * 24, freq="1h")
+    X = pd.DataFrame({"T_oa": 0.0, "T_za": 1.0}, index=index)
+    frame = backtest(CountsFromOrigin().fit(X, None), X, X["T_za"])
+    origins = pd.DatetimeIndex(frame["origin"].unique())
+    assert (origins == origins.normalize()).all()
+    assert len(origins) == (6 if day == "2024-03-31" else 5)  # a day of 23 hours, or one of 25
+
+
+def test_rows_before_the_start_are_history_only():
+    X, y = _table(6)
+    frame = backtest(CountsFromOrigin().fit(X, y), X, y, origin_step="25h", start="2024-01-03 02:00")
+    assert frame["origin"].iloc[0] == pd.Timestamp("2024-01-03 02:00")
+    assert frame["y_pred"].iloc[0] == 1000 * y.loc["2024-01-03 02:00"] + 1
+
+
+def test_an_array_is_numbered_by_rows():
+    X, y = _table(3)
+    frame = backtest(CountsFromOrigin().fit(X, y), X.to_numpy(), y.to_numpy())
+    assert frame["origin"].unique().tolist() == [0, 24]
+    assert frame["time"].iloc[0] == 1
+    assert frame["lead"].iloc[1] == pd.Timedelta("2h")
+
+
+def test_a_pipeline_and_a_search_are_looked_into():
+    X, y = _table(6)
+    doubled = Pipeline([("scale", StandardScaler(with_mean=False).set_output(transform="pandas"))])
+    pipe = Pipeline([*doubled.steps, ("model", CountsFromOrigin())]).fit(X, y)
+    frame = backtest(pipe, X, y)
+    scaled = pipe[:-1].transform(X)["T_za"]
+    expected = 1000 * scaled.loc[frame["origin"]].to_numpy() + frame["lead"] / pd.Timedelta("1h")
+    np.testing.assert_allclose(frame["y_pred"], expected)
+    search = GridSearchCV(Ridge(), {"alpha": [1e-9]}, cv=RollingOriginSplit("3D", "1D")).fit(X, y)
+    np.testing.assert_allclose(backtest(search, X, y)["y_pred"], backtest(search, X, y)["y_true"], atol=1e-6)
+
+
+def test_a_plain_regressor_gives_its_predictions_at_every_lead():
+    X, y = _table(4)
+    frame = backtest(LinearRegression().fit(X, y), X, y, horizon="6h", origin_step="6h")
+    np.testing.assert_allclose(frame["y_pred"], frame["y_true"])
+
+
+def test_missing_measurements_are_kept_and_not_scored():
+    X, y = _table(4)
+    y.iloc[30:35] = np.nan
+    frame = backtest(LinearRegression().fit(X, X["T_oa"]), X, y)
+    assert frame["y_true"].isna().sum() == 5
+    assert score_backtest(frame)["n"] == len(frame) - 5
+
+
+def test_a_backtest_that_cannot_be_made_says_why():
+    X, y = _table(4)
+    with pytest.raises(NotFittedError):
+        backtest(CountsFromOrigin(), X, y)
+    model = CountsFromOrigin().fit(X, y)
+    with pytest.raises(ValueError, match="X has 96 rows, but y has the shape"):
+        backtest(model, X, y[:-1])
+    with pytest.raises(ValueError, match="no origin fits"):
+        backtest(model, X[:20], y[:20])
+    with pytest.raises(ValueError, match="origin_step='90min'"):
+        backtest(model, X, y, origin_step="90min")
+
+
+def test_errors_are_those_of_their_definition():
+    lead = pd.to_timedelta([1, 2, 1, 2], unit="h")
+    frame = pd.DataFrame({"origin": [0, 0, 1, 1], "lead": lead, "y_true": [0.0] * 4, "y_pred": [3.0, -4.0, 0.0, 1.0]})
+    whole = score_backtest(frame)
+    assert whole["rmse"] == pytest.approx(np.sqrt(26 / 4))
+    assert whole["mae"] == pytest.approx(2.0)
+    by_lead = score_backtest(frame, by="lead")
+    np.testing.assert_allclose(by_lead["rmse"], [np.sqrt(4.5), np.sqrt(8.5)])
+    np.testing.assert_allclose(by_lead["n"], [2, 2])
+    with pytest.raises(ValueError, match="by='day'"):
+        score_backtest(frame, by="day")

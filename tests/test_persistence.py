@@ -1,0 +1,263 @@
+"""A model file gives back the model, or is refused with one sentence; nothing in it runs."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import zipfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+import skops.io
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.tree import DecisionTreeRegressor
+
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import ModelFileError
+from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.persistence import atomic_path, load_model, save_model
+
+
+def _data():
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame(rng.normal(size=(200, 3)), columns=["T_oa", "q_sol", "T_za"])
+    return X, X @ [1.0, 2.0, 3.0]
+
+
+def _fitted():
+    X, y = _data()
+    model = Pipeline([("scale", StandardScaler()), ("ridge", Ridge())]).fit(X, y)
+    return model, X
+
+
+@pytest.fixture
+def saved(tmp_path):
+    model, X = _fitted()
+    save_model(model, tmp_path / "model.skops")
+    return tmp_path / "model.skops", model, X
+
+
+# ------------------------------------------------------------------------------------------------- there and back
+def test_a_model_comes_back_the_same(saved):
+    path, model, X = saved
+    np.testing.assert_array_equal(load_model(path).predict(X), model.predict(X))
+
+
+def test_a_search_with_our_splitter_comes_back(tmp_path):
+    X, y = _data()
+    cv = RollingOriginSplit(train=50, test=10, gap=pd.Timedelta("0D"))
+    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1.0]}, cv=cv).fit(X, y)
+    save_model(search, tmp_path / "m")
+    back = load_model(tmp_path / "m")
+    np.testing.assert_array_equal(back.predict(X), search.predict(X))
+    assert repr(back.cv) == repr(cv)
+
+
+def test_a_search_over_an_estimator_of_ours_comes_back(tmp_path):
+    office = make_office(n_days=6, random_state=0, sampling_time="1h")
+    arx = GridSearchCV(Pipeline([("arx", ARXRegressor())]), {"arx__n_lags": [2, 4]}, cv=RollingOriginSplit("3D", "1D"))
+    arx.fit(office.X, office.y)
+    save_model(arx, tmp_path / "m")
+    np.testing.assert_array_equal(load_model(tmp_path / "m").predict(office.X), arx.predict(office.X))
+
+
+@pytest.mark.parametrize("model", ["ridge", "lstm"])
+def test_a_hybrid_comes_back_whole(tmp_path, model):
+    """pandas objects, NamedTuples, a network declared as data, and the weights of a torch module as arrays."""
+    office = make_office(n_days=9, random_state=0, sampling_time="30min")
+    gray_box = InputDisturbanceID("1R1C", known={"Q_h": 6.0}, n_starts=1, random_state=0)
+    forecaster = DisturbanceForecaster(model=model, max_epochs=1, hidden_size=3)
+    hybrid = HybridPredictor(gray_box, forecaster, random_state=0).fit(office.X[:-48], office.y[:-48])
+    save_model(hybrid, tmp_path / "m")
+    back = load_model(tmp_path / "m")
+    np.testing.assert_array_equal(back.predict(office.X[-48:]), hybrid.predict(office.X[-48:]))
+    pd.testing.assert_series_equal(back.gray_box_.theta_, hybrid.gray_box_.theta_)
+    assert back.get_params(deep=False).keys() == hybrid.get_params(deep=False).keys()
+    np.testing.assert_array_equal(  # continues from the kept end of the training table, and can be fitted again
+        clone(back).fit(office.X[:-48], office.y[:-48]).predict(office.X[-48:]), hybrid.predict(office.X[-48:])
+    )
+
+
+STAMPS = pd.date_range("2024-03-30", periods=30, freq="15min", tz="Europe/Amsterdam")
+VALUES = {
+    "series": pd.Series([1.0, np.nan], index=["C_w", "R_zw"], name="theta"),
+    "frame": pd.DataFrame({"a": [1, 2], "b": ["x", None]}, index=pd.Index([3, 4], name="k")),
+    "mixed columns": pd.DataFrame([[1.0, True]], columns=pd.Index(["n", 5], dtype=object)),
+    "stamps": STAMPS,
+    "stamps with an offset": pd.date_range("2018-01-01T00:15:00-06:00", periods=3, freq="15min"),
+    "naive stamps": pd.DatetimeIndex(["2024-01-01", "2024-01-03"], name="t"),
+    "stamped frame": pd.DataFrame({"t": STAMPS, "d": STAMPS - STAMPS[0], "v": 1.0}, index=STAMPS),
+    "rows": pd.RangeIndex(2, 10, 2, name="r"),
+    "pairs": pd.MultiIndex.from_tuples([("a", 1), ("b", 2)], names=["x", "y"]),
+    "duration": pd.Timedelta("15min"),
+    "stamp": pd.Timestamp("2024-03-31 03:00", tz="Europe/Amsterdam"),
+    "nested": {"a": (1, [2.5, None]), 3: {"x"}, (1, 2): frozenset({4})},
+    "objects": np.array([(1, 2), None, "x"], dtype=object),
+    "mark": {"__skhybrid__": "object"},
+    "class": RollingOriginSplit,
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_what_an_estimator_may_hold_comes_back(tmp_path, name):
+    model = Ridge().fit(*_data())
+    model.held_ = VALUES[name]
+    save_model(model, tmp_path / "m")
+    back = load_model(tmp_path / "m").held_
+    assert type(back) is type(VALUES[name])
+    if isinstance(back, pd.DataFrame):
+        pd.testing.assert_frame_equal(back, VALUES[name], check_freq=True)
+    elif isinstance(back, pd.Series):
+        pd.testing.assert_series_equal(back, VALUES[name])
+    elif isinstance(back, pd.Index):
+        pd.testing.assert_index_equal(back, VALUES[name], exact=True)
+        assert getattr(back, "freq", None) == getattr(VALUES[name], "freq", None)
+    elif isinstance(back, np.ndarray):
+        assert back.tolist() == VALUES[name].tolist()
+    else:
+        assert back == VALUES[name]
+
+
+def test_what_cannot_be_written_as_data_is_refused(tmp_path):
+    class Local(NamedTuple):
+        a: int
+
+    X, y = _data()
+    with pytest.raises(TypeError, match="cannot be written as data"):
+        save_model(FunctionTransformer(lambda x: x).fit(X), tmp_path / "m")
+    with pytest.raises(TypeError, match=r"Tree, which cannot be written as data that is safe to read"):
+        save_model(DecisionTreeRegressor(max_depth=2).fit(X, y), tmp_path / "m")
+    model = Ridge().fit(X, y)
+    model.held_ = Local(1)
+    with pytest.raises(TypeError, match=r"Ridge\.held_ is a"):
+        save_model(model, tmp_path / "m")
+    with pytest.raises(NotFittedError):
+        save_model(Ridge(), tmp_path / "m")
+    assert list(tmp_path.iterdir()) == []
+
+
+# ------------------------------------------------------------------------------------------------------ refused files
+@pytest.mark.parametrize("kept", [0, 5, 60, 100, 101, 500, -1])
+def test_a_truncated_file_is_refused(saved, kept):
+    path, *_ = saved
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(ModelFileError, match=path.name):
+        load_model(path)
+
+
+def test_a_file_with_any_flipped_bit_is_refused(saved):
+    path, *_ = saved
+    content = path.read_bytes()
+    places = [*range(120), *np.random.default_rng(0).integers(120, len(content), 200).tolist()]
+    for place in places:
+        changed = bytearray(content)
+        changed[place] ^= 1 << (place % 8)
+        path.write_bytes(bytes(changed))
+        with pytest.raises(ModelFileError):
+            load_model(path)
+
+
+def test_another_version_is_refused_and_a_patch_is_not(saved, monkeypatch):
+    path, model, X = saved
+    monkeypatch.setattr(persistence, "__version__", "7.3.1")
+    save_model(model, path)
+    monkeypatch.setattr(persistence, "__version__", "7.3.2")
+    np.testing.assert_array_equal(load_model(path).predict(X), model.predict(X))
+    monkeypatch.setattr(persistence, "__version__", "7.4.0")
+    with pytest.raises(ModelFileError, match=r"saved by skhybrid 7\.3\.1, but this is 7\.4\.0"):
+        load_model(path)
+
+
+class Bomb:
+    """Leaves a file behind when it is unpickled."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self):
+        return Path.touch, (self.trace,)
+
+
+def _forged(path: Path, body: bytes) -> None:
+    """A model file whose checksum is right, as one who means harm would write it."""
+    version = persistence.__version__.encode()
+    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, persistence._digest(version, body)) + body)
+
+
+def test_a_malicious_pickle_is_not_run(tmp_path):
+    trace = tmp_path / "it ran"
+    payload = pickle.dumps(Bomb(trace))
+    for forge in (lambda p, b: p.write_bytes(b), _forged):
+        forge(tmp_path / "m", payload)
+        with pytest.raises(ModelFileError):
+            load_model(tmp_path / "m")
+    assert not trace.exists()
+    pickle.loads(payload)
+    assert trace.exists()  # the payload was live
+
+
+def test_a_forged_archive_with_a_foreign_type_is_refused(tmp_path):
+    trace = tmp_path / "it ran"
+    _forged(tmp_path / "m", skops.io.dumps({"a": Bomb(trace)}))
+    with pytest.raises(ModelFileError, match="types that are not read"):
+        load_model(tmp_path / "m")
+    assert not trace.exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["subprocess:Popen", "skhybrid.persistence:Path", "skhybrid.persistence:load_model", "skhybrid:x", "skhybrid.no:A"],
+)
+def test_a_forged_own_type_is_refused(tmp_path, name):
+    _forged(tmp_path / "m", skops.io.dumps({"__skhybrid__": "object", "type": name, "state": {}}))
+    with pytest.raises(ModelFileError, match="cannot be read as a model"):
+        load_model(tmp_path / "m")
+
+
+def test_a_pickle_inside_the_archive_is_not_run(tmp_path):
+    """An object array is what NumPy would store as a pickle."""
+    trace = tmp_path / "it ran"
+    archive = io.BytesIO()
+    held = np.empty(1)
+    body = skops.io.dumps(held)
+    bomb = np.empty(1, dtype=object)
+    bomb[0] = Bomb(trace)
+    with zipfile.ZipFile(io.BytesIO(body)) as old, zipfile.ZipFile(archive, "w") as new:
+        for item in old.namelist():
+            content = io.BytesIO()
+            np.save(content, bomb, allow_pickle=True)
+            new.writestr(item, content.getvalue() if item.endswith(".npy") else old.read(item))
+    _forged(tmp_path / "m", archive.getvalue())
+    with pytest.raises(ModelFileError, match="cannot be read as a model"):
+        load_model(tmp_path / "m")
+    assert not trace.exists()
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.skops"):
+        load_model(tmp_path / "none.skops")
+
+
+# -------------------------------------------------------------------------------------------------------------- writing
+def _write_half(path):
+    path.write_text("half")
+    raise ValueError("no more")
+
+
+def test_a_write_that_fails_leaves_what_was_there(tmp_path):
+    path = tmp_path / "deep" / "report.html"
+    with atomic_path(path) as made:
+        made.write_text("old")
+    with pytest.raises(ValueError, match="no more"), atomic_path(path) as made:
+        _write_half(made)
+    assert path.read_text() == "old"
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]

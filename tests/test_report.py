@@ -1,0 +1,173 @@
+"""The report holds all it shows, escapes what it is given, and says what the numbers say."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.report import study_picture, verdict, write_report
+
+INDEX = pd.date_range("2024-01-01", periods=24, freq="1h", tz="UTC")
+
+
+def _study(**other):
+    frame = pd.DataFrame(
+        {
+            "origin": INDEX[0],
+            "lead": pd.to_timedelta(np.arange(1, 25), unit="h"),
+            "time": INDEX + pd.Timedelta("1h"),
+            "y_true": 20.0,
+            "y_pred": 20.5,
+        }
+    )
+    table = pd.DataFrame(
+        {
+            "rmse": [0.5, 0.7],
+            "mae": [0.4, 0.6],
+            "load_rmse": [1.25, np.nan],
+            "seconds": [3.0, 0.004],
+            "note": ["", "box"],
+        },
+        index=["hybrid", "ARX"],
+    )
+    forecast = pd.DataFrame(
+        {"T_za": 20.0, "Q_hvac": 2.0, "Q_hvac_delivered": 1.5, "T_za_measured": 20.1, "setpoint": 21.0}, index=INDEX
+    )
+    parameters = pd.DataFrame(
+        {
+            "value": [6.0],
+            "std": [0.1],
+            "unit": ["kW"],
+            "description": ["capacity"],
+            "remark": ["given, not identified"],
+        },
+        index=["Q_h"],
+    )
+    study = {
+        "title": "Zone 7",
+        "table": table,
+        "frames": {"hybrid": frame, "ARX": frame},
+        "forecast": forecast,
+        "parameters": parameters,
+        "zeta": pd.Series(1.0, index=INDEX),
+        "spans": {"train": "January"},
+        "settings": {"network": {"name": "2R2C"}, "timezone": None},
+        "notes": ["the scale is not identifiable"],
+    }
+    return study | other
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, **_study())
+    return path.read_text(encoding="utf-8")
+
+
+class Reader(HTMLParser):
+    """Tags that are open, addresses, and text."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.addresses, self.text, self.alts = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "img", "br", "link"):
+            self.open.append(tag)
+        self.addresses += [value for name, value in attrs if name in ("src", "href", "srcset", "action")]
+        self.alts += [value for name, value in attrs if name == "alt"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def _read(page):
+    reader = Reader()
+    reader.feed(page)
+    assert reader.open == []
+    return reader
+
+
+def test_it_refers_to_nothing_outside_itself(page):
+    reader = _read(page)
+    assert len(reader.addresses) == len(reader.alts) == 4
+    for address in reader.addresses:
+        kind, content = address.split(",", 1)
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(content).startswith(b"\x89PNG")
+    assert not re.search(r"https?://|@import|url\(", page)
+
+
+def test_it_tells_the_numbers(page):
+    text = " ".join(_read(page).text)
+    for wanted in ("0.50 K", "1.25 kW", "48\u00a0kWh", "Q_h", "given, not identified", "the scale is not identifiable"):
+        assert wanted in text
+    for wanted in (
+        "Zone 7",
+        "train",
+        "January",
+        "network.name",
+        "2R2C",
+        "Monday 1 January 2024",
+        "last day of the log",
+    ):
+        assert wanted in text
+    assert "timezone" not in text
+    assert page.index("<td>hybrid</td>") < page.index("<td>ARX</td>")
+    assert page.count('<tr class="best">') == 1
+
+
+def test_what_it_is_given_is_escaped(tmp_path):
+    evil = "<script>alert(1)</script>"
+    study = _study(title=evil, notes=[evil], settings={evil: evil})
+    study["table"] = study["table"].assign(note=evil)
+    study["parameters"] = study["parameters"].assign(remark=evil, unit=evil)
+    write_report(tmp_path / "r.html", **study)
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_it_does_without_what_is_not_there(tmp_path):
+    study = _study(zeta=None, notes=(), spans=None, settings=None)
+    study["forecast"] = study["forecast"][["T_za"]]
+    write_report(tmp_path / "r.html", **study)
+    text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
+    assert "kWh" not in text.replace("kWh/K", "")
+    assert "Warnings" not in text
+    assert "behind the end of the measurements" in text
+
+
+def test_the_same_study_gives_the_same_file(tmp_path):
+    for name in ("a", "b"):
+        write_report(tmp_path / name, **_study())
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
+
+
+@pytest.mark.parametrize("columns", [["T_za", "Q_hvac"], ["T_za"]])
+def test_one_picture_of_a_study(tmp_path, columns):
+    study = _study()
+    study_picture(tmp_path / "p.png", study["frames"], study["forecast"][columns], title="Zone 7")
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "words"),
+    [
+        (0.4, 0.5, "forecasts best: 0.40 K, 20% less than the next, ARX"),
+        (0.5, 0.4, "A rival forecasts better here: ARX misses by 0.40 K"),
+        (0.4, 0.405, "equally well within the noise"),
+        (0.4, np.nan, "misses the day-ahead temperature by 0.40 K"),
+    ],
+)
+def test_the_verdict_is_what_the_table_says(own, other, words):
+    assert words in verdict(pd.DataFrame({"rmse": [own, other]}, index=["hybrid", "ARX"]))
