@@ -1,0 +1,10 @@
+"""Forecasting the disturbance (networks, linear model, baselines) and, as a rival, the temperature itself.
+
+Importing this loads neither torch nor skorch; a network loads them when it is fitted.
+"""
+
+from .arx import ARXRegressor
+from .cases import ModelCase, list_cases
+from .forecaster import DisturbanceForecaster
+
+__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "list_cases"]

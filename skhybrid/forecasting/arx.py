@@ -1,0 +1,297 @@
+"""The black box that a data scientist would write instead of a gray box: ARX on the temperature itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from scipy.linalg import solve
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import Tags
+
+from .._contract import ZoneTable, read_table, read_target, rows_of
+from .._rolling import RollingForecastMixin
+from .features import day_type_hour, one_hot, target_rows
+
+_ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
+_DEFAULT_ALPHA = 10.0
+_MOST_BLOCKS = 6
+
+
+class _Moments(NamedTuple):
+    """Sums over (k, k + 1) pairs of rows: they add over rows, which is what makes refitting cheap."""
+
+    gram: np.ndarray  # (p, p)
+    cross: np.ndarray  # (p,)
+
+    def plus(self, D: np.ndarray, d: np.ndarray, sign: float = 1.0) -> _Moments:
+        return _Moments(self.gram + sign * (D.T @ D), self.cross + sign * (D.T @ d))
+
+    def ridge(self, penalty: np.ndarray) -> np.ndarray:
+        """Coefficients (p,) under the penalty's diagonal (p,)."""
+        return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
+
+
+class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
+    """Ridge regression of the temperature step on lags, iterated over the horizon.
+
+    ``T[k + 1] - T[k]`` is regressed on ``n_lags`` temperatures up to ``T[k]``, on ``n_input_lags`` rows of every input
+    up to row k, and on hour x weekday/weekend dummies.  It is the rival that a gray box must beat; re-fitted at each
+    origin (``adapt="refit"``) it is the one to name.
+
+    Parameters
+    ----------
+    horizon : timedelta-like or None, default "1D"
+        How far ahead ``predict`` looks; None simulates from the first row on.
+    adapt : {None, "refit"}, default None
+        ``"refit"`` re-solves the regression at each origin from the training pairs and all pairs known at the origin.
+    n_lags : int, default 24
+        Rows of temperature.
+    n_input_lags : int, default 8
+        Rows of every input.
+    calendar : bool, default True
+        Whether to use hour x weekday/weekend dummies.
+    alpha : float, optional
+        Penalty on standardised columns.  Default: of 0.1, 1, 10, 100, 1000 the one with the least forecast error over
+        the horizon in blocks of the training table that are left out in turn; 10 where the table is too short for that.
+    origin_step : timedelta-like, optional
+        Distance of origins in ``predict``; default ``horizon``.
+    columns : mapping of role to column, optional
+        Overrides the names of the columns of X.
+    sampling_time : timedelta-like, optional
+        Step of a table without time stamps; default 15 min.
+    max_missing : float, default 0.5
+        Largest share of missing temperatures in ``y``.
+
+    Attributes
+    ----------
+    coef_ : ndarray of shape (n_columns,)
+        Coefficients of the standardised columns: temperatures (the newest first), inputs, calendar, constant.
+    alpha_ : float
+        The penalty.
+    input_names_ : list of str
+        Roles of the inputs, in the order of ``coef_``.
+    sampling_time_ : Timedelta
+        Step of the training table.
+    n_features_in_ : int
+        Columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, where X has names.
+    """
+
+    def __init__(
+        self,
+        horizon: Any = "1D",
+        adapt: str | None = None,
+        *,
+        n_lags: int = 24,
+        n_input_lags: int = 8,
+        calendar: bool = True,
+        alpha: float | None = None,
+        origin_step: Any = None,
+        columns: Mapping[str, Any] | None = None,
+        sampling_time: Any = None,
+        max_missing: float = 0.5,
+    ) -> None:
+        self.horizon = horizon
+        self.adapt = adapt
+        self.n_lags = n_lags
+        self.n_input_lags = n_input_lags
+        self.calendar = calendar
+        self.alpha = alpha
+        self.origin_step = origin_step
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.max_missing = max_missing
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        # Rows of a scikit-learn check are not consecutive time steps, so that no past says anything about them.
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    # ------------------------------------------------------------------------------------------------------------ fit
+    def fit(self, X: Any, y: Any) -> Self:
+        """Fit the regression.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Inputs by role; a column ``T_za`` is not read here.
+        y : Series or array-like of shape (n_samples,)
+            Zone temperature [degC], NaN where missing.
+
+        Returns
+        -------
+        ARXRegressor
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            If a parameter, the table or the target is refused (design 9).
+        """
+        self._check_parameters()
+        table = read_table(self, X, columns=self.columns, sampling_time=self.sampling_time, reset=True, min_rows=3)
+        T = read_target(y, table, max_missing=self.max_missing)
+        if self.horizon is not None:
+            rows_of(self.horizon, table.step)
+        self.input_names_ = list(table.inputs)
+        self.sampling_time_ = table.step
+        self._set_scales(table, T)
+        D, d, rows = self._pairs(table, T)
+        self._moments = _Moments(np.zeros((D.shape[1],) * 2), np.zeros(D.shape[1])).plus(D, d)
+        self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(table, T, D, d, rows)
+        self.coef_ = self._moments.ridge(self._penalty(self.alpha_))
+        self._tail = table.rows(slice(-self._warmup, None)).replace(history={"T_za": T[-self._warmup :]})
+        return self
+
+    def _check_parameters(self) -> None:
+        if self.adapt not in (None, "refit"):
+            raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
+        for name in ("n_lags", "n_input_lags"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+                raise ValueError(f"{name}={value!r} is not a whole number from 1.")
+        if self.alpha is not None and not self.alpha > 0:
+            raise ValueError(f"alpha={self.alpha!r} is not a positive penalty.")
+
+    def _set_scales(self, table: ZoneTable, T: np.ndarray) -> None:
+        """Means and spreads of the training table, kept for good: a refit moves coefficients, not units."""
+        known = T[np.isfinite(T)]
+        self._T_mean, self._T_scale = float(known.mean()), max(float(known.std()), 1e-3)
+        # A linear recursion can run away where the data say little: nothing far outside what was seen is forecast.
+        reach = 3.0 * max(float(np.ptp(known)), 1.0)
+        self._T_range = (float(known.min()) - reach, float(known.max()) + reach)
+        numbers = self._lagged_inputs(table)
+        spread = numbers.std(axis=0)
+        self._input_mean = numbers.mean(axis=0)
+        self._input_scale = np.where(spread > 1e-9, spread, np.inf)  # a constant input has no effect
+
+    @property
+    def _warmup(self) -> int:
+        return max(int(self.n_lags), int(self.n_input_lags)) + 1
+
+    # -------------------------------------------------------------------------------------------------------- columns
+    def _lagged_inputs(self, table: ZoneTable) -> np.ndarray:
+        """(n_rows, n_inputs * n_input_lags); rows before the first are held at it."""
+        rows = np.arange(table.n_rows)
+        lags = [np.maximum(rows - lag, 0) for lag in range(self.n_input_lags)]
+        columns = [table.inputs[role][chosen] for role in self.input_names_ for chosen in lags]
+        return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
+
+    def _exogenous(self, table: ZoneTable) -> np.ndarray:
+        """Standardised inputs with lags, calendar and constant of every row, (n_rows, p - n_lags)."""
+        blocks = [(self._lagged_inputs(table) - self._input_mean) / self._input_scale]
+        if self.calendar:
+            blocks.append(one_hot(day_type_hour(table.time), 48))
+        return np.hstack([*blocks, np.ones((table.n_rows, 1))])
+
+    def _pairs(self, table: ZoneTable, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns (m, p), temperature steps (m,) and first rows (m,) of pairs (k, k + 1) without a missing value."""
+        rows = np.arange(min(self.n_lags, table.n_rows - 1) - 1, table.n_rows - 1)
+        windows = self._windows(T, rows)
+        steps = T[rows + 1] - T[rows]
+        use = np.isfinite(windows).all(axis=1) & np.isfinite(steps)
+        D = np.hstack([(windows[use] - self._T_mean) / self._T_scale, self._exogenous(table)[rows[use]]])
+        return D, steps[use], rows[use]
+
+    def _windows(self, T: np.ndarray, origins: np.ndarray) -> np.ndarray:
+        """(n_origins, n_lags) temperatures at and before each origin, newest first; row 0 stands for those before."""
+        return T[np.maximum(origins[:, None] - np.arange(self.n_lags), 0)]
+
+    def _penalty(self, alpha: float) -> np.ndarray:
+        penalty = np.full(len(self._moments.cross), alpha)
+        penalty[-1] = 0.0  # the constant is free
+        return penalty
+
+    # -------------------------------------------------------------------------------------------------------- penalty
+    def _choose_alpha(self, table: ZoneTable, T: np.ndarray, D: np.ndarray, d: np.ndarray, rows: np.ndarray) -> float:
+        """The penalty with the least forecast error in left-out blocks of time, each at least two horizons long."""
+        n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
+        n_blocks = min(_MOST_BLOCKS, table.n_rows // (2 * n_leads))
+        if n_blocks < 3:
+            return _DEFAULT_ALPHA
+        exogenous = self._exogenous(table)
+        edges = np.linspace(0, table.n_rows, n_blocks + 1).astype(np.int64)
+        errors = np.zeros(len(_ALPHAS))
+        for start, stop in pairwise(edges):
+            inside = (rows >= start) & (rows < stop)
+            rest = self._moments.plus(D[inside], d[inside], sign=-1.0)
+            origins = np.arange(start, stop - n_leads, max(1, n_leads // 6))
+            truth = T[target_rows(origins, n_leads)]
+            for i, alpha in enumerate(_ALPHAS):
+                paths = self._iterate(T, exogenous, origins, n_leads, rest.ridge(self._penalty(alpha))[None, :])
+                errors[i] += np.nansum((paths - truth) ** 2)
+        return _ALPHAS[int(np.argmin(errors))]
+
+    # ----------------------------------------------------------------------------------------------------- prediction
+    def _read_X(self, X: Any) -> ZoneTable:
+        return read_table(
+            self,
+            X,
+            columns=self.columns,
+            sampling_time=self.sampling_time,
+            reset=False,
+            expected_step=self.sampling_time_,
+        )
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        T = table.T_za
+        return float(T[0]) if T is not None and np.isfinite(T[0]) else self._T_mean
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
+        coefs = self.coef_[None, :] if self.adapt is None else self._refitted(table, T, origins)
+        return self._iterate(T, self._exogenous(table), origins, n_leads, coefs)
+
+    def _refitted(self, table: ZoneTable, T: np.ndarray, origins: np.ndarray) -> np.ndarray:
+        """Coefficients (n_origins, p) from the training pairs and the pairs of ``table`` that end by each origin."""
+        D, d, rows = self._pairs(table, T)
+        if self._tail is not None and self._tail.utc is not None and table.utc is not None:
+            new = np.asarray(table.utc[rows + 1] > self._tail.utc[-1])  # training pairs are counted already
+            D, d, rows = D[new], d[new], rows[new]
+        penalty, moments, done = self._penalty(self.alpha_), self._moments, 0
+        coefs = np.empty((len(origins), len(penalty)))
+        for i in np.argsort(origins, kind="stable"):
+            stop = int(np.searchsorted(rows, origins[i]))  # the pair (k, k + 1) is known where k < origin
+            if stop > done:
+                moments, done = moments.plus(D[done:stop], d[done:stop]), stop
+            coefs[i] = moments.ridge(penalty)
+        return coefs
+
+    def _iterate(
+        self, T: np.ndarray, exogenous: np.ndarray, origins: np.ndarray, n_leads: int, coefs: np.ndarray
+    ) -> np.ndarray:
+        """Run the recursion from each origin, (n_origins, n_leads); ``coefs`` is (n_origins or 1, p)."""
+        state = (_causally_filled(self._windows(_held(T), origins), self._T_mean) - self._T_mean) / self._T_scale
+        rows = np.minimum(origins[:, None] + np.arange(n_leads), len(exogenous) - 1)
+        lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
+        if len(coefs) == 1:
+            driven = (exogenous @ drive[0])[rows]
+        else:
+            driven = np.stack([exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
+        low, high = ((bound - self._T_mean) / self._T_scale for bound in self._T_range)
+        out = np.empty((len(origins), n_leads))
+        for lead in range(n_leads):
+            step = (state * lag_coefs).sum(axis=1) + driven[:, lead]
+            newest = np.clip(state[:, 0] + step / self._T_scale, low, high)
+            state = np.hstack([newest[:, None], state[:, :-1]])
+            out[:, lead] = newest
+        return out * self._T_scale + self._T_mean
+
+
+def _held(T: np.ndarray) -> np.ndarray:
+    """Missing values replaced by the last known one, NaN before the first."""
+    last = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
+    return np.where(last >= 0, T[np.maximum(last, 0)], np.nan)
+
+
+def _causally_filled(windows: np.ndarray, default: float) -> np.ndarray:
+    """What is unknown in a window (the newest first) held at its oldest known value, or at the default."""
+    known = np.isfinite(windows)
+    oldest = windows.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
+    held = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
+    return np.where(known, windows, held[:, None])

@@ -1,0 +1,204 @@
+"""The paper's model cases (appendix, tables a1 and a2) as data: which past and which future a network reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import pandas as pd
+
+#: every feature that a case may name.
+FEATURES = ("zeta", "how", "hod", "dow", "weekday", "T_oa", "q_sol", "i_heat", "i_cool")
+TIME_FEATURES = ("how", "hod", "dow", "weekday")
+WEATHER_FEATURES = ("T_oa", "q_sol")
+FEED_FORWARD = ("mlp", "cnn")
+RECURRENT = ("rnn", "lstm")
+NETWORKS = FEED_FORWARD + RECURRENT
+
+
+@dataclass(frozen=True)
+class ModelCase:
+    """One model case: how much history a network sees, and which features of the past and of the future.
+
+    Parameters
+    ----------
+    name : str
+        How the case is called.
+    pattern_days : int
+        Length of the history window [d].
+    past : tuple of str
+        Features of the history window, of ``zeta``, ``how`` (hour of week), ``hod`` (hour of day), ``dow`` (day of
+        week), ``weekday``, ``T_oa``, ``q_sol``, ``i_heat`` and ``i_cool`` (whether heating or cooling runs).
+    future : tuple of str
+        Features of the rows to forecast; never ``zeta``, which is what is to be forecast.
+
+    Raises
+    ------
+    ValueError
+        If a feature is unknown, ``future`` holds ``zeta``, both are empty, or the window is shorter than a day.
+    """
+
+    name: str
+    pattern_days: int
+    past: tuple[str, ...]
+    future: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for part in ("past", "future"):
+            object.__setattr__(self, part, tuple(getattr(self, part)))
+            for feature in getattr(self, part):
+                if feature not in FEATURES:
+                    raise ValueError(f"{part} of case {self.name!r} holds {feature!r}; use {', '.join(FEATURES)}.")
+        if "zeta" in self.future:
+            raise ValueError(f"future of case {self.name!r} holds 'zeta', which is not known ahead; name it in past.")
+        if not self.past and not self.future:
+            raise ValueError(f"case {self.name!r} names no feature; give past or future at least one.")
+        if isinstance(self.pattern_days, bool) or self.pattern_days != int(self.pattern_days) or self.pattern_days < 1:
+            raise ValueError(f"pattern_days={self.pattern_days!r} of case {self.name!r} is not a whole number from 1.")
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Every feature that the case reads, in the order of the glossary."""
+        return tuple(f for f in FEATURES if f in self.past or f in self.future)
+
+
+_W = ("T_oa", "q_sol")
+_MODES = ("i_heat", "i_cool")
+
+
+def _table(rows: list[tuple[int, tuple[str, ...], tuple[str, ...]]]) -> dict[str, ModelCase]:
+    """Number the rows (days, past besides zeta, future) of a table from ``case01``."""
+    cases = [ModelCase(f"case{i:02d}", days, ("zeta", *past), future) for i, (days, past, future) in enumerate(rows, 1)]
+    return {case.name: case for case in cases}
+
+
+#: table a1; its ``q_sol,surface`` of case01 is read as ``q_sol``, like the other twenty.
+FEED_FORWARD_CASES: Mapping[str, ModelCase] = _table(
+    [
+        (1, ("how", *_W), ("how", *_W)),
+        (4, (), _W),
+        (4, ("how",), ("how", *_W)),
+        (4, ("weekday",), ("weekday", *_W)),
+        (4, ("how", *_W), ("how", *_W)),
+        (4, ("weekday", *_W), ("weekday", *_W)),
+        (7, (), _W),
+        (7, ("how",), ("how", *_W)),
+        (7, ("weekday",), ("weekday", *_W)),
+        (7, ("how", *_W), ("how", *_W)),
+        (7, ("weekday", *_W), ("weekday", *_W)),
+        (4, ("dow", *_W), ("dow", *_W)),
+        (7, ("dow", *_W), ("dow", *_W)),
+        (4, _W, _W),
+        (7, _W, _W),
+        (4, ("weekday", *_W, *_MODES), ("dow", *_W)),
+        (7, ("weekday", *_W, *_MODES), ("dow", *_W)),
+        (4, ("dow", *_W, *_MODES), ("dow", *_W)),
+        (7, ("dow", *_W, *_MODES), ("dow", *_W)),
+        (4, ("how", *_W, *_MODES), ("dow", *_W)),
+        (7, ("how", *_W, *_MODES), ("dow", *_W)),
+    ]
+)
+
+#: table a2.
+RECURRENT_CASES: Mapping[str, ModelCase] = _table(
+    [
+        (1, ("how", *_W), ("how", *_W)),
+        (1, ("how",), ("how",)),
+        (1, _W, _W),
+        (1, ("hod", *_W), ("hod", *_W)),
+        (1, ("dow", *_W), ("dow", *_W)),
+        (1, ("weekday", *_W), ("weekday", *_W)),
+        (2, ("how", *_W), ("how", *_W)),
+        (4, ("how", *_W), ("how", *_W)),
+        (7, ("how", *_W), ("how", *_W)),
+        (4, _W, _W),
+        (7, _W, _W),
+        (2, ("weekday", *_W), ("weekday", *_W)),
+        (4, ("weekday", *_W), ("weekday", *_W)),
+        (7, ("weekday", *_W), ("weekday", *_W)),
+        (2, ("dow", *_W), ("dow", *_W)),
+        (4, ("dow", *_W), ("dow", *_W)),
+        (7, ("dow", *_W), ("dow", *_W)),
+    ]
+)
+
+#: the paper's long names, such as ``DEEP_AR_LSTM_FORECAST-case01``: framework, then case.
+_LONG_NAME = re.compile(r"[A-Z0-9_]*?(?:^|_)(MLP|CNN|RNN|LSTM)(?:_[A-Z0-9_]*)?-(case\d+)\Z")
+
+
+def cases_of(model: str) -> Mapping[str, ModelCase]:
+    """The cases of a framework.
+
+    Parameters
+    ----------
+    model : {"mlp", "cnn", "rnn", "lstm"}
+        The framework.
+
+    Returns
+    -------
+    mapping of str to ModelCase
+        21 cases for MLP and CNN, 17 for RNN and LSTM (paper, appendix).
+
+    Raises
+    ------
+    ValueError
+        If the framework is unknown.
+    """
+    if model not in NETWORKS:
+        raise ValueError(f"model={model!r} has no cases; frameworks are {', '.join(NETWORKS)}.")
+    return FEED_FORWARD_CASES if model in FEED_FORWARD else RECURRENT_CASES
+
+
+def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
+    """The case that a name stands for.
+
+    Parameters
+    ----------
+    case : str or ModelCase
+        ``"case01"``, a long name of the paper such as ``"DEEP_AR_LSTM_FORECAST-case01"``, or a case of one's own.
+    model : {"mlp", "cnn", "rnn", "lstm"}
+        The framework, for a case is numbered within it.
+
+    Returns
+    -------
+    ModelCase
+        The case itself.
+
+    Raises
+    ------
+    ValueError
+        If no such case exists, or the long name belongs to another framework.
+    """
+    if isinstance(case, ModelCase):
+        return case
+    known = cases_of(model)
+    name = str(case)
+    long_name = _LONG_NAME.match(name)
+    if long_name and long_name[1].lower() == model:
+        name = long_name[2]
+    if name not in known:
+        raise ValueError(
+            f"case={case!r} is not known for model={model!r}; use {', '.join(known)}, a long name such as "
+            f"'DEEP_AR_{model.upper()}_FORECAST-case01', or a ModelCase."
+        )
+    return known[name]
+
+
+def list_cases(model: str | None = None) -> pd.DataFrame:
+    """All model cases of the paper's appendix as a table.
+
+    Parameters
+    ----------
+    model : {"mlp", "cnn", "rnn", "lstm"}, optional
+        One framework only.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``model``, ``name``, ``pattern_days``, ``past``, ``future``; one row a case.
+    """
+    names = NETWORKS if model is None else (model,)
+    columns = [field.name for field in fields(ModelCase)]
+    rows = [(m, *(getattr(case, c) for c in columns)) for m in names for case in cases_of(m).values()]
+    return pd.DataFrame(rows, columns=["model", *columns])

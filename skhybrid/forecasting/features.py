@@ -1,0 +1,187 @@
+"""What a forecaster reads of a table: calendar, weather, plant modes and the past as known at an origin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._contract import ZoneTable
+from .cases import TIME_FEATURES
+
+TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
+_HOUR = pd.Timedelta("1h")
+#: feature -> (levels, harmonics): the hour of week also repeats daily, which is its seventh harmonic.
+_CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
+
+
+# ---------------------------------------------------------------------------------------------------------- the clock
+def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
+    """Local hour of day, with its fraction, (n,) float64."""
+    return ((time - time.normalize()) / _HOUR).to_numpy(dtype=np.float64)
+
+
+def hour_of_week(time: pd.DatetimeIndex) -> np.ndarray:
+    """Hours since Monday 00:00 local time, (n,) float64."""
+    return 24.0 * time.day_of_week.to_numpy() + hour_of_day(time)
+
+
+def is_weekend(time: pd.DatetimeIndex) -> np.ndarray:
+    """Whether a row lies on a Saturday or Sunday, (n,) bool."""
+    return time.day_of_week.to_numpy() >= 5
+
+
+def rows_per_day(step: pd.Timedelta) -> int:
+    """How many steps a day of 24 hours has, at least 1."""
+    return max(1, round(pd.Timedelta("1D") / step))
+
+
+def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
+    """Number of a row's step within its local day, (n,) int below ``rows_per_day(step)``."""
+    slots = np.floor(hour_of_day(time) * (_HOUR / step) + 1e-9).astype(np.int64)
+    return np.minimum(slots, rows_per_day(step) - 1)
+
+
+def day_type_hour(time: pd.DatetimeIndex) -> np.ndarray:
+    """Hour of day (0 ... 23) on weekdays, 24 + hour on weekends, (n,) int."""
+    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * is_weekend(time)
+
+
+def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
+    """(n, n_levels) float64 with a 1 in each row's level."""
+    return np.eye(n_levels)[levels]
+
+
+def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarray:
+    """Columns of one time feature.
+
+    Parameters
+    ----------
+    time : DatetimeIndex of length n
+        Local wall-clock time.
+    feature : {"how", "hod", "dow", "weekday"}
+        Hour of week, hour of day, day of week, or whether it is a weekday.
+    encoding : {"cyclic", "onehot", "ordinal"}
+        Sines and cosines, one column a level, or the plain number; ``weekday`` is one 0/1 column in all of them.
+
+    Returns
+    -------
+    ndarray of shape (n, n_columns), float64
+    """
+    if feature == "weekday":
+        return (~is_weekend(time)).astype(np.float64)[:, None]
+    clock = {"how": hour_of_week, "hod": hour_of_day}.get(feature)
+    value = clock(time) if clock is not None else time.day_of_week.to_numpy().astype(np.float64)
+    n_levels, harmonics = _CYCLES[feature]
+    if encoding == "ordinal":
+        return value[:, None]
+    if encoding == "onehot":
+        return one_hot(np.floor(value).astype(np.int64), n_levels)
+    angles = 2.0 * np.pi * value[:, None] * np.asarray(harmonics, dtype=np.float64) / n_levels
+    return np.hstack([np.sin(angles), np.cos(angles)])
+
+
+# --------------------------------------------------------------------------------------------------- inputs by feature
+def irradiance_roles(inputs: dict[str, Any]) -> list[str]:
+    """The roles ``q_sol`` and ``q_sol_<name>`` that a table has, in its order."""
+    return [role for role in inputs if role == "q_sol" or role.startswith("q_sol_")]
+
+
+def plant_roles(inputs: dict[str, Any]) -> list[str]:
+    """The roles that tell whether the plant heats or cools."""
+    return [role for role in inputs if role.startswith(("u_heat", "u_cool", "Q_"))]
+
+
+def plant_mode(inputs: dict[str, np.ndarray], mode: str, n_rows: int) -> np.ndarray:
+    """Whether the plant heats (``mode="heat"``) or cools in a row, (n,) float64 of 0 and 1.
+
+    It is read from the stages ``u_<mode>...`` where there are any, else from the sign of the measured heat ``Q_...``,
+    and is 0 where the table has neither.
+    """
+    stages = [v for role, v in inputs.items() if role.startswith(f"u_{mode}")]
+    if stages:
+        return (np.max(stages, axis=0) > 0).astype(np.float64)
+    heats = [v for role, v in inputs.items() if role.startswith("Q_")]
+    if heats:
+        total = np.sum(heats, axis=0)
+        return ((total > 0) if mode == "heat" else (total < 0)).astype(np.float64)
+    return np.zeros(n_rows)
+
+
+def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> np.ndarray:
+    """The columns of the named features for every row of a table; ``zeta`` is not among them.
+
+    Returns
+    -------
+    ndarray of shape (n_rows, n_columns), float64
+        A feature whose role the table lacks has no column.
+    """
+    blocks = [np.empty((table.n_rows, 0))]
+    for feature in features:
+        if feature in TIME_FEATURES:
+            blocks.append(encode_time(table.time, feature, encoding))
+        elif feature == "T_oa" and "T_oa" in table.inputs:
+            blocks.append(table.inputs["T_oa"][:, None])
+        elif feature == "q_sol":
+            blocks.extend(table.inputs[role][:, None] for role in irradiance_roles(table.inputs))
+        elif feature in ("i_heat", "i_cool"):
+            blocks.append(plant_mode(table.inputs, feature.removeprefix("i_"), table.n_rows)[:, None])
+    return np.hstack(blocks)
+
+
+# -------------------------------------------------------------------------------------------------- the past, as known
+def zeta_of(table: ZoneTable) -> np.ndarray:
+    """The measured disturbance of every row, NaN where missing or where the table has none, (n,) float64."""
+    known = table.history.get("zeta")
+    return np.full(table.n_rows, np.nan) if known is None else known
+
+
+def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) row numbers origin + 1, origin + 2, ..."""
+    return origins[:, None] + np.arange(1, n_leads + 1)
+
+
+def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.ndarray:
+    """Values of ``series`` at ``rows`` (n_origins, ...), NaN where a row is after its origin or before the table."""
+    limit = origins.reshape((-1,) + (1,) * (rows.ndim - 1))
+    inside = (rows >= 0) & (rows <= limit)
+    return np.where(inside, series[np.clip(rows, 0, len(series) - 1)], np.nan)
+
+
+def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
+    """The most recent known value a whole number of periods before each row, NaN where ``n_back`` of them are unknown.
+
+    Parameters
+    ----------
+    series : ndarray of shape (n,)
+        NaN where missing.
+    rows : ndarray of int, shape (n_origins, n_leads)
+        Target rows.
+    origins : ndarray of int, shape (n_origins,)
+        Nothing after them is read.
+    period : int
+        Rows of a day or a week.
+    n_back : int
+        How many periods before the origin are tried.
+    """
+    # The nearest whole number of periods that leads to a row at or before the origin.
+    first = np.maximum(1, -(-(rows - origins[:, None]) // period))
+    out = np.full(rows.shape, np.nan)
+    for back in range(n_back):
+        missing = np.isnan(out)
+        if not missing.any():
+            break
+        out = np.where(missing, known_at(series, rows - (first + back) * period, origins), out)
+    return out
+
+
+def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:
+    """Mean of the known values among a row and the ``width - 1`` before it, NaN where there is none, (n,) float64."""
+    known = np.isfinite(series)
+    totals = np.concatenate([[0.0], np.cumsum(np.where(known, series, 0.0))])
+    counts = np.concatenate([[0], np.cumsum(known)])
+    ends = np.arange(1, len(series) + 1)
+    starts = np.maximum(0, ends - width)
+    n = counts[ends] - counts[starts]
+    return np.where(n > 0, (totals[ends] - totals[starts]) / np.maximum(n, 1), np.nan)

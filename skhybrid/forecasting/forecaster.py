@@ -1,0 +1,387 @@
+"""``DisturbanceForecaster``: networks, any scikit-learn regressor and the baselines behind one interface (design 5)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import Tags
+from sklearn.utils.validation import check_is_fitted
+
+from .._contract import ZoneTable, append_tables, read_table, read_target, rows_of
+from .._rolling import RollingForecastMixin
+from .cases import NETWORKS, ModelCase, resolve_case
+from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
+from .linear import FlatRegressor, LinearForecaster
+from .rivals import LastWeek, Persistence, WeeklyProfile
+
+if TYPE_CHECKING:
+    from .training import TrainedNetwork
+
+BASELINES: dict[str, Any] = {
+    "profile": WeeklyProfile,
+    "last_week": LastWeek,
+    "persistence": Persistence,
+    "ridge": LinearForecaster,
+}
+ACTIVATIONS = ("relu", "selu", "gelu")
+_INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
+_WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
+
+
+class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator):
+    """Forecast of the disturbance, hourly or at any other even step.
+
+    ``y[k]`` is the disturbance over row k; X holds the weather and, as history, the measured disturbance in the column
+    ``zeta``.  A forecast from origin row o knows every row up to o, ``zeta[o]`` included, and the inputs of later rows.
+
+    Parameters
+    ----------
+    model : {"mlp", "cnn", "rnn", "lstm", "ridge", "profile", "last_week", "persistence"} or regressor, default "lstm"
+        A network (paper Eqs. MLP, CNN, RNN, LSTM); a baseline; or any scikit-learn regressor, which is cloned and
+        fitted over (origin, lead) pairs on calendar, weather, lead and the lags of ``"ridge"``.
+        ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of week; ``"last_week"`` the
+        value seven days before, else the last known one of that time of day; ``"persistence"`` the last known value.
+    case : str or ModelCase, default "case01"
+        Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
+    n_layers : int, default 1
+        Hidden (MLP), further convolution (CNN) or stacked recurrent (RNN, LSTM) layers.
+    hidden_size : int, default 20
+        Width of the hidden layers.
+    activation : {"relu", "selu", "gelu"}, default "relu"
+        Activation of a network.
+    dropout : float, default 0.1
+        Share of hidden values dropped in training, in [0, 1).
+    n_channels : int, default 10
+        Channels of a convolution (CNN).
+    filter_size : int, default 6
+        Width of a convolution (CNN) [rows].
+    pool_size : int, default 0
+        Width of max-pooling (CNN) [rows]; 0 pools nothing.
+    residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
+        The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
+        adds error on the validation block.  None: the network stands alone.
+    horizon : timedelta-like or None, default "1D"
+        How far ahead is learned and how far ``predict`` looks.  None: one day is learned, and ``predict`` forecasts all
+        rows from the first.
+    max_epochs : int, default 1000
+        Most epochs of a network.
+    patience : int, default 150
+        Epochs without a better validation error after which training stops; the best weights are kept.
+    time_encoding : {"cyclic", "onehot", "ordinal"}, default "cyclic"
+        How a network sees hours and days.
+    columns : mapping of role to column, optional
+        Overrides the names of the columns of X; None as a column says that the role is absent on purpose.
+    random_state : int, RandomState or None, default None
+        Seed of initial weights, dropout and batches (and of a regressor whose own is None).
+    verbose : int, default 0
+        1 shows a progress bar of epochs.
+    learning_rate : float, default 0.003
+        Step of Adam.
+    batch_size : int, default 128
+        Windows a step.
+    validation_fraction : float, default 0.2
+        Share of the training table, at its end, on which training stops; a gap of one horizon lies before it.
+    origin_step : timedelta-like, optional
+        Distance of origins in ``predict``; default ``horizon``.
+    sampling_time : timedelta-like, optional
+        Step of a table without time stamps; default 1 h.
+    max_missing : float, default 0.5
+        Largest share of missing values in ``y``.
+
+    Attributes
+    ----------
+    case_ : ModelCase
+        The case of a network.
+    history_ : list of dict
+        Epoch, ``train_loss`` and ``valid_loss`` (mean squared z-score) of a network; empty otherwise.
+    n_epochs_ : int
+        How many epochs were run.
+    network_weight_ : float
+        Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
+        its standard error.  0 drops the network, also where the table was too short for a validation block, since
+        nothing then shows that it helps.
+    regressor_ : regressor
+        The fitted clone, where ``model`` is a regressor.
+    sampling_time_ : Timedelta
+        Step of the training table.
+    n_features_in_ : int
+        Columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, where X has names.
+    """
+
+    def __init__(
+        self,
+        model: Any = "lstm",
+        case: str | ModelCase = "case01",
+        *,
+        n_layers: int = 1,
+        hidden_size: int = 20,
+        activation: str = "relu",
+        dropout: float = 0.1,
+        n_channels: int = 10,
+        filter_size: int = 6,
+        pool_size: int = 0,
+        residual_of: str | None = "ridge",
+        horizon: Any = "1D",
+        max_epochs: int = 1000,
+        patience: int = 150,
+        time_encoding: str = "cyclic",
+        columns: Mapping[str, Any] | None = None,
+        random_state: int | np.random.RandomState | None = None,
+        verbose: int = 0,
+        learning_rate: float = 0.003,
+        batch_size: int = 128,
+        validation_fraction: float = 0.2,
+        origin_step: Any = None,
+        sampling_time: Any = None,
+        max_missing: float = 0.5,
+    ) -> None:
+        self.model = model
+        self.case = case
+        self.n_layers = n_layers
+        self.hidden_size = hidden_size
+        self.activation = activation
+        self.dropout = dropout
+        self.n_channels = n_channels
+        self.filter_size = filter_size
+        self.pool_size = pool_size
+        self.residual_of = residual_of
+        self.horizon = horizon
+        self.max_epochs = max_epochs
+        self.patience = patience
+        self.time_encoding = time_encoding
+        self.columns = columns
+        self.random_state = random_state
+        self.verbose = verbose
+        self.learning_rate = learning_rate
+        self.batch_size = batch_size
+        self.validation_fraction = validation_fraction
+        self.origin_step = origin_step
+        self.sampling_time = sampling_time
+        self.max_missing = max_missing
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        # Rows of a scikit-learn check are not consecutive time steps, so that no past says anything about them.
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    _tail: ZoneTable
+
+    # ------------------------------------------------------------------------------------------------------------ fit
+    def fit(self, X: Any, y: Any) -> Self:
+        """Learn the disturbance.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Weather and plant by role, and the known past in ``zeta``, for which ``y`` stands in where X has none.
+        y : Series or array-like of shape (n_samples,)
+            Disturbance over each row [kW, or degC for an output disturbance]; rows where it is NaN are left out.
+
+        Returns
+        -------
+        DisturbanceForecaster
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            If a parameter, the table or the target is refused (design 9).
+        """
+        self._check_parameters()
+        self.case_ = resolve_case(self.case, self.model) if self._is_network else None
+        table = self._read(X, reset=True)
+        target = read_target(y, table, max_missing=self.max_missing)
+        if "zeta" not in table.history:
+            table = table.replace(history={**table.history, "zeta": target})
+        self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
+        self.sampling_time_ = table.step
+        self.history_: list[dict[str, float]] = []
+        self.n_epochs_, self.network_weight_ = 0, 0.0
+        self._network: TrainedNetwork | None = None
+        seed = draw_seed(self.random_state)
+        if self._is_network:
+            self._fit_network(table, target, seed)
+        elif isinstance(self.model, str):
+            self._base = self._fit_baseline(self.model, table, target)
+        else:
+            self._base = FlatRegressor(self.model, seed).fit(table, target, self._n_leads)
+            self.regressor_ = self._base.regressor_
+        self._level = float(np.nanmean(target))
+        days = max(8, self.case_.pattern_days + 1 if self.case_ is not None else 0)
+        self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None))
+        return self
+
+    @property
+    def _is_network(self) -> bool:
+        return isinstance(self.model, str) and self.model in NETWORKS
+
+    def _check_parameters(self) -> None:
+        names = (*NETWORKS, *BASELINES)
+        if isinstance(self.model, type) or not (isinstance(self.model, str) or hasattr(self.model, "fit")):
+            raise ValueError(f"model={self.model!r} is neither one of {', '.join(names)} nor a regressor instance.")
+        if isinstance(self.model, str) and self.model not in names:
+            raise ValueError(f"model={self.model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
+        if not self._is_network:
+            return
+        for name, choices in (
+            ("activation", ACTIVATIONS),
+            ("time_encoding", TIME_ENCODINGS),
+            ("residual_of", (None, *BASELINES)),
+        ):
+            if getattr(self, name) not in choices:
+                shown = ", ".join(map(repr, choices))
+                raise ValueError(f"{name}={getattr(self, name)!r} is not known; use one of {shown}.")
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        least = {"n_layers": 1, "hidden_size": 1, "n_channels": 1, "filter_size": 1, "pool_size": 0}
+        least |= {"max_epochs": 1, "patience": 1, "batch_size": 1}
+        for name, low in least.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
+                raise ValueError(f"{name}={value!r} is not a whole number from {low}.")
+        for name, inside in (
+            ("dropout", 0.0 <= self.dropout < 1.0),
+            ("validation_fraction", 0.0 <= self.validation_fraction < 1.0),
+            ("learning_rate", 0.0 < self.learning_rate < np.inf),
+        ):
+            if not inside:
+                span = "(0, inf)" if name == "learning_rate" else "[0, 1)"
+                raise ValueError(f"{name}={getattr(self, name)!r} is outside {span}.")
+
+    def _fit_baseline(self, name: str, table: ZoneTable, target: np.ndarray) -> Any:
+        if name == "ridge":
+            return LinearForecaster().fit(table, target, self._n_leads)
+        return BASELINES[name]().fit(table, target)
+
+    def _fit_network(self, table: ZoneTable, target: np.ndarray, seed: int) -> None:
+        """Train on what a baseline of the earlier rows leaves over; then fit that baseline on all rows."""
+        from .training import chronological_split, train_network  # torch loads here
+
+        split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
+        early = slice(0, split.train_end)
+        known_early = np.isfinite(target[early]).any()
+        base = None
+        if self.residual_of is not None and known_early:
+            base = self._fit_baseline(self.residual_of, table.rows(early), target[early])
+        self._network = train_network(self, table, target, base, split, self._n_leads, seed)
+        self.history_, self.n_epochs_ = self._network.history, len(self._network.history)
+        self.network_weight_ = self._network.weight
+        self._base = base if self.residual_of is None else self._fit_baseline(self.residual_of, table, target)
+
+    # ----------------------------------------------------------------------------------------------------- prediction
+    def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.Series:
+        """Forecast the rows of ``future`` from the last row of ``history``.
+
+        Parameters
+        ----------
+        history : DataFrame or None
+            Rows up to the origin, with ``zeta`` as far as it is known; None: the end of the training table.
+        future : DataFrame
+            The rows after it with their known inputs; a ``zeta`` in it is not read.
+
+        Returns
+        -------
+        Series
+            Forecast disturbance at the index of ``future``, named ``zeta``.
+
+        Raises
+        ------
+        ValueError
+            If ``future`` does not continue ``history``, or a column is missing.
+        """
+        check_is_fitted(self)
+        ahead = self._read(self._as_fitted(future), reset=False)
+        ahead = ahead.replace(history={"zeta": np.full(ahead.n_rows, np.nan)})
+        past = self._tail if history is None else self._past(history)
+        if past.utc is not None and ahead.utc is not None and not ahead.follows(past):
+            raise ValueError(
+                f"future begins at {ahead.index[0]}, but history ends at {past.index[-1]}; "
+                f"it must begin one step of {past.step} later."
+            )
+        joined = append_tables(past, ahead)
+        if past.utc is None or ahead.utc is None:  # the clock runs on
+            joined = joined.replace(time=pd.date_range(past.time[0], periods=joined.n_rows, freq=past.step))
+        values = self._forecast(joined, np.array([past.n_rows - 1]), ahead.n_rows)[0]
+        return pd.Series(values, index=future.index, name="zeta")
+
+    def _past(self, history: pd.DataFrame) -> ZoneTable:
+        """The rows before the origin, behind the end of the training table where they follow it."""
+        table = self._read(self._as_fitted(history), reset=False)
+        column = (self.columns or {}).get("zeta", "zeta")
+        if "zeta" not in table.history and column in history:
+            values = history[column].to_numpy(dtype=np.float64, na_value=np.nan)
+            table = table.replace(history={**table.history, "zeta": values})
+        return append_tables(self._tail, table) if table.follows(self._tail) else table
+
+    def _as_fitted(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The columns of the training table; history that a frame lacks is NaN."""
+        names = getattr(self, "feature_names_in_", None)
+        if not isinstance(frame, pd.DataFrame):
+            raise ValueError(f"history and future must be DataFrames, but one is a {type(frame).__name__}.")
+        if names is None:
+            return frame
+        mapped = self.columns or {}
+        optional = {mapped.get(role, role) for role in ("zeta", "T_za")}
+        frame = frame.assign(**{name: np.nan for name in names if name in optional and name not in frame})
+        absent = [name for name in names if name not in frame]
+        if absent:
+            raise ValueError(f"column {absent[0]!r} of the training table is missing; add it to history and future.")
+        return frame[list(names)]
+
+    def _read(self, X: Any, reset: bool) -> ZoneTable:
+        wanted = set(self.case_.features) if self.case_ is not None else set()
+        modes = bool(wanted & {"i_heat", "i_cool"})
+        table = read_table(
+            self,
+            X,
+            columns=self.columns,
+            required=[role for role in ("T_oa", "q_sol") if role in wanted],
+            needed=_INPUTS if modes else _WEATHER,
+            sampling_time=self.sampling_time,
+            default_step="1h",
+            reset=reset,
+            min_rows=2 if reset else 1,
+            expected_step=None if reset else self.sampling_time_,
+        )
+        if modes and reset and isinstance(X, pd.DataFrame) and not plant_roles(table.inputs):
+            raise ValueError(
+                f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "
+                f"{', '.join(map(repr, X.columns))}."
+            )
+        return table
+
+    def _read_X(self, X: Any) -> ZoneTable:
+        return self._read(X, reset=False)
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        first = zeta_of(table)[0]
+        if np.isfinite(first):
+            return float(first)
+        return self._level if self._base is None else float(self._base.expected(table.rows(slice(0, 1)))[0])
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        base: Any = None if self._base is None else self._base.forecast(table, origins, n_leads)
+        if self._network is None or (base is not None and self.network_weight_ == 0.0):
+            return base
+        if base is None:
+            return self._network.forecast(table, origins, n_leads)
+        whole = self._network.forecast(table, origins, n_leads, base, self._base.expected(table))
+        return base + self.network_weight_ * (whole - base)
+
+
+def draw_seed(random_state: int | np.random.RandomState | None) -> int:
+    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
+    if random_state is None:
+        return int(np.random.default_rng().integers(2**31 - 1))
+    if isinstance(random_state, int | np.integer):
+        return int(random_state)
+    return int(random_state.randint(2**31 - 1))

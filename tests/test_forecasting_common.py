@@ -1,0 +1,322 @@
+"""What every forecaster shares: scikit-learn's checks, no leak, repeatability, pickling, missing history."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from joblib import Parallel, delayed
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.linear_model import Ridge
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster
+
+ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"
+BASELINES = ("ridge", "profile", "last_week", "persistence")
+NETWORKS = ("mlp", "cnn", "rnn", "lstm")
+TINY = {"max_epochs": 2, "hidden_size": 4, "n_channels": 2, "random_state": 0}
+
+
+def _expected(estimator):
+    # Without a measured past, baselines forecast each row by its time alone, and ARX learns nothing from 20 rows.
+    if isinstance(estimator, ARXRegressor) or estimator.model in ("profile", "last_week", "persistence"):
+        return {}
+    return {
+        "check_methods_sample_order_invariance": ROWS_ARE_TIME_STEPS,
+        "check_methods_subset_invariance": ROWS_ARE_TIME_STEPS,
+    }
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+@parametrize_with_checks(
+    [
+        *[DisturbanceForecaster(model) for model in BASELINES],
+        DisturbanceForecaster(Ridge(), random_state=0),
+        DisturbanceForecaster("lstm", **TINY),
+        DisturbanceForecaster("cnn", residual_of=None, **TINY),
+        ARXRegressor(),
+        ARXRegressor(adapt="refit"),
+    ],
+    expected_failed_checks=_expected,
+)
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+# ------------------------------------------------------------------------------------------------------------- tables
+def hourly(n_days=28, seed=0, start="2023-07-03", tz="Europe/Amsterdam"):
+    """Weather and a disturbance with a weekly pattern, an effect of weather and a slow random part."""
+    rng = np.random.default_rng(seed)
+    time = pd.date_range(start, periods=24 * n_days, freq="1h", tz=tz)
+    hour, weekend = time.hour.to_numpy(), time.day_of_week.to_numpy() >= 5
+    T_oa = 15 + 6 * np.sin(2 * np.pi * (hour - 9) / 24) + 0.3 * np.cumsum(rng.normal(size=len(time)))
+    q_sol = np.clip(np.sin(np.pi * (hour - 6) / 12), 0, None) * rng.uniform(0.2, 0.8, len(time))
+    slow = np.zeros(len(time))
+    for k in range(1, len(time)):
+        slow[k] = 0.95 * slow[k - 1] + 0.1 * rng.normal()
+    gains = np.where(weekend, 0.5, 2.0) * ((hour >= 8) & (hour < 18))
+    zeta = gains + 0.1 * (15 - T_oa) + q_sol + slow
+    u_heat = (T_oa < 14).astype(float)
+    X = pd.DataFrame({"T_oa": T_oa, "q_sol": q_sol, "u_heat": u_heat, "zeta": zeta}, index=time)
+    return X, X["zeta"].rename("y")
+
+
+def zone(n_days=21, seed=0):
+    """A 1R1C room with a weekly gain, at 15 min."""
+    rng = np.random.default_rng(seed)
+    time = pd.date_range("2023-01-02", periods=96 * n_days, freq="15min")
+    T_oa = 5 + 5 * np.sin(2 * np.pi * (np.arange(len(time)) / 96 - 0.4))
+    u_heat = ((time.hour >= 6) & (time.hour < 20)).astype(float) * rng.uniform(0.3, 1.0, len(time))
+    gain = 1.0 * ((time.hour >= 9) & (time.hour < 17) & (time.day_of_week < 5))
+    T = np.full(len(time), 20.0)
+    for k in range(len(time) - 1):
+        T[k + 1] = T[k] + 0.25 * ((T_oa[k] - T[k]) / 6 + 4 * u_heat[k] + gain[k]) / 3 + 0.01 * rng.normal()
+    X = pd.DataFrame({"T_oa": T_oa, "q_sol": 0.0, "u_heat": u_heat, "T_za": T}, index=time)
+    return X, X["T_za"].rename("y")
+
+
+FORECASTERS = [
+    *[DisturbanceForecaster(model) for model in BASELINES],
+    DisturbanceForecaster(HistGradientBoostingRegressor(max_iter=30), random_state=0),
+    *[DisturbanceForecaster(model, residual_of=None, **TINY) for model in NETWORKS],
+    DisturbanceForecaster("lstm", case="case09", **TINY),
+    DisturbanceForecaster("mlp", case="case16", **TINY),
+]
+MODELS = [*FORECASTERS, ARXRegressor(), ARXRegressor(adapt="refit")]
+
+
+def _data(model):
+    return zone() if isinstance(model, ARXRegressor) else hourly()
+
+
+def _name(model):
+    kind = "arx" if isinstance(model, ARXRegressor) else str(model.model).split("(")[0]
+    return f"{kind}-{getattr(model, 'adapt', None) or getattr(model, 'case', None) or ''}"
+
+
+@pytest.fixture(params=MODELS, ids=_name)
+def fitted(request):
+    """A model fitted on all but the last seven days, the data, and the row at which the test begins."""
+    X, y = _data(request.param)
+    cut = len(X) - 7 * len(X.loc[X.index[0] : X.index[0] + pd.Timedelta("1D")]) + 7
+    model = request.param.fit(X.iloc[:cut], y.iloc[:cut])
+    if hasattr(model, "network_weight_") and model.residual_of is not None:
+        model.network_weight_ = 1.0  # so that the network is looked at even where it does not help
+    return model, X, y, cut
+
+
+# ------------------------------------------------------------------------------------------------------------- leaks
+def test_nothing_after_an_origin_is_read(fitted):
+    model, X, _, cut = fitted
+    history = "T_za" if "T_za" in X else "zeta"
+    later = X.iloc[cut:].copy()
+    for origin in (0, 30, 100):
+        noisy = later.copy()
+        noisy.iloc[origin + 1 :, noisy.columns.get_loc(history)] = np.random.default_rng(1).normal(
+            20, 50, len(noisy) - origin - 1
+        )
+        np.testing.assert_array_equal(model.predict_from(noisy, [origin]), model.predict_from(later, [origin]))
+        noisy.iloc[origin + 1 :, noisy.columns.get_loc(history)] = np.nan
+        np.testing.assert_array_equal(model.predict_from(noisy, [origin]), model.predict_from(later, [origin]))
+
+
+def test_the_row_of_the_origin_is_read(fitted):
+    model, X, _, cut = fitted
+    if getattr(model, "model", None) in ("profile", "last_week"):
+        pytest.skip("this baseline does not look at the row of the origin for the next day")
+    history = "T_za" if "T_za" in X else "zeta"
+    later = X.iloc[cut:].copy()
+    moved = later.copy()
+    moved.iloc[30, moved.columns.get_loc(history)] += 3.0
+    assert not np.array_equal(model.predict_from(moved, [30]), model.predict_from(later, [30]))
+
+
+def test_an_origin_forecasts_alike_alone_and_among_others(fitted):
+    model, X, _, cut = fitted
+    later = X.iloc[cut:]
+    alone = model.predict_from(later, [60])
+    np.testing.assert_allclose(model.predict_from(later, [20, 60, 90])[1], alone[0], rtol=1e-5, atol=1e-5)
+
+
+# ------------------------------------------------------------------------------------- histories that are not all there
+def test_missing_history_is_defined(fitted):
+    model, X, _, cut = fitted
+    history = "T_za" if "T_za" in X else "zeta"
+    later = X.iloc[cut:].copy()
+    later[history] = np.nan
+    assert np.isfinite(model.predict(later)).all()
+    cold = later.set_axis(later.index + pd.Timedelta("400D"))  # far from the training table
+    assert np.isfinite(model.predict(cold)).all()
+    later.iloc[:50, later.columns.get_loc(history)] = X[history].iloc[cut : cut + 50]
+    assert np.isfinite(model.predict(later)).all()
+
+
+def test_any_number_of_leads_is_forecast(fitted):
+    model, X, _, cut = fitted
+    later = X.iloc[cut:]
+    day = model.predict_from(later, [3])
+    for hours in (1, 25, 60):
+        paths = model.predict_from(later, [3], horizon=f"{hours}h")
+        assert np.isfinite(paths).all()
+        shared = min(paths.shape[1], day.shape[1])
+        np.testing.assert_allclose(paths[:, :shared], day[:, :shared], rtol=1e-5, atol=1e-5)
+    assert np.isnan(model.predict_from(later, [len(later) - 1])).all()
+
+
+def test_predict_is_made_of_forecasts_from_local_midnights(fitted):
+    model, X, _, cut = fitted
+    later = X.iloc[cut:]
+    predicted = model.predict(later)
+    midnights = np.flatnonzero((later.index.hour == 0) & (later.index.minute == 0))
+    origin = int(midnights[2])
+    per_day = int(midnights[3] - midnights[2])
+    np.testing.assert_allclose(
+        predicted[origin + 1 : origin + per_day + 1], model.predict_from(later, [origin])[0], rtol=1e-5, atol=1e-5
+    )
+
+
+def test_a_model_can_be_pickled(fitted):
+    model, X, _, cut = fitted
+    copy = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(copy.predict(X.iloc[cut:]), model.predict(X.iloc[cut:]))
+
+
+# ----------------------------------------------------------------------------------------------------------- the future
+@pytest.mark.parametrize("model", FORECASTERS, ids=_name)
+def test_forecast_of_history_and_future_is_predict_from_its_last_row(model):
+    X, y = hourly()
+    cut = len(X) - 7 * 24
+    model.fit(X.iloc[:cut], y.iloc[:cut])
+    history, future = X.iloc[cut : cut + 31], X.iloc[cut + 31 : cut + 31 + 24]
+    series = model.forecast(history, future.drop(columns="zeta"))
+    assert series.index.equals(future.index)
+    assert series.name == "zeta"
+    np.testing.assert_allclose(series, model.predict_from(X.iloc[cut:], [30])[0], rtol=1e-5, atol=1e-5)
+    # The kept end of the training table is as good a history as all of it.
+    kept, whole = (model.forecast(past, X.iloc[cut : cut + 24]) for past in (None, X.iloc[:cut]))
+    np.testing.assert_allclose(kept, whole, rtol=1e-5, atol=1e-5)
+
+
+def test_forecast_refuses_a_gap_and_a_missing_column():
+    X, y = hourly(14)
+    model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])
+    with pytest.raises(ValueError, match="it must begin one step"):
+        model.forecast(X.iloc[200:210], X.iloc[212:230])
+    with pytest.raises(ValueError, match="'q_sol' of the training table is missing"):
+        model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
+
+
+def test_history_may_come_from_the_target():
+    X, y = hourly(14)
+    without = X.drop(columns="zeta")
+    model = DisturbanceForecaster("persistence").fit(without.iloc[:250], y.iloc[:250])
+    assert model.predict(without.iloc[250:])[0] == y.iloc[249]
+    series = model.forecast(X.iloc[250:260], without.iloc[260:270])
+    np.testing.assert_array_equal(series, np.full(10, y.iloc[259]))
+
+
+# -------------------------------------------------------------------------------------------------------- repeatability
+def _fit_and_predict(model, X, y):
+    return model.fit(X.iloc[:400], y.iloc[:400]).predict(X.iloc[400:])
+
+
+def test_a_network_is_the_same_to_the_bit_in_other_processes_and_threads():
+    X, y = hourly()
+    models = [DisturbanceForecaster(m, residual_of=None, **{**TINY, "hidden_size": 20}) for m in NETWORKS]
+    here = [_fit_and_predict(model, X, y) for model in models]
+    for backend in ("threading", "loky"):
+        there = Parallel(n_jobs=2, backend=backend)(delayed(_fit_and_predict)(model, X, y) for model in models)
+        for a, b in zip(here, there, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_torch_s_global_state_is_neither_read_nor_changed(model):
+    import torch
+
+    X, y = hourly(14)
+    forecaster = DisturbanceForecaster(model, residual_of=None, dropout=0.5, **TINY)
+    seen = []
+    for seed in (1, 2):
+        torch.manual_seed(seed)
+        before, threads = torch.get_rng_state(), torch.get_num_threads()
+        seen.append(forecaster.fit(X, y).predict(X))
+        assert torch.equal(torch.get_rng_state(), before)
+        assert torch.get_num_threads() == threads
+    np.testing.assert_array_equal(*seen)
+    other = forecaster.set_params(random_state=1).fit(X, y).predict(X)
+    forecaster.set_params(random_state=0)
+    assert not np.array_equal(other, seen[0])
+
+
+def test_numpy_s_global_state_is_left_alone():
+    X, y = hourly(14)
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    DisturbanceForecaster("mlp", max_epochs=1).fit(X, y)
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+def test_baselines_load_neither_torch_nor_skorch():
+    program = """
+import sys, numpy as np
+from skhybrid.forecasting import DisturbanceForecaster, ARXRegressor
+X = np.random.default_rng(0).normal(size=(50, 2)); y = X[:, 0]
+for model in ("ridge", "profile", "last_week", "persistence"):
+    DisturbanceForecaster(model).fit(X, y).predict(X)
+ARXRegressor().fit(X, y).predict(X)
+print([name for name in ("torch", "skorch", "matplotlib") if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+# -------------------------------------------------------------------------------------------------------------- errors
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"model": "transformer"}, r"model='transformer' is not known; use mlp, cnn, rnn, lstm, profile"),
+        ({"model": Ridge}, "nor a regressor instance"),
+        ({"case": "case18"}, r"case='case18' is not known for model='lstm'; use case01"),
+        ({"activation": "tanh"}, r"activation='tanh' is not known; use one of 'relu', 'selu', 'gelu'"),
+        ({"residual_of": "arima"}, r"residual_of='arima' is not known; use one of None, 'profile'"),
+        ({"time_encoding": "fourier"}, "time_encoding='fourier' is not known"),
+        ({"hidden_size": 0}, "hidden_size=0 is not a whole number from 1"),
+        ({"dropout": 1.0}, r"dropout=1.0 is outside \[0, 1\)"),
+        ({"horizon": "90min"}, "not a positive multiple of the sampling time"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_its_choices(settings, message):
+    X, y = hourly(7)
+    with pytest.raises(ValueError, match=message):
+        DisturbanceForecaster(**settings).fit(X, y)
+
+
+def test_baselines_ignore_the_settings_of_networks():
+    X, y = hourly(7)
+    DisturbanceForecaster("profile", case="no such case", activation="none", hidden_size=-1).fit(X, y)
+
+
+def test_a_role_that_the_case_needs_is_named():
+    X, y = hourly(7)
+    with pytest.raises(ValueError, match="role 'T_oa' is missing"):
+        DisturbanceForecaster("lstm", **TINY).fit(X.drop(columns="T_oa"), y)
+    with pytest.raises(ValueError, match="role 'u_heat', 'u_cool' or 'Q_hvac' is missing"):
+        DisturbanceForecaster("mlp", case="case16", **TINY).fit(X.drop(columns="u_heat"), y)
+    DisturbanceForecaster("lstm", case="case02", **TINY).fit(X[["zeta"]], y)
+
+
+def test_missing_targets_are_left_out_up_to_a_share():
+    X, y = hourly(21)
+    holes = y.copy()
+    holes.iloc[50:120] = np.nan
+    for model in ("ridge", "profile", "mlp"):
+        forecaster = DisturbanceForecaster(model, **TINY)
+        assert np.isfinite(forecaster.fit(X.assign(zeta=holes), holes).predict(X)).all()
+    holes.iloc[: 24 * 15] = np.nan
+    with pytest.raises(ValueError, match="more than max_missing=50%"):
+        forecaster.fit(X, holes)
