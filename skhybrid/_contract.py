@@ -49,6 +49,7 @@ class ZoneTable:
     utc: pd.DatetimeIndex | None  # stamps in UTC; None where the table has no stamps
     step: pd.Timedelta  # the sampling time
     n_history: int = 0  # rows at the front that are the end of a training table
+    order: tuple[str, ...] = ()  # roles in the order of the caller's columns
 
     @property
     def n_rows(self) -> int:
@@ -75,6 +76,7 @@ class ZoneTable:
             self.time[chosen],
             None if self.utc is None else self.utc[chosen],
             self.step,
+            order=self.order,
         )
 
     def follows(self, earlier: ZoneTable | None) -> bool:
@@ -100,6 +102,7 @@ def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
         None if first.utc is None or second.utc is None else pd.DatetimeIndex(first.utc.append(second.utc)),
         second.step,
         n_history=first.n_rows,
+        order=second.order,
     )
 
 
@@ -174,7 +177,7 @@ def read_table(
             f"X has a sampling time of {_spell(step)}, but {type(estimator).__name__} was fitted at "
             f"{_spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
-    return ZoneTable(inputs, history, index, time, utc, step)
+    return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values))
 
 
 def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, name: str = "y") -> np.ndarray:

@@ -302,7 +302,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return pd.DataFrame({"T_za": temperature[0], "zeta": zeta}, index=future.index)
 
     # ---------------------------------------------------------------------------------------------------------- load
-    def predict_load(self, X: Any, setpoint: Any) -> pd.DataFrame:
+    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
         Parameters
@@ -311,6 +311,9 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             Heating and cooling columns are read up to each origin only; after it they are what is sought.
         setpoint : float or array-like of shape (n_samples,)
             Wanted temperature at each row's stamp [degC].
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
+            its heat is measured.
 
         Returns
         -------
@@ -328,7 +331,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         wanted = np.asarray(setpoint, dtype=np.float64)
         if isinstance(setpoint, pd.Series) and isinstance(X, pd.DataFrame) and not setpoint.index.equals(X.index):
             raise ValueError("setpoint bears other time stamps than X; align it with setpoint.reindex(X.index).")
-        load = self.gray_box_.required_heat(here, wanted, origins, paths, kind=self.disturbance)
+        load = self.gray_box_.required_heat(here, wanted, origins, paths, kind=self.disturbance, limits=limits)
         zeta = np.concatenate([path[:count] for path, count in zip(paths, counts, strict=True)])
         return load.set_axis(local.index).assign(zeta=zeta)
 
@@ -352,7 +355,8 @@ def _frame(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
     """A table as a frame by roles, with stamps (from ``start`` where it had none) and a ``T_za`` column."""
     index = table.index if table.utc is not None else pd.DatetimeIndex(start + (table.time - table.time[0]))
     missing = np.full(table.n_rows, np.nan)
-    return pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
+    frame = pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
+    return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
 
 
 def _disturbance_step(step: pd.Timedelta) -> pd.Timedelta:

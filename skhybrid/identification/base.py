@@ -425,7 +425,7 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         return np.array([*names, "zeta"], dtype=object)
 
     # -------------------------------------------------------------------------------------------------------- loads
-    def predict_load(self, X: Any, setpoint: Any) -> pd.DataFrame:
+    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
 
         Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
@@ -436,6 +436,9 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         X : DataFrame or array-like of shape (n_samples, n_features)
         setpoint : float or array-like of shape (n_samples,)
             Wanted temperature at each row's stamp [degC].
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
+            its heat is measured.
 
         Returns
         -------
@@ -446,9 +449,17 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         origins, n = self._load_origins(table, n_tail)
-        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n))
+        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n), limits)
 
-    def required_heat(self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input") -> pd.DataFrame:
+    def required_heat(
+        self,
+        X: Any,
+        setpoint: Any,
+        origins: Any,
+        disturbance: Any,
+        kind: str = "input",
+        limits: tuple[float, float] | None = None,
+    ) -> pd.DataFrame:
         """As :meth:`predict_load`, under a given disturbance.
 
         Parameters
@@ -461,6 +472,9 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         disturbance : array-like of shape (n_origins, n_leads)
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
+            its heat is measured.
 
         Returns
         -------
@@ -470,7 +484,7 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         table, n_tail = self._with_history(X)
         rows = np.asarray(origins, dtype=np.int64) + n_tail
         given = np.asarray(disturbance, dtype=np.float64)
-        return self._load(table, n_tail, setpoint, rows, self._given(table, rows, given, kind))
+        return self._load(table, n_tail, setpoint, rows, self._given(table, rows, given, kind), limits)
 
     def _load_origins(self, table: ZoneTable, n_tail: int) -> tuple[np.ndarray, int]:
         here = table.rows(slice(n_tail, None))
@@ -478,9 +492,15 @@ class NetworkIdentifier(RollingForecastMixin, TransformerMixin, RegressorMixin, 
         return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
 
     def _load(
-        self, table: ZoneTable, n_tail: int, setpoint: Any, origins: np.ndarray, outlook: Outlook
+        self,
+        table: ZoneTable,
+        n_tail: int,
+        setpoint: Any,
+        origins: np.ndarray,
+        outlook: Outlook,
+        limits: tuple[float, float] | None,
     ) -> pd.DataFrame:
-        tracker, plant = self._tracker, self._plant
+        tracker, plant = self._tracker, self._plant.limited(limits)
         here = table.rows(slice(n_tail, None))
         target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
         inputs = self._experiment(table).inputs.copy()

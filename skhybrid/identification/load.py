@@ -18,22 +18,36 @@ class Plant(NamedTuple):
     heating: tuple[tuple[str, float], ...]  # (role, capacity [kW]) of the stages that heat
     cooling: tuple[tuple[str, float], ...]  # the same of those that cool, capacity < 0
     most: Mapping[str, float]  # highest stage of each role
-    lower: float  # [kW], 0 or less
-    upper: float  # [kW], 0 or more
+    lower: float  # [kW], 0 or less; -inf where only the heat was measured
+    upper: float  # [kW], 0 or more; inf where only the heat was measured
+
+    def limited(self, limits: tuple[float, float] | None) -> Plant:
+        """The same plant within other limits.
+
+        Raises
+        ------
+        ValueError
+            If the lower limit is not below the upper one.
+        """
+        if limits is None:
+            return self
+        lower, upper = float(limits[0]), float(limits[1])
+        if not lower < upper:
+            raise ValueError(f"limits=({lower}, {upper}) [kW]: the first is the lowest heat, below the second.")
+        return self._replace(lower=lower, upper=upper)
 
 
 def make_plant(network: RCNetwork, theta: Mapping[str, float], table: ZoneTable) -> Plant:
-    """The plant that a training table shows: stages up to 1 or the highest seen, measured heat within its range."""
+    """The plant of a training table: stages up to 1 or the highest seen; a measured heat tells of no limit."""
     capacity = {
         s.role: theta[s.parameter] for s in network.sources(table.inputs) if s.role.startswith("u_") and s.parameter
     }
     most = {role: max(1.0, float(table.inputs[role].max())) for role in capacity}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
-    measured = [v for role, v in table.inputs.items() if role.startswith("Q_")]
-    total = np.sum(measured, axis=0) if measured else np.zeros(1)
-    lower = sum(q * most[role] for role, q in cooling) + min(0.0, float(np.min(total)))
-    upper = sum(q * most[role] for role, q in heating) + max(0.0, float(np.max(total)))
+    beyond = np.inf if any(role.startswith("Q_") for role in table.inputs) else 0.0
+    lower = sum(q * most[role] for role, q in cooling) - beyond
+    upper = sum(q * most[role] for role, q in heating) + beyond
     return Plant(heating, cooling, most, lower, upper)
 
 
