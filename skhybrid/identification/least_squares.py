@@ -11,7 +11,7 @@ from sklearn.utils import check_random_state
 from .._contract import ZoneTable, rows_covering
 from .._kernels import one_step_errors
 from ..thermal import Parameter, RCNetwork
-from .base import NetworkIdentifier, Outlook
+from .base import NetworkIdentifier
 from .disturbance import (
     Conventional,
     InputRandomWalk,
@@ -23,6 +23,7 @@ from .disturbance import (
 from .experiment import Experiment
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
 from .prediction_error import Minimum, PredictionErrorProblem, random_starts, search
+from .tracked import Outlook
 from .tracking import GainTracker, fit_walk_noise
 
 

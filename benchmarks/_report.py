@@ -1,0 +1,39 @@
+"""Tables that a benchmark leaves behind: what, with which command, on which machine, when."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import platform
+from pathlib import Path
+
+import pandas as pd
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def write_table(name: str, title: str, command: str, tables: dict[str, pd.DataFrame], note: str = "") -> Path:
+    """Write tables as Markdown, whole or not at all."""
+    cores = os.cpu_count()
+    lines = [f"# {title}", "", f"`{command}`, {datetime.date.today()}, {platform.machine()}, {cores} cores, "]
+    lines[-1] += f"Python {platform.python_version()}."
+    if note:
+        lines += ["", note]
+    for heading, table in tables.items():
+        lines += ["", f"## {heading}", "", *_markdown(table)]
+    RESULTS.mkdir(exist_ok=True)
+    path = RESULTS / f"{name}.md"
+    part = path.with_suffix(".part")
+    part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def _markdown(table: pd.DataFrame) -> list[str]:
+    frame = table.reset_index()
+    head = "| " + " | ".join(map(str, frame.columns)) + " |"
+    rows = [
+        "| " + " | ".join(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row) + " |"
+        for row in frame.to_numpy()
+    ]
+    return [head, "|" + " --- |" * len(frame.columns), *rows]

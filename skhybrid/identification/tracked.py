@@ -1,0 +1,133 @@
+"""An identified network at work on a table: filtered states, and forecasts from them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from .._contract import ZoneTable
+from .._kernels import simulate_path
+from .._rolling import RollingForecastMixin
+from .experiment import Experiment, make_experiment
+from .periodic import hour_class, profile_cell
+from .tracking import GainTracker, Start, Track
+
+
+class Outlook(NamedTuple):
+    """What a model expects after each origin, apart from the known inputs."""
+
+    states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
+    heat: np.ndarray  # (n_origins, H) unmeasured heat of the rows origin, origin + 1, ... [kW]
+    offset: np.ndarray  # (n_origins, H) added to the output of the rows origin + 1, ... [K]
+
+
+class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
+    """What an identified network does with a table; a subclass identifies it and may give ``_outlook``."""
+
+    def _experiment(self, table: ZoneTable) -> Experiment:
+        missing = np.full(table.n_rows, np.nan)
+        y = table.T_za if table.T_za is not None else missing
+        return make_experiment(self.network_, self._roles, table, y)
+
+    @property
+    def _roles(self) -> tuple[str, ...]:
+        return tuple(sorted(self._tail.inputs))
+
+    @staticmethod
+    def _cells(table: ZoneTable) -> np.ndarray:
+        return profile_cell(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
+
+    def _classes(self, table: ZoneTable) -> np.ndarray:
+        klass = hour_class(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
+        return klass if len(self._tracker.Q) > 1 else np.zeros_like(klass)
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        known = table.T_za is not None and np.isfinite(table.T_za[0])
+        return float(table.T_za[0]) if known and table.T_za is not None else self._mean
+
+    def _start(self, table: ZoneTable) -> Start:
+        """What is known of the first row: the training's own start, its end, or no more than a temperature."""
+        if self._is_tail(table):
+            return self._tail_start
+        if self._is_training(table):
+            return self._train_start
+        return self._tracker.cold(self._cold_value(table))
+
+    def _is_tail(self, table: ZoneTable) -> bool:
+        return table.utc is not None and self._tail.utc is not None and table.utc[0] == self._tail.utc[0]
+
+    def _is_training(self, table: ZoneTable) -> bool:
+        return table.utc is not None and self._train_first is not None and table.utc[0] == self._train_first
+
+    def _open_start(self, table: ZoneTable) -> np.ndarray:
+        return self._tail_open if self._is_tail(table) else self._start(table).mean[: self._tracker.n]
+
+    def _open_loop(self, experiment: Experiment, state: np.ndarray) -> np.ndarray:
+        """(N + 1, n) node temperatures by the known inputs alone."""
+        return simulate_path(self._tracker.A, experiment.inputs @ self._tracker.B.T, state)
+
+    def _track(self, table: ZoneTable, smooth: bool = False) -> Track:
+        experiment = self._experiment(table)
+        return self._tracker.track(experiment, self._cells(table), self._classes(table), self._start(table), smooth)
+
+    # ---------------------------------------------------------------------------------------------------- forecasts
+    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+        """The filter's own expectation: the gain state decays towards the profile."""
+        track, cells = self._track(table), self._cells(table)
+        tracker: GainTracker = self._tracker
+        g = track.gain[origins] - tracker.profile[cells[origins]]
+        rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
+        heat = g[:, None] * tracker.phi ** np.arange(n) + tracker.profile[cells[rows]]
+        return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n)))
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self._run(table, origins, self._outlook(table, origins, n_leads))
+
+    def _run(self, table: ZoneTable, origins: np.ndarray, outlook: Outlook) -> np.ndarray:
+        experiment, tracker = self._experiment(table), self._tracker
+        paths = [
+            tracker.drive(experiment, int(o), state, heat)[:, tracker.measured]
+            for o, state, heat in zip(origins, outlook.states, outlook.heat, strict=True)
+        ]
+        return np.array(paths).reshape(outlook.offset.shape) + outlook.offset
+
+    def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> Outlook:
+        none = np.zeros_like(disturbance)
+        if checked_kind(kind) == "input":
+            return Outlook(self._track(table).nodes[origins], disturbance, none)
+        states = self._open_loop(self._experiment(table), self._open_start(table))[origins]
+        return Outlook(states, none, disturbance)
+
+    def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
+        """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; ``T_za`` is read up to each origin only.
+        origins : sequence of int
+            Row numbers of X.
+        disturbance : array-like of shape (n_origins, n_leads)
+            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
+            ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
+        kind : {"input", "output"}
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads)
+            Temperature of the rows origin + 1, ... [degC]; a row beyond X repeats the last one.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        given = np.asarray(disturbance, dtype=np.float64)
+        return self._run(table, rows, self._given(table, rows, given, kind))
+
+
+def checked_kind(kind: str) -> str:
+    if kind not in ("input", "output"):
+        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
+    return kind
