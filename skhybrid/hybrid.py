@@ -240,17 +240,17 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + lead_in] - known[:, None] - 1
         steps = int(wanted.max()) + 1
         ahead = np.empty((len(origins), steps))
-        for forecaster, chosen in self._forecasters(bins, int(bins.of_row[n_tail + lead_in]), known):
+        for forecaster, chosen in self._forecasters(bins, known):
             paths = forecaster.predict_from(bins.frame, known[chosen], horizon=steps * self.disturbance_step_)
             ahead[chosen] = pd.DataFrame(paths).ffill(axis=1).to_numpy()
         return np.take_along_axis(ahead, np.maximum(wanted, 0), axis=1)
 
-    def _forecasters(self, bins: _Bins, first: int, known: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
-        """The forecaster of each origin: as trained, or re-fitted on the full weeks since bin ``first``."""
+    def _forecasters(self, bins: _Bins, known: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
+        """The forecaster of each origin: as trained, or re-fitted on the full weeks since the training ended."""
         week = int(pd.Timedelta("7D") / self.disturbance_step_)
+        first = int(np.sum(bins.frame.index <= self._rows.index[-1]))
         weeks = np.maximum(known + 1 - first, 0) // week
-        before = self._rows.index[-1] < bins.frame.index[first]
-        if self.adapt is None or not before or not _refits_fast(self.forecaster_):
+        if self.adapt is None or not _refits_fast(self.forecaster_):
             weeks[:] = 0
         for count in np.unique(weeks):
             chosen = np.flatnonzero(weeks == count)

@@ -28,7 +28,7 @@ DAY = 96
 
 @pytest.fixture(scope="module")
 def office():
-    return make_office(n_days=35, random_state=11)
+    return make_office(n_days=37, random_state=11)
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +135,10 @@ def test_adaptation_refits_on_full_weeks_only(hybrid, office):
     X = office.X[28 * DAY :]
     adapted, frozen = hybrid.predict(X), still.predict(X)
     np.testing.assert_array_equal(adapted[: 6 * DAY], frozen[: 6 * DAY])
+    # only what came behind the training is new, wherever the table begins
+    late = [36 * DAY - 1]
+    assert not np.array_equal(hybrid.predict_from(office.X, late), still.predict_from(office.X, late))
+    assert not np.array_equal(adapted[8 * DAY :], frozen[8 * DAY :])
     assert np.isfinite(adapted).all()
     far = make_office(n_days=16, start="2024-01-15", random_state=1).X  # months behind the training
     assert np.isfinite(hybrid.predict(far)).all()

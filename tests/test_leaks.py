@@ -44,6 +44,9 @@ def temperature_models():
     ]
 
 
+MODELS = {f"{i}-{type(model).__name__}": model for i, model in enumerate(temperature_models())}
+
+
 def noisy_after(X, row, columns, seed=0):
     """A copy whose history columns are noise behind a row."""
     rng = np.random.default_rng(seed)
@@ -53,7 +56,7 @@ def noisy_after(X, row, columns, seed=0):
     return out
 
 
-@pytest.mark.parametrize("model", temperature_models(), ids=lambda m: str(m).split("(")[0] + str(hash(str(m)) % 97))
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @pytest.mark.parametrize("following", [True, False], ids=["after-training", "elsewhere"])
 def test_temperature_behind_an_origin_is_not_read(model, following, office):
     """Every origin of nine days, so that weekly re-fits happen too."""
