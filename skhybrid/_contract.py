@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ import pandas as pd
 from sklearn.utils import check_array, column_or_1d
 from sklearn.utils.validation import validate_data
 
+from ._clock import read_index, spell
 from .exceptions import RoleWarning, UnitWarning
 
 #: role (a pattern), unit and meaning of every column that an estimator may read.
@@ -33,8 +34,6 @@ ROLES: tuple[tuple[str, str, str], ...] = (
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 #: roles that hold the past only: read up to a forecast origin, NaN allowed.
 HISTORY_ROLES = ("T_za", "zeta")
-#: wall clock that a table without time stamps is assumed to start at (a Monday).
-ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _DAY = pd.Timedelta("1D")
 
 
@@ -113,7 +112,7 @@ def read_table(
     *,
     columns: Mapping[str, Any] | None = None,
     required: Iterable[str] = (),
-    needed: re.Pattern[str] | None = None,
+    needed: Callable[[str], object] | None = None,
     sampling_time: Any = None,
     default_step: str = "15min",
     reset: bool,
@@ -132,8 +131,8 @@ def read_table(
         Overrides the names; None as a column says that the role is absent on purpose.
     required : iterable of str
         Roles without which a *named* table is refused.
-    needed : compiled pattern, optional
-        Inputs whose role it does not match are left unread (and so may hold anything).
+    needed : callable of a role, optional
+        Inputs for whose role it is not true are left unread (and so may hold anything).
     sampling_time : timedelta-like, optional
         The step of a table without time stamps.
     reset : bool
@@ -149,8 +148,8 @@ def read_table(
         In one sentence that names the column, the stamp or the step and says what to do.
     """
     if isinstance(X, pd.DataFrame):
+        _refuse_shape(X, min_rows)
         validate_data(estimator, X, reset=reset, skip_check_array=True)
-        _refuse_empty(X, min_rows)
         by_role = _columns_by_role(X, columns, required)
         values = {role: _numeric(X[column], column) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
@@ -163,25 +162,27 @@ def read_table(
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
         index = pd.RangeIndex(len(array))
-    step, time, utc = _read_index(index, sampling_time, default_step, expected_step)
+    step, time, utc = read_index(index, sampling_time, default_step, expected_step)
     inputs, history = {}, {}
     for role, v in values.items():
         if role in HISTORY_ROLES:
             history[role] = _history(v, names[role], index)
-        elif needed is None or needed.match(role):
+        elif needed is None or needed(role):
             inputs[role] = _finite(v, names[role], index)
     if reset:
         _warn_units({**inputs, **history}, names)
     if expected_step is not None and step != expected_step:
         raise ValueError(
-            f"X has a sampling time of {_spell(step)}, but {type(estimator).__name__} was fitted at "
-            f"{_spell(expected_step)}; resample it with skhybrid.datasets.regularize."
+            f"X has a sampling time of {spell(step)}, but {type(estimator).__name__} was fitted at "
+            f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
     return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values))
 
 
-def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, name: str = "y") -> np.ndarray:
+def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
     """Validate the target: shape (n_samples,) float64, NaN where missing, never infinite.
+
+    With ``role`` its range is held against that role's unit, unless the table holds the same as history.
 
     Raises
     ------
@@ -212,15 +213,17 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, name: str
     if np.isinf(target).any():
         row = int(np.flatnonzero(np.isinf(target))[0])
         raise ValueError(
-            f"Input {name} contains infinity or a value too large for dtype('float64') "
+            f"Input y contains infinity or a value too large for dtype('float64') "
             f"(first at {table.index[row]}); set it to NaN where the sensor failed."
         )
     missing = float(np.isnan(target).mean()) if len(target) else 1.0
     if missing > max_missing:
         raise ValueError(
-            f"Input {name} contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
+            f"Input y contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
             "choose a span with more measurements."
         )
+    if role is not None and role not in table.history:
+        _warn_units({role: target}, {role: "y"})
     return target
 
 
@@ -230,14 +233,17 @@ def role_of(name: object) -> str | None:
     return name if isinstance(name, str) and _ROLE.match(name) else None
 
 
-def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
+def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
     columns = dict(columns or {})
-    if not X.columns.is_unique:
-        twice = X.columns[X.columns.duplicated()][0]
-        raise ValueError(f"column {twice!r} stands twice in X; keep one of them.")
-    for role, column in columns.items():
+    for role in columns:
         if role_of(role) is None:
             raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
+    return columns
+
+
+def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
+    columns = _known_roles(columns)
+    for role, column in columns.items():
         if column is not None and column not in X.columns:
             raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {_listed(X.columns)}.")
     taken = {c for c in columns.values() if c is not None}
@@ -248,7 +254,7 @@ def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, require
             f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
             "name them or pass columns={role: column}.",
             RoleWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
         return {role: X.columns[j] for role, j in _positions(X.shape[1], None).items()}
     absent = [r for r in required if r not in found and columns.get(r, r) is not None]
@@ -263,7 +269,7 @@ def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, require
 
 def _positions(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
     roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
-    for role, j in (columns or {}).items():
+    for role, j in _known_roles(columns).items():
         if j is None:
             roles.pop(role, None)
             continue
@@ -284,7 +290,10 @@ def _numeric(column: pd.Series, name: object) -> np.ndarray:
         raise ValueError(f"column {name!r} is not numeric ({error}); convert it to float first.") from None
 
 
-def _refuse_empty(X: pd.DataFrame, min_rows: int) -> None:
+def _refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
+    if not X.columns.is_unique:
+        twice = X.columns[X.columns.duplicated()][0]
+        raise ValueError(f"column {twice!r} stands twice in X; keep one of them.")
     if X.shape[1] == 0:
         raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
     if len(X) < min_rows:
@@ -294,9 +303,9 @@ def _refuse_empty(X: pd.DataFrame, min_rows: int) -> None:
 def _finite(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     bad = ~np.isfinite(v)
     if bad.any():
-        kind = "NaN" if np.isnan(v).any() else "inf"
+        kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
         raise ValueError(
-            f"column {name} contains {kind} or inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            f"column {name} contains {kind} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
     return np.ascontiguousarray(v, dtype=np.float64)
@@ -336,126 +345,6 @@ def _warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
                 UnitWarning,
                 stacklevel=5,
             )
-
-
-# ------------------------------------------------------------------------------------------------------- time stamps
-def _read_index(
-    index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None
-) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None]:
-    given = None if sampling_time is None else pd.Timedelta(sampling_time)
-    if given is not None and not given > pd.Timedelta(0):
-        raise ValueError(f"sampling_time={sampling_time!r} is not a positive duration such as '15min'.")
-    if not isinstance(index, pd.DatetimeIndex):
-        _refuse_disorder(index)
-        step = given or expected or pd.Timedelta(default_step)
-        time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
-        return step, time, None
-    if index.hasnans:
-        raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
-    utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
-    step = even_step(utc, index) if len(utc) > 1 else (given or expected or pd.Timedelta(default_step))
-    if given is not None and step != given:
-        raise ValueError(
-            f"the index steps by {_spell(step)}, but sampling_time={_spell(given)} was given; drop the argument or "
-            "resample with skhybrid.datasets.regularize."
-        )
-    local = index.tz_localize(None) if index.tz is not None else index
-    return step, local, utc
-
-
-def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
-    """The one step of an index, or a ValueError that shows the first stamps that break it."""
-    gaps = np.diff(utc.as_unit("ns").asi8)
-    if (gaps <= 0).any():
-        row = int(np.argmax(gaps <= 0))
-        what = "stands twice" if gaps[row] == 0 else "goes back in time"
-        raise ValueError(
-            f"the index {what}: {shown[row]} is followed by {shown[row + 1]}; sort it and drop duplicates "
-            "(skhybrid.datasets.regularize does)."
-        )
-    usual = int(np.median(gaps))
-    if (gaps != usual).any():
-        row = int(np.argmax(gaps != usual))
-        raise ValueError(
-            f"the index is not evenly spaced: {shown[row]} is followed by {shown[row + 1]}, where most steps are "
-            f"{_spell(pd.Timedelta(usual, unit='ns'))}; use skhybrid.datasets.regularize"
-            + (", or localize it if this is daylight saving." if getattr(shown, "tz", None) is None else ".")
-        )
-    return pd.Timedelta(usual, unit="ns")
-
-
-def _refuse_disorder(index: pd.Index) -> None:
-    if pd.api.types.is_integer_dtype(index) and len(index) > 1 and not index.is_monotonic_increasing:
-        row = int(np.argmax(np.diff(index.to_numpy()) < 0))
-        raise ValueError(
-            f"the rows are not in time order: index {index[row]} is followed by {index[row + 1]}; rows are consecutive "
-            "time steps, so split them with skhybrid.model_selection.RollingOriginSplit, never shuffled."
-        )
-
-
-# ---------------------------------------------------------------------------------------------- horizons and origins
-def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
-    """How many steps a duration such as "1D" is.
-
-    Raises
-    ------
-    ValueError
-        If it is not a positive multiple of the step.
-    """
-    span = pd.Timedelta(duration)
-    rows = span / step
-    if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
-        raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {_spell(step)}.")
-    return round(rows)
-
-
-def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
-    """How many steps cover a duration, which need not be a multiple of the step.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive.
-    """
-    span = pd.Timedelta(duration)
-    if not span > pd.Timedelta(0):
-        raise ValueError(f"{name}={duration!r} is not a positive duration such as '1D'.")
-    return max(1, int(np.ceil(span / step - 1e-9)))
-
-
-def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
-    """Rows that are forecast origins: row 0 and the starts of local days (and of ``origin_step`` within them).
-
-    Parameters
-    ----------
-    time : DatetimeIndex
-        Local wall-clock time of every row.
-    horizon : timedelta-like or None
-        None: the first row is the only origin.
-    origin_step : timedelta-like, optional
-        Distance of origins, counted from local midnight; default = ``horizon``.
-
-    Returns
-    -------
-    ndarray of int, increasing, beginning with 0.
-    """
-    if horizon is None:
-        return np.zeros(1, dtype=np.int64)
-    every = pd.Timedelta(origin_step if origin_step is not None else horizon)
-    if step is not None:
-        rows_of(every, pd.Timedelta(step), "origin_step")
-    since = time - time[0].normalize()
-    block = (since // every).to_numpy()
-    changes = np.flatnonzero(np.diff(block) > 0) + 1
-    return np.concatenate([[0], changes]).astype(np.int64)
-
-
-def _spell(step: pd.Timedelta) -> str:
-    seconds = step.total_seconds()
-    for unit, size in (("h", 3600), ("min", 60)):
-        if seconds % size == 0:
-            return f"{int(seconds // size)} {unit}"
-    return f"{seconds:g} s"
 
 
 def _listed(names: Iterable[object], most: int = 12) -> str:

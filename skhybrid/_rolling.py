@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.metrics import r2_score
 from sklearn.utils.validation import check_is_fitted
 
-from ._contract import ZoneTable, append_tables, origin_rows, rows_of
+from ._clock import origin_rows, rows_of
+from ._contract import ZoneTable, append_tables
 
 
 class RollingForecastMixin:
@@ -92,12 +92,14 @@ class RollingForecastMixin:
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64)
+        rows = np.asarray(origins)
         n_here = table.n_rows - n_tail
-        if rows.ndim != 1 or (rows < 0).any() or (rows >= n_here).any():
+        if not rows.size:
+            rows = rows.astype(np.int64)
+        if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
             raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
         span = horizon if horizon is not None else (self.horizon if self.horizon is not None else "1D")
-        n_leads = rows_of(pd.Timedelta(span), table.step)
+        n_leads = rows_of(span, table.step)
         if not len(rows):
             return np.empty((0, n_leads))
         paths = np.array(self._forecast(table, rows + n_tail, n_leads), dtype=np.float64)

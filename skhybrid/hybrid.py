@@ -12,11 +12,13 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from ._contract import ASSUMED_START, ZoneTable, origin_rows, read_table, read_target, rows_of
+from ._clock import ASSUMED_START, origin_rows, rows_of
+from ._contract import ZoneTable, read_table, read_target
 from ._rolling import RollingForecastMixin
 from .forecasting import DisturbanceForecaster
 from .forecasting.forecaster import BASELINES
 from .identification import PeriodicDisturbanceID
+from .thermal import get_network
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
@@ -153,7 +155,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         gray_box = self._part(self.gray_box, PeriodicDisturbanceID())
         forecaster = self._part(self.forecaster, DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D"))
         table = self._read(X, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing)
+        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         if self.horizon is not None:
             rows_of(self.horizon, table.step)
         frame = _frame(table.replace(history={"T_za": target}), ASSUMED_START)
@@ -193,11 +195,17 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             self,
             X,
             columns=self._columns(),
+            needed=self._reads,
             sampling_time=step,
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
         )
+
+    def _reads(self, role: str) -> bool:
+        """Weather and plant, and of further boundary temperatures those that the network names."""
+        network = get_network(getattr(self.gray_box, "network", "2R2C"))
+        return not role.startswith("T_") or role == "T_oa" or network.reads(role)
 
     def _columns(self) -> Mapping[str, Any] | None:
         return self.columns if self.columns is not None else getattr(self.gray_box, "columns", None)

@@ -282,3 +282,19 @@ def test_missing_irradiance_can_be_declared(office):
         OutputDisturbanceID(n_starts=1).fit(X, office.y)
     model = OutputDisturbanceID(known=KNOWN, n_starts=1, random_state=0, columns={"q_sol": None})
     assert "A_win" not in model.fit(X[:480], office.y[:480]).theta_.index
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_columns_that_the_network_does_not_use_change_nothing(kind, office):
+    """Other temperatures of a log, gaps included, are left unread."""
+    extra = office.X[:480].assign(T_supply=np.nan, T_return=35.0)
+    one = kind(known=KNOWN, n_starts=1, random_state=0).fit(office.X[:480], office.y[:480])
+    other = kind(known=KNOWN, n_starts=1, random_state=0).fit(extra, office.y[:480])
+    pd.testing.assert_series_equal(one.theta_, other.theta_)
+    np.testing.assert_array_equal(one.predict(office.X[:480]), other.predict(extra))
+
+
+def test_irradiance_without_a_solar_path(office):
+    dark = RCNetwork("dark", {"za": "C_za"}, {"R_zo": ("za", "T_oa")})
+    model = OutputDisturbanceID(dark, known=KNOWN, n_starts=1, random_state=0).fit(office.X[:480], office.y[:480])
+    assert list(model.theta_.index) == ["C_za", "R_zo", "Q_h", "Q_c"]

@@ -11,7 +11,8 @@ from scipy.linalg import solve
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import Tags
 
-from .._contract import ZoneTable, read_table, read_target, rows_of
+from .._clock import rows_of
+from .._contract import ZoneTable, read_table, read_target
 from .._rolling import RollingForecastMixin
 from .features import day_type_hour, one_hot, target_rows
 
@@ -135,7 +136,7 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         """
         self._check_parameters()
         table = read_table(self, X, columns=self.columns, sampling_time=self.sampling_time, reset=True, min_rows=3)
-        T = read_target(y, table, max_missing=self.max_missing)
+        T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         if self.horizon is not None:
             rows_of(self.horizon, table.step)
         self.input_names_ = list(table.inputs)

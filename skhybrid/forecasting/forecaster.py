@@ -12,7 +12,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from .._contract import ZoneTable, append_tables, read_table, read_target, rows_of
+from .._clock import rows_of
+from .._contract import ZoneTable, append_tables, read_table, read_target
 from .._rolling import RollingForecastMixin
 from .cases import NETWORKS, ModelCase, resolve_case
 from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
@@ -345,7 +346,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             X,
             columns=self.columns,
             required=[role for role in ("T_oa", "q_sol") if role in wanted],
-            needed=_INPUTS if modes else _WEATHER,
+            needed=(_INPUTS if modes else _WEATHER).match,
             sampling_time=self.sampling_time,
             default_step="1h",
             reset=reset,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +12,14 @@ from sklearn.base import TransformerMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from .._contract import ZoneTable, origin_rows, read_table, read_target, rows_covering, rows_of
+from .._clock import origin_rows, rows_covering, rows_of
+from .._contract import ZoneTable, read_table, read_target
 from .._kernels import simulate_inverse, simulate_path
 from ..thermal import Parameter, RCNetwork, get_network
 from .experiment import Experiment, make_experiment
 from .load import is_plant, load_frame, make_plant, read_setpoint
 from .tracked import Outlook, TrackedNetwork, checked_kind
 from .tracking import Start, Track
-
-_NEEDED = re.compile(r"(T_(?!za\Z)\w+|q_sol\w*|u_\w+|Q_\w+)\Z")
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         """
         network = get_network(self.network)
         table = self._read(X, network, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing)
+        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         if self.horizon is not None:
             rows_of(self.horizon, table.step)
         parameters = self._bounded_parameters(network, table)
@@ -97,7 +95,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             X,
             columns=self.columns,
             required=network.required_roles,
-            needed=_NEEDED,
+            needed=network.reads,
             sampling_time=self.sampling_time,
             reset=reset,
             min_rows=2 if reset else 1,
@@ -308,9 +306,23 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         Returns
         -------
         ndarray of str
+
+        Raises
+        ------
+        ValueError
+            If ``input_features`` are not the columns that ``fit`` saw.
         """
         check_is_fitted(self)
-        names = getattr(self, "feature_names_in_", input_features)
+        names = getattr(self, "feature_names_in_", None)
+        if input_features is not None:
+            if names is not None and list(input_features) != list(names):
+                raise ValueError("input_features is not equal to feature_names_in_, the columns that fit saw.")
+            if len(input_features) != self.n_features_in_:
+                raise ValueError(
+                    f"input_features should have length equal to number of features ({self.n_features_in_}), "
+                    f"got {len(input_features)}."
+                )
+            names = input_features
         if names is None:
             names = [f"x{j}" for j in range(self.n_features_in_)]
         return np.array([*names, "zeta"], dtype=object)

@@ -41,7 +41,8 @@ def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable
 
 def input_matrix(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable) -> np.ndarray:
     """(N, m) inputs in the order of the network, the heat gain column (0) last."""
-    out = np.zeros((table.n_rows, len(roles) + 1))
-    for j, role in enumerate(network.inputs(roles)):
+    acting = network.inputs(roles)
+    out = np.zeros((table.n_rows, len(acting) + 1))
+    for j, role in enumerate(acting):
         out[:, j] = table.inputs[role]
     return out

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import check_random_state
 
-from .._contract import ZoneTable, rows_covering
+from .._clock import rows_covering
+from .._contract import ZoneTable
 from .._kernels import one_step_errors
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier

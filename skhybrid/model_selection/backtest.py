@@ -9,7 +9,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._contract import ASSUMED_START, even_step, rows_of
+from .._clock import ASSUMED_START, even_step, rows_of
 
 _DAY = pd.Timedelta("1D")
 _COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._contract import HISTORY_ROLES, even_step
+from .._clock import even_step
+from .._contract import HISTORY_ROLES
 from ..datasets import read_zone_csv, regularize
 from .settings import Settings
 

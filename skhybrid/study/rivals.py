@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .. import identification
-from .._contract import rows_of
+from .._clock import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor
 from ..thermal import RCNetwork, get_network

@@ -98,6 +98,11 @@ class RCNetwork:
                         f"network {self.name}: {name} ends at {end!r}, which has no capacitance and is no boundary "
                         "temperature (T_...)."
                     )
+            if ends[0] == ends[1] or not set(ends) & set(self.capacitances):
+                raise ValueError(
+                    f"network {self.name}: {name} connects {ends[0]!r} and {ends[1]!r}, which carries no heat to any "
+                    "node; give it two ends that differ, one of them a node with a capacitance."
+                )
         left_over = [node for node, fraction in self.solar.items() if fraction is None]
         if self.solar and (len(left_over) != 1 or any(node not in self.capacitances for node in self.solar)):
             raise ValueError(f"network {self.name}: solar needs nodes with a capacitance, exactly one with None.")
@@ -132,6 +137,19 @@ class RCNetwork:
     def required_roles(self) -> tuple[str, ...]:
         """Roles without which a table cannot drive the network."""
         return (*self.boundaries, "q_sol") if self.solar else self.boundaries
+
+    def reads(self, role: str) -> bool:
+        """Whether a column of this role acts on the network; others are left unread.
+
+        Parameters
+        ----------
+        role : str
+
+        Returns
+        -------
+        bool
+        """
+        return role in self.boundaries or bool(self.sources([role]))
 
     def sources(self, roles: Iterable[str]) -> tuple[Source, ...]:
         """Heat sources among the given roles, in the order of the inputs.

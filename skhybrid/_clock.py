@@ -1,0 +1,164 @@
+"""Time stamps, durations and forecast origins: the part of the data contract that is about time."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+#: wall clock that a table without time stamps is assumed to start at (a Monday).
+ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
+
+
+# ------------------------------------------------------------------------------------------------------- time stamps
+def read_index(
+    index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None
+) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None]:
+    given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
+    if not isinstance(index, pd.DatetimeIndex):
+        _refuse_disorder(index)
+        step = given or expected or pd.Timedelta(default_step)
+        time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
+        return step, time, None
+    if index.hasnans:
+        raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
+    utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
+    step = even_step(utc, index) if len(utc) > 1 else (given or expected or pd.Timedelta(default_step))
+    if given is not None and step != given:
+        raise ValueError(
+            f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
+            "resample with skhybrid.datasets.regularize."
+        )
+    local = index.tz_localize(None) if index.tz is not None else index
+    return step, local, utc
+
+
+def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
+    """The one step of an index, or a ValueError that shows the first stamps that break it."""
+    gaps = np.diff(utc.as_unit("ns").asi8)
+    hint = ", or localize it if this is daylight saving" if getattr(shown, "tz", None) is None else ""
+    if (gaps <= 0).any():
+        row = int(np.argmax(gaps <= 0))
+        what = "stands twice" if gaps[row] == 0 else "goes back in time"
+        raise ValueError(
+            f"the index {what}: {shown[row]} is followed by {shown[row + 1]}; sort it and drop duplicates "
+            f"(skhybrid.datasets.regularize does){hint}."
+        )
+    usual = int(np.median(gaps))
+    if (gaps != usual).any():
+        row = int(np.argmax(gaps != usual))
+        raise ValueError(
+            f"the index is not evenly spaced: {shown[row]} is followed by {shown[row + 1]}, where most steps are "
+            f"{spell(pd.Timedelta(usual, unit='ns'))}; use skhybrid.datasets.regularize{hint}."
+        )
+    return pd.Timedelta(usual, unit="ns")
+
+
+def _spells_time(index: pd.Index) -> bool:
+    if isinstance(index, pd.PeriodIndex | pd.TimedeltaIndex):
+        return True
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # no common format: then it spells no time
+        return bool(pd.to_datetime(index[:3].astype(str), errors="coerce").notna().all())
+
+
+def _refuse_disorder(index: pd.Index) -> None:
+    """Refuse an index of unread time stamps, or of numbers that are not those of consecutive rows."""
+    if not pd.api.types.is_numeric_dtype(index):
+        if _spells_time(index):
+            raise ValueError(
+                f"the index begins with {index[0]!r}, which spells a time stamp but is none; convert it with "
+                "pd.to_datetime (periods with .to_timestamp())."
+            )
+        return  # labels that say nothing of time: the rows are taken as they stand
+    gaps = np.diff(index.to_numpy(dtype=np.float64))
+    if (gaps <= 0).any():
+        row = int(np.argmax(gaps <= 0))
+        raise ValueError(
+            f"the rows are not in time order: index {index[row]} is followed by {index[row + 1]}; rows are consecutive "
+            "time steps, so split them with skhybrid.model_selection.RollingOriginSplit, never shuffled."
+        )
+    if pd.api.types.is_integer_dtype(index) and len(set(gaps)) > 1:
+        row = int(np.argmax(gaps != np.median(gaps)))
+        raise ValueError(
+            f"rows are missing: index {index[row]} is followed by {index[row + 1]}; rows are consecutive time steps, "
+            "so keep them all, with NaN where y was not measured."
+        )
+
+
+# ---------------------------------------------------------------------------------------------- horizons and origins
+def _duration(value: Any, name: str) -> pd.Timedelta:
+    try:
+        return pd.Timedelta(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.") from None
+
+
+def _positive(value: Any, name: str) -> pd.Timedelta:
+    span = _duration(value, name)
+    if not span > pd.Timedelta(0):
+        raise ValueError(f"{name}={value!r} is not a positive duration such as '15min' or '1D'.")
+    return span
+
+
+def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
+    """How many steps a duration such as "1D" is.
+
+    Raises
+    ------
+    ValueError
+        If it is not a positive multiple of the step.
+    """
+    rows = _duration(duration, name) / step
+    if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
+        raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {spell(step)}.")
+    return round(rows)
+
+
+def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
+    """How many steps cover a duration, which need not be a multiple of the step.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive.
+    """
+    return max(1, int(np.ceil(_positive(duration, name) / step - 1e-9)))
+
+
+def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
+    """Rows that are forecast origins: row 0 and the starts of local days (and of ``origin_step`` within them).
+
+    Parameters
+    ----------
+    time : DatetimeIndex
+        Local wall-clock time of every row.
+    horizon : timedelta-like or None
+        None: the first row is the only origin.
+    origin_step : timedelta-like, optional
+        Distance of origins, counted from local midnight; default = ``horizon``.
+
+    Returns
+    -------
+    ndarray of int, increasing, beginning with 0.
+    """
+    if horizon is None:
+        return np.zeros(1, dtype=np.int64)
+    name, given = ("horizon", horizon) if origin_step is None else ("origin_step", origin_step)
+    every = _positive(given, name)
+    if step is not None:
+        rows_of(given, pd.Timedelta(step), name)
+    since = time - time[0].normalize()
+    block = (since // every).to_numpy()
+    changes = np.flatnonzero(np.diff(block) > 0) + 1
+    return np.concatenate([[0], changes]).astype(np.int64)
+
+
+def spell(step: pd.Timedelta) -> str:
+    seconds = step.total_seconds()
+    for unit, size in (("h", 3600), ("min", 60)):
+        if seconds % size == 0:
+            return f"{int(seconds // size)} {unit}"
+    return f"{seconds:g} s"

@@ -1,0 +1,452 @@
+"""The data contract and rolling forecasts: what a table may look like, what is refused, and in which words."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator
+
+from skhybrid import GrayBoxRC
+from skhybrid._clock import ASSUMED_START, origin_rows, rows_covering, rows_of
+from skhybrid._contract import append_tables, read_table, read_target, role_of
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import RoleWarning, UnitWarning
+
+QUARTER = pd.Timedelta("15min")
+START = [21.0, 22.0]
+INPUTS = ["T_oa", "q_sol", "u_heat", "u_cool"]
+#: the office's parameters where the stages are known by position only
+BY_POSITION = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_2": 6.0, "Q_3": -6.0}
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=4, random_state=0)
+
+
+def gray_box(office, X=None, y=None, **settings):
+    """A fit of which everything is known, and so done at once."""
+    X, y = (office.X if X is None else X), (office.y if y is None else y)
+    return GrayBoxRC(**{"known": office.theta, **settings}).fit(X, y)
+
+
+def read(X, **settings):
+    return read_table(BaseEstimator(), X, **{"reset": True, **settings})
+
+
+def stamped(n, start="2023-07-08", step="15min", tz=None, **columns):
+    index = pd.date_range(start, periods=n, freq=step, tz=tz)
+    return pd.DataFrame({"T_oa": np.linspace(5.0, 10.0, n), **columns}, index=index)
+
+
+# -------------------------------------------------------------------------------------------------------------- roles
+@pytest.mark.parametrize(
+    "name", ["T_oa", "T_za", "T_ground", "q_sol", "q_sol_south", "u_heat_2", "u_2", "Q_hvac", "zeta"]
+)
+def test_names_that_are_roles(name):
+    assert role_of(name) == name
+
+
+@pytest.mark.parametrize("name", ["t_oa", "Toa", "T_", "q_solar", "T_oa ", "u_heat\n", "Temp", 3, None, ("T_oa", "a")])
+def test_names_that_are_no_roles(name):
+    assert role_of(name) is None
+
+
+def test_the_same_table_by_name_by_columns_and_by_position(office):
+    """Three ways to say the same give the same simulation."""
+    X = office.X[INPUTS]
+    by_name = gray_box(office, X).simulate(X, initial_state=START)
+    renamed = X.rename(columns=dict(zip(INPUTS, ["out", "sun", "heat %", "T_x"], strict=True)))[
+        ["sun", "T_x", "out", "heat %"]
+    ]
+    columns = {"T_oa": "out", "q_sol": "sun", "u_heat": "heat %", "u_cool": "T_x"}
+    by_columns = gray_box(office, renamed, columns=columns)
+    np.testing.assert_allclose(by_columns.simulate(renamed, initial_state=START), by_name)
+    array, y = X.to_numpy(), office.y.to_numpy()
+    by_position = gray_box(office, array, y, known=BY_POSITION)
+    np.testing.assert_allclose(by_position.simulate(array, initial_state=START), by_name)
+    assert list(by_position.theta_.index) == list(BY_POSITION)
+    turned = array[:, ::-1]
+    columns = {"T_oa": 3, "q_sol": 2, "u_heat": 1, "u_cool": np.int64(0)}
+    np.testing.assert_allclose(
+        gray_box(office, turned, y, columns=columns).simulate(turned, initial_state=START), by_name
+    )
+
+
+def test_column_order_does_not_matter_to_the_physics(office):
+    turned = office.X[office.X.columns[::-1]]
+    np.testing.assert_allclose(gray_box(office, turned).simulate(turned), gray_box(office).simulate(office.X))
+
+
+def test_roles_of_an_array():
+    table = read(np.arange(40.0).reshape(8, 5) / 100)
+    assert list(table.inputs) == ["T_oa", "q_sol", "u_2", "u_3", "u_4"]
+    table = read(np.arange(40.0).reshape(8, 5) / 100, columns={"T_za": 4, "Q_hvac": 2, "q_sol": None})
+    assert set(table.inputs) == {"T_oa", "Q_hvac", "u_3"}
+    np.testing.assert_array_equal(table.T_za, np.arange(4, 40, 5) / 100)
+    assert table.utc is None
+    assert table.time[0] == ASSUMED_START
+    assert read(np.zeros((8, 2)), sampling_time="1h").step == pd.Timedelta("1h")
+    assert read(np.zeros((8, 2)), default_step="5min").step == pd.Timedelta("5min")
+
+
+def test_other_columns_are_left_alone():
+    X = stamped(4, note=list("abcd"), Temp=np.nan)
+    assert list(read(X, required=["T_oa"]).inputs) == ["T_oa"]
+
+
+def test_role_that_is_absent_on_purpose(office):
+    X = office.X.drop(columns="q_sol")
+    with pytest.raises(
+        ValueError, match=r"role 'q_sol' is missing: X has 'T_oa', 'u_heat', 'u_cool', 'T_za'.*'q_sol': None"
+    ):
+        gray_box(office, X)
+    model = gray_box(office, X, columns={"q_sol": None})
+    assert "A_win" not in model.theta_
+    # the role of a column that is there can be taken away just so
+    np.testing.assert_allclose(gray_box(office, columns={"q_sol": None}).simulate(office.X), model.simulate(X))
+
+
+def test_facade_stands_for_the_sun():
+    assert list(read(stamped(4, q_sol_south=0.1), required=["T_oa", "q_sol"]).inputs) == ["T_oa", "q_sol_south"]
+
+
+def test_missing_role_names_the_role_and_the_columns(office):
+    with pytest.raises(
+        ValueError, match=r"role 'T_oa' is missing: X has 'q_sol', 'u_heat', 'u_cool', 'T_za'; name a column"
+    ):
+        gray_box(office, office.X.drop(columns="T_oa"))
+    many = pd.DataFrame(0.0, index=office.X.index, columns=[f"c{j}" for j in range(30)])
+    with pytest.raises(ValueError, match=r"X has 'c0', .*'c11', \.\.\.; name"):
+        gray_box(office, many)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"T_oa": "out"}, "gives 'T_oa' the column 'out', but X has 'T_oa'"),
+        ({"outdoor": "T_oa"}, "names the role 'outdoor', which is none of T_oa, q_sol"),
+    ],
+)
+def test_columns_that_cannot_be(office, columns, message):
+    with pytest.raises(ValueError, match=message):
+        gray_box(office, columns=columns)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"outdoor": 0}, "names the role 'outdoor', which is none of T_oa"),
+        ({"T_oa": 2}, "gives 'T_oa' the column 2, but X is an array of 2 columns: give a position"),
+        ({"T_oa": "T_oa"}, "the column 'T_oa', but X is an array"),
+        ({"T_oa": -1}, "the column -1, but X is an array"),
+    ],
+)
+def test_positions_that_cannot_be(columns, message):
+    with pytest.raises(ValueError, match=message):
+        read(np.zeros((5, 2)), columns=columns)
+
+
+def test_frame_without_roles_is_taken_by_position(office):
+    X = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
+    with pytest.warns(RoleWarning, match="taken by position .'a' as T_oa") as caught:
+        model = gray_box(office, X, office.y.to_numpy(), known=BY_POSITION)
+    assert {w.filename for w in caught if w.category is RoleWarning} == {__file__}
+    np.testing.assert_allclose(model.theta_["Q_3"], -6.0)
+    # with time stamps it is a log whose columns nobody has named: refused
+    with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'a'"):
+        gray_box(office, X.set_axis(office.X.index), known=BY_POSITION)
+
+
+def test_columns_that_cannot_be_read():
+    with pytest.raises(ValueError, match=r"column 'T_oa' is not numeric .*convert it to float"):
+        read(stamped(3).assign(T_oa=["a", "b", "c"]))
+    with pytest.raises(ValueError, match="column 'T_oa' stands twice in X"):
+        read(pd.concat([stamped(3), stamped(3)], axis=1))
+    with pytest.raises(ValueError, match=r"0 feature\(s\)"):
+        read(stamped(3)[[]])
+    with pytest.raises(ValueError, match="while 4 are required"):
+        read(stamped(3), min_rows=4)
+
+
+def test_numbers_of_any_kind_become_float64():
+    X = stamped(3, u_heat=[True, False, True], u_cool=pd.array([1, 0, 1], dtype="Int8"), Q_x=np.float32([1, 2, 3]))
+    table = read(X)
+    assert {v.dtype for v in table.inputs.values()} == {np.dtype(np.float64)}
+    assert all(v.flags.c_contiguous for v in table.inputs.values())
+    assert table.order == ("T_oa", "u_heat", "u_cool", "Q_x")
+    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 rows"):
+        read(X.assign(u_cool=pd.array([1, None, 1], dtype="Int8")))
+
+
+def test_the_callers_table_is_not_written_to(office):
+    X, y = office.X.copy(), office.y.copy()
+    model = gray_box(office, X, y)
+    model.predict(X)
+    table = read(X)
+    table.history["T_za"][:] = 0.0
+    read_target(y, table)[:] = 0.0
+    pd.testing.assert_frame_equal(X, office.X)
+    pd.testing.assert_series_equal(y, office.y)
+
+
+# --------------------------------------------------------------------------------------------------------- bad values
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        ([np.nan, np.nan], "NaN in 2 rows"),
+        ([np.inf, -np.inf], "inf in 2 rows"),
+        ([np.inf, np.nan], "NaN or inf in 2 rows"),
+    ],
+)
+def test_bad_input_names_column_count_and_first_stamp(office, values, found):
+    X = office.X.copy()
+    X.iloc[[7, 9], X.columns.get_loc("u_heat")] = values
+    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found} .first at 2023-07-08 01:45:00.; fill"):
+        gray_box(office, X)
+    model = gray_box(office)
+    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found}"):
+        model.predict(X)
+    renamed = X.rename(columns={"u_heat": "burner"})
+    with pytest.raises(ValueError, match="column 'burner' contains"):
+        gray_box(office, renamed, columns={"u_heat": "burner"})
+    with pytest.raises(ValueError, match=f"column 2 contains {found} .first at 7"):
+        read(X.to_numpy())
+
+
+def test_history_may_be_missing_but_not_infinite(office):
+    X = office.X.copy()
+    X.iloc[5:50, X.columns.get_loc("T_za")] = np.nan
+    assert np.isfinite(gray_box(office, X).predict(X)).all()
+    X.iloc[60, X.columns.get_loc("T_za")] = np.inf
+    with pytest.raises(ValueError, match=r"column 'T_za' contains inf in 1 rows .first at 2023-07-08 15:00:00."):
+        gray_box(office, X)
+
+
+def test_target_may_be_missing_up_to_a_share(office):
+    y, n = office.y.copy(), len(office.y)
+    y.iloc[: n // 2] = np.nan
+    assert np.isfinite(gray_box(office, y=y).loss_)
+    y.iloc[n // 2] = np.nan
+    with pytest.raises(ValueError, match="y contains NaN in 50% of its rows, more than max_missing=50%"):
+        gray_box(office, y=y)
+    assert np.isfinite(gray_box(office, y=y, max_missing=0.6).loss_)
+    with pytest.raises(ValueError, match="more than max_missing=10%"):
+        gray_box(office, y=y, max_missing=0.1)
+
+
+def test_bad_targets(office):
+    y = office.y.copy()
+    y.iloc[96] = np.inf
+    with pytest.raises(ValueError, match=r"y contains infinity.*first at 2023-07-09 00:00:00"):
+        gray_box(office, y=y)
+    with pytest.raises(ValueError, match="the target y is None"):
+        GrayBoxRC().fit(office.X, None)
+    with pytest.raises(ValueError, match="X has 384 rows, y 383"):
+        gray_box(office, y=office.y.to_numpy()[:-1])
+    shifted = office.y.shift(1, freq="15min")
+    with pytest.raises(ValueError, match=r"X from 2023-07-08 00:00:00, y from 2023-07-08 00:15:00.*align"):
+        gray_box(office, y=shifted)
+    with pytest.raises(ValueError, match="Complex data"):
+        gray_box(office, y=office.y.to_numpy() + 1j)
+
+
+# -------------------------------------------------------------------------------------------------------------- units
+@pytest.mark.parametrize(
+    ("role", "change", "unit"),
+    [
+        ("T_oa", lambda v: v * 1.8 + 32, "degF rather than degC"),
+        ("T_za", lambda v: v * 1.8 + 32, "degF rather than degC"),
+        ("T_oa", lambda v: v + 273.15, "K rather than degC"),
+        ("q_sol", lambda v: v * 1000, "W/m2 rather than kW/m2"),
+        ("u_cool", lambda v: v * 100, "percent rather than a fraction"),
+        ("Q_hvac", lambda v: v + 5500.0, "W rather than kW"),
+    ],
+)
+def test_likely_units_are_named(office, role, change, unit):
+    X = office.X.assign(Q_hvac=0.0)
+    X[role] = change(X[role])
+    low, high = X[role].min(), X[role].max()
+    with pytest.warns(UnitWarning, match=f"column '{role}' .*{unit}") as caught:
+        gray_box(office, X)
+    (warning,) = caught
+    assert f"{low:.4g} to {high:.4g}" in str(warning.message)
+    assert "UnitConverter" in str(warning.message)
+
+
+@pytest.mark.parametrize("climate", ["oakland", "chicago"])
+@pytest.mark.parametrize("start", ["2023-01-07", "2023-07-08"])
+def test_right_units_are_silent(climate, start):
+    office = make_office(n_days=2, climate=climate, start=start, random_state=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnitWarning)
+        gray_box(office)
+        desert = np.linspace(25.0, 48.0, len(office.X))
+        read(office.X.assign(T_oa=desert, u_heat=2.0, Q_hvac=-400.0))  # and a second stage, and a large hall
+
+
+# -------------------------------------------------------------------------------------------------------- time stamps
+#: zone, a day before the change, and hours of the day of the change
+CHANGES = [
+    ("Europe/Berlin", "2023-03-25", 23),
+    ("Europe/Berlin", "2023-10-28", 25),
+    ("America/Chicago", "2023-03-11", 23),
+    ("America/Chicago", "2023-11-04", 25),
+    ("America/Havana", "2023-03-11", 23),  # midnight itself is left out
+    ("America/Havana", "2023-11-04", 25),  # midnight comes twice
+]
+
+
+@pytest.mark.parametrize("start_hour", ["00:00", "10:00"])
+@pytest.mark.parametrize(("tz", "day", "length"), CHANGES)
+def test_days_begin_at_local_midnight(tz, day, length, start_hour):
+    index = pd.date_range(f"{day} {start_hour}", periods=4 * 96, freq="15min", tz=tz)
+    table = read(pd.DataFrame({"T_oa": 5.0}, index=index))
+    assert table.step == QUARTER
+    assert table.step_hours == 0.25
+    origins = origin_rows(table.time, "1D", step=table.step)
+    dates = pd.Series(index.date)
+    np.testing.assert_array_equal(origins, np.flatnonzero(dates != dates.shift()))
+    assert np.diff(origins)[1] == 4 * length
+    # a naive index of the same wall clock has lost the hour
+    with pytest.raises(ValueError, match="localize it if this is daylight saving"):
+        read(pd.DataFrame({"T_oa": 5.0}, index=index.tz_localize(None)))
+
+
+def test_one_instant_in_two_zones_is_one_table(office):
+    X = office.X.tz_localize("UTC")
+    model = gray_box(office, X, office.y.to_numpy())
+    np.testing.assert_allclose(model.simulate(X.tz_convert("Asia/Kolkata")), model.simulate(X))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([0, 1, 1, 2], "stands twice: 2023-07-08 00:15:00 is followed by 2023-07-08 00:15:00; sort it and drop"),
+        ([0, 2, 1, 3], "goes back in time: 2023-07-08 00:30:00 is followed by 2023-07-08 00:15:00"),
+        (
+            [0, 1, 2, 4, 5],
+            "not evenly spaced: 2023-07-08 00:30:00 is followed by 2023-07-08 01:00:00, where most steps are 15",
+        ),
+    ],
+)
+def test_disorder_of_time_stamps(office, rows, message):
+    with pytest.raises(ValueError, match=message):
+        gray_box(office, office.X.iloc[rows], office.y.iloc[rows])
+    with pytest.raises(ValueError, match=message):
+        gray_box(office).predict(office.X.iloc[rows])
+
+
+@pytest.mark.parametrize(
+    ("index", "message"),
+    [
+        (lambda i: i.where(np.arange(len(i)) != 5), "NaT at row 5; every row needs a time stamp"),
+        (lambda i: i.astype(str), "begins with '2023-07-08 00:00:00', which spells a time stamp but is none"),
+        (lambda i: i.to_period("15min"), "spells a time stamp but is none.*to_timestamp"),
+        (lambda i: i - i[0], "spells a time stamp but is none"),
+        (
+            lambda i: pd.Index(np.roll(np.arange(len(i)), 3)),
+            "not in time order: index 383 is followed by 0.*never shuffled",
+        ),
+        (lambda i: pd.Index(np.arange(len(i)) // 2), "not in time order: index 0 is followed by 0"),
+        (lambda i: pd.Index(np.arange(len(i))[::-1] / 4), "not in time order"),
+        (lambda i: pd.RangeIndex(len(i) + 1).delete(9), "rows are missing: index 8 is followed by 10"),
+    ],
+)
+def test_indices_that_are_not_consecutive_time_steps(office, index, message):
+    X = office.X.set_axis(index(office.X.index))
+    with pytest.raises(ValueError, match=message):
+        gray_box(office, X, office.y.to_numpy())
+
+
+def test_shuffled_rows_are_refused(office):
+    X = office.X.reset_index(drop=True).sample(frac=1.0, random_state=0)
+    with pytest.raises(ValueError, match=r"not in time order.*RollingOriginSplit"):
+        gray_box(office, X, office.y.to_numpy())
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_stamps_of_any_resolution(unit):
+    X = stamped(8)
+    assert read(X.set_axis(X.index.as_unit(unit))).step == QUARTER
+
+
+# ----------------------------------------------------------------------------------------------- another table than fit
+def test_other_step_or_columns_than_in_fit(office):
+    model = gray_box(office)
+    with pytest.raises(ValueError, match="a sampling time of 30 min, but GrayBoxRC was fitted at 15 min; resample"):
+        model.predict(office.X[::2])
+    with pytest.raises(ValueError, match=r"feature names should match.*(?s:.)*u_cool"):
+        model.predict(office.X.drop(columns="u_cool"))
+    with pytest.raises(ValueError, match="X has 4 features, but GrayBoxRC is expecting 5"):
+        gray_box(office, office.X.to_numpy(), columns={"u_heat": 2, "u_cool": 3, "T_za": 4}).predict(np.zeros((3, 4)))
+
+
+def test_a_single_row_has_the_step_of_fit(office):
+    assert gray_box(office).predict(office.X[200:201]).shape == (1,)
+    assert read(stamped(1), expected_step=pd.Timedelta("1h")).step == pd.Timedelta("1h")
+
+
+def test_sampling_time_must_agree_with_the_stamps(office):
+    assert gray_box(office, sampling_time="15min").sampling_time_ == QUARTER
+    with pytest.raises(ValueError, match="index steps by 15 min, but sampling_time=1 h was given"):
+        gray_box(office, sampling_time="1h")
+    for odd in ("-15min", "0min"):
+        with pytest.raises(ValueError, match=f"sampling_time='{odd}' is not a positive duration"):
+            read(np.zeros((4, 2)), sampling_time=odd)
+    with pytest.raises(ValueError, match="sampling_time='quarter' is not a duration such as '15min'"):
+        read(np.zeros((4, 2)), sampling_time="quarter")
+
+
+# --------------------------------------------------------------------------------------------------------- durations
+def test_rows_of():
+    assert rows_of("1D", QUARTER) == 96
+    assert rows_of(pd.Timedelta("15min"), QUARTER) == 1
+    assert rows_of(np.timedelta64(30, "m"), QUARTER) == 2
+    for odd in ("20min", "5min", "-15min", "0min"):
+        with pytest.raises(ValueError, match=f"span='{odd}' is not a positive multiple of the sampling time of 15 min"):
+            rows_of(odd, QUARTER, "span")
+    with pytest.raises(ValueError, match="horizon='a day' is not a duration such as"):
+        rows_of("a day", QUARTER)
+
+
+def test_rows_covering():
+    assert rows_covering("1D", QUARTER) == 96
+    assert rows_covering("20min", QUARTER) == 2
+    assert rows_covering("1min", QUARTER) == 1
+    with pytest.raises(ValueError, match="warmup='0min' is not a positive duration"):
+        rows_covering("0min", QUARTER)
+
+
+def test_origins():
+    time = pd.date_range("2023-07-08 21:30", periods=300, freq="15min")
+    assert origin_rows(time, None).tolist() == [0]
+    assert origin_rows(time, "1D").tolist() == [0, 10, 106, 202, 298]
+    assert origin_rows(time, "1D", "6h").tolist() == [0, *range(10, 300, 24)]
+    assert origin_rows(time, "12h").tolist() == [0, *range(10, 300, 48)]
+    assert origin_rows(time[:1], "1D").tolist() == [0]
+
+
+# --------------------------------------------------------------------------------------- tables behind one another
+def test_table_behind_another():
+    whole = stamped(20, u_heat=0.5, T_za=np.arange(20.0) + 10, tz="Europe/Berlin", start="2023-10-29 01:00")
+    first, second = read(whole[:12]), read(whole[12:].drop(columns="T_za"))
+    assert second.follows(first)
+    assert not second.follows(None)
+    assert not first.follows(second)
+    assert not read(whole[13:]).follows(first)
+    assert not read(whole.iloc[[12]], expected_step=pd.Timedelta("1h")).follows(first)
+    assert not read(whole[["T_oa", "u_heat"]][12:].to_numpy(), columns={"u_heat": 1}).follows(first)
+    both = append_tables(first, second)
+    assert both.n_history == 12
+    assert both.n_rows == 20
+    pd.testing.assert_index_equal(both.index, whole.index, exact="equiv")
+    np.testing.assert_array_equal(both.inputs["T_oa"], whole["T_oa"])
+    np.testing.assert_array_equal(both.T_za, [*whole["T_za"][:12], *[np.nan] * 8])
+    assert set(append_tables(first, read(whole[12:].drop(columns="u_heat"))).inputs) == {"T_oa"}
+    part = both.rows(slice(12, None))
+    pd.testing.assert_index_equal(part.time, second.time, exact="equiv")
+    np.testing.assert_array_equal(part.inputs["T_oa"], second.inputs["T_oa"])

@@ -1,0 +1,245 @@
+"""Objectives of the identifications: exact derivatives, and the periodic one against a dense Gaussian."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.linalg import expm
+
+from skhybrid.identification.disturbance import (
+    HIDDEN_SD,
+    MEASURED_SD,
+    Conventional,
+    InputRandomWalk,
+    OutputARMA,
+)
+from skhybrid.identification.experiment import Experiment
+from skhybrid.identification.periodic import (
+    CLASSES,
+    LEVEL_SD,
+    PRIOR_LOG_SD,
+    PeriodicProblem,
+    hour_class,
+    own_parameters,
+    profile_cell,
+)
+from skhybrid.identification.prediction_error import PredictionErrorProblem
+from skhybrid.thermal import get_network
+
+ROLES = ("T_oa", "q_sol", "u_cool", "u_heat")
+NETWORKS = ("1R1C", "2R2C", "4R3C")
+VALUES = {
+    "C_w": 4.0, "C_m": 3.0, "C_za": 1.0, "R_zw": 1.2, "R_zm": 1.0, "R_wo": 5.0, "R_zo": 9.0, "f": 0.3, "A_win": 3.0,
+    "Q_h": 6.0, "Q_c": -5.0,
+    "sigma_x": 0.02, "sigma_zeta": 0.3, "rho_1": 0.95, "rho_gap": -0.2, "rho_2": 0.9, "T0_w": 21.0, "T0_m": 22.0,
+    "tau": 4.0, "sigma_weekday_day": 0.5, "sigma_weekday_night": 0.2, "sigma_weekend": 0.3, "sigma_y": 0.05,
+    "sigma_profile": 0.3,
+}  # fmt: skip
+
+
+def drawn_experiment(name, n_rows, step, start="2023-07-07 12:00", seed=0):
+    """A room that a network with known parameters has, with missing measurements and inputs of every kind."""
+    rng, network = np.random.default_rng(seed), get_network(name)
+    time = pd.date_range(start, periods=n_rows, freq=step)  # a Friday
+    hour, hours = time.hour + time.minute / 60, pd.Timedelta(step) / pd.Timedelta("1h")
+    heating = rng.integers(0, 2, n_rows)
+    columns = {
+        "T_oa": 15.0 + 5.0 * np.sin((hour - 9) * np.pi / 12) + rng.normal(size=n_rows),
+        "q_sol": np.clip(np.sin((hour - 6) * np.pi / 12), 0, None) * rng.uniform(0.2, 0.6, n_rows),
+        "u_heat": heating * rng.uniform(0.1, 1.0, n_rows),
+        "u_cool": (1 - heating) * rng.uniform(0.1, 1.0, n_rows),
+    }
+    inputs = np.column_stack([*(columns[r] for r in network.inputs(ROLES)), np.zeros(n_rows)])
+    d = network.discrete(VALUES, ROLES, hours)
+    gain = 0.5 + np.asarray((hour > 8) & (time.day_of_week < 5)) + 0.2 * rng.normal(size=n_rows)
+    x, y = np.full(len(network.nodes), 22.0), np.empty(n_rows)
+    for k in range(n_rows):
+        y[k] = x[network.nodes.index("za")] + 0.03 * rng.normal()
+        x = d.A @ x + d.B @ inputs[k] + d.B[:, -1] * gain[k]
+    y[[1, n_rows // 2, n_rows // 2 + 1, n_rows - 3]] = np.nan
+    return Experiment(y, inputs, ROLES, hours, time.hour.to_numpy(np.int64), np.asarray(time.day_of_week >= 5))
+
+
+def differences(function, x, step=1e-3):
+    """Fourth-order central differences by each entry of x, stacked last."""
+    columns = []
+    for unit in np.eye(len(x)) * step:
+        f = [np.asarray(function(x + k * unit)) for k in (-2, -1, 1, 2)]
+        columns.append((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * step))
+    return np.array(columns).T
+
+
+# ------------------------------------------------------------------------------------------- CONV, ID and OD
+def disturbance_of(kind, network):
+    hidden = tuple(n for n in network.nodes if n != network.measured)
+    return {
+        "CONV": Conventional(20),
+        "ID": InputRandomWalk(),
+        "ID-noise": InputRandomWalk(measurement_sd=0.1),
+        "OD": OutputARMA(hidden, 22.0),
+        "OD-paper": OutputARMA(hidden, 22.0, paper_box=True),
+    }[kind]
+
+
+@pytest.fixture(scope="module", params=NETWORKS)
+def experiment(request):
+    return request.param, drawn_experiment(request.param, 150, "30min")
+
+
+@pytest.mark.parametrize("kind", ["CONV", "ID", "ID-noise", "OD", "OD-paper"])
+@pytest.mark.parametrize("known", [(), ("Q_h", "R_zo")], ids=["free", "two known"])
+def test_jacobian_is_exact(kind, known, experiment):
+    name, e = experiment
+    network = get_network(name)
+    disturbance = disturbance_of(kind, network)
+    searched = tuple(p for p in (*network.parameters(ROLES), *disturbance.own) if p.name not in known)
+    problem = PredictionErrorProblem(network, e, disturbance, searched, {k: VALUES[k] for k in known})
+    x = np.array([p.to_free(VALUES[p.name]) for p in searched])
+    found, expected = problem.jacobian(x), differences(problem.residuals, x)
+    assert found.shape == (len(e.y) - disturbance.first_row(len(e.y)), len(searched))
+    scale = np.abs(expected).max(axis=0)
+    assert (scale > 1e-5).all()  # every parameter moves something, so that the comparison can fail
+    assert (np.abs(found - expected) / scale).max() < 1e-6
+    missing = ~np.isfinite(e.y[disturbance.first_row(len(e.y)) :])
+    assert missing.any()
+    assert (found[missing] == 0).all()
+
+
+# -------------------------------------------------------------------------------------------------------- periodic
+#: known, and solved inside
+SETTINGS = {
+    "all inside": ({"Q_h": 6.0}, ("Q_c", "A_win")),
+    "area searched": ({"Q_h": 6.0}, ("Q_c",)),
+    "none inside": ({"Q_h": 6.0, "A_win": 2.0}, ()),
+    "everything inside": ({"R_zo": 9.0}, ("Q_h", "Q_c", "A_win")),
+}
+
+
+def periodic_problem(name, e, setting, heat_scale=1.3):
+    network = get_network(name)
+    fixed, inner = SETTINGS[setting]
+    solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
+    searched = tuple(p for p in (*network.parameters(ROLES), *own_parameters()) if p.name not in solved)
+    problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale)
+    return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_periodic_gradient_is_exact(setting, experiment):
+    name, e = experiment
+    assert set(hour_class(e.hour_of_day, e.weekend)) == {0, 1, 2}
+    problem, x = periodic_problem(name, e, setting)
+    found, expected = problem.evaluate(x)[1], differences(lambda v: problem.evaluate(v)[0], x)
+    assert (np.abs(expected) > 1e-4).all()
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_periodic_gradient_is_exact_where_a_sign_binds(name):
+    """Cooling that the data would have heat: its coefficient stays at 0, and the gradient is that of the rest."""
+    e = drawn_experiment(name, 150, "30min")
+    j = get_network(name).inputs(ROLES).index("u_cool")
+    inputs = e.inputs.copy()
+    inputs[:, j] *= -1.0
+    problem, x = periodic_problem(name, e._replace(inputs=inputs), "all inside")
+    _, found, linear = problem.evaluate(x)
+    place = [c.name for c in problem.channels].index("Q_c")
+    assert linear.beta[place] == 0.0
+    expected = differences(lambda v: problem.evaluate(v)[0], x)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+
+
+# ------------------------------------------------------------------- a dense computation of the periodic objective
+def hold(A, B, hours):
+    """Zero-order hold by the matrix exponential."""
+    n, m = B.shape
+    big = expm(hours * np.block([[A, B], [np.zeros((m, n + m))]]))
+    return big[:n, :n], big[:n, n:]
+
+
+def dense_objective(name, e, values, inner, heat_scale):
+    """The periodic objective from the joint Gaussian of all measurements at once.
+
+    Negative log marginal likelihood (without 2 pi), plain coefficients by generalised least squares, their covariance,
+    and the posterior mean of the profile.
+    """
+    network, N = get_network(name), len(e.y)
+    nodes = network.nodes
+    n, za = len(nodes), nodes.index("za")
+    full = {**VALUES, **values}
+    continuous = network.matrices(full, ("T_oa",))
+    per_node = np.diag(1.0 / continuous.capacitance)
+    Ad, Bd = hold(continuous.A, np.column_stack([continuous.B[:, 0], per_node]), e.hours)
+    outdoor, heat = Bd[:, 0], Bd[:, 1:]
+    power = [np.linalg.matrix_power(Ad, k) for k in range(N + 1)]
+
+    def response(node, series):
+        """Measured temperature after heat [kW] on a node."""
+        return np.array([sum(power[k - 1 - j][za] @ heat[:, node] * series[j] for j in range(k)) for k in range(N)])
+
+    column = dict(zip(network.inputs(ROLES), e.inputs.T, strict=False))
+    mean = np.array([power[k][za].sum() * e.first for k in range(N)])
+    mean += np.array([sum(power[k - 1 - j][za] @ outdoor * column["T_oa"][j] for j in range(k)) for k in range(N)])
+    plain = []
+    for parameter, role in (("A_win", "q_sol"), ("Q_h", "u_heat"), ("Q_c", "u_cool")):
+        if parameter == "A_win":
+            left = 1.0 - (full["f"] if "f" in network.solar.values() else 0.0)
+            shares = [(nodes.index(node), full[f] if f else left) for node, f in network.solar.items()]
+        else:
+            shares = [(za, 1.0)]
+        if parameter in inner:  # a coefficient of its own for every node that it heats
+            plain += [response(node, column[role]) for node, _ in shares]
+        else:
+            mean += full[parameter] * sum(share * response(node, column[role]) for node, share in shares)
+    plain = np.array(plain).reshape(-1, N).T
+
+    cell = profile_cell(e.hour_of_day, e.weekend)
+    cells = np.array([response(za, (cell == j).astype(float)) for j in range(48)]).T
+    difference = np.eye(24) - np.roll(np.eye(24), 1, axis=0)
+    walk = (full["sigma_profile"] * heat_scale) ** 2 * np.linalg.pinv(difference.T @ difference)
+    profile = np.kron(np.eye(2), (LEVEL_SD * heat_scale) ** 2 + walk)
+
+    klass = hour_class(e.hour_of_day, e.weekend)
+    sigma = np.array([full[f"sigma_{c}"] for c in CLASSES])[klass] * heat_scale
+    phi = np.exp(-e.hours / full["tau"])
+    shocks = np.append(sigma[0] ** 2, sigma[:-1] ** 2 * (1 - phi**2))  # of g in row 0, then of every step
+    lags = np.subtract.outer(np.arange(N), np.arange(N))
+    to_gain = np.tril(phi ** np.maximum(lags, 0))
+    gain = to_gain @ np.diag(shocks) @ to_gain.T
+    through = np.array([response(za, unit) for unit in np.eye(N)]).T
+    first = np.full(n, HIDDEN_SD)
+    first[za] = MEASURED_SD
+    free = np.array([power[k][za] for k in range(N)])
+    V = through @ gain @ through.T + free @ np.diag(first**2) @ free.T + full["sigma_y"] ** 2 * np.eye(N)
+    V += cells @ profile @ cells.T
+
+    seen = np.isfinite(e.y)
+    V, D, r = V[np.ix_(seen, seen)], plain[seen], (e.y - mean)[seen]
+    covariance = np.linalg.inv(D.T @ np.linalg.solve(V, D)) if D.shape[1] else np.zeros((0, 0))
+    beta = covariance @ (D.T @ np.linalg.solve(V, r))
+    left_over = np.linalg.solve(V, r - D @ beta)
+    loss = 0.5 * (np.linalg.slogdet(V)[1] + (r - D @ beta) @ left_over)
+    return loss, beta, covariance, profile @ cells[seen].T @ left_over
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize("name", NETWORKS)
+def test_periodic_objective_is_the_marginal_likelihood(name, setting):
+    e = drawn_experiment(name, 45, "1h", start="2023-07-07 10:00")  # the end of a Friday, and most of the weekend
+    problem, x = periodic_problem(name, e, setting)
+    loss, _, linear = problem.evaluate(x)
+    assert set(hour_class(e.hour_of_day, e.weekend)) == {0, 1, 2}
+    expected, beta, covariance, profile = dense_objective(name, e, problem.values(x), problem.inner, 1.3)
+    signs = np.array([c.sign for c in problem.channels[: problem.n_plain]])
+    assert (beta * signs >= 0).all()  # else the two would solve different problems
+    # a log-normal prior at the middle of the bounds holds what the data do not
+    logs = [(v, p) for v, p in zip(x, problem.searched, strict=True) if p.transform == "log"]
+    assert len(logs) == len(x)
+    prior = sum((v - np.log(np.sqrt(p.lower * p.upper))) ** 2 for v, p in logs) / (2 * PRIOR_LOG_SD**2)
+    assert loss == pytest.approx(expected + prior, rel=1e-9)
+    k = problem.n_plain
+    np.testing.assert_allclose(linear.beta[:k], beta, rtol=1e-6)
+    rounding = 1e-6 * np.abs(covariance).max(initial=0)
+    np.testing.assert_allclose(linear.covariance[:k, :k], covariance, rtol=1e-5, atol=rounding)
+    np.testing.assert_allclose(linear.beta[k:], profile, rtol=1e-6, atol=1e-7)

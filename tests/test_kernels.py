@@ -1,0 +1,406 @@
+"""Kernels against independent truth: SciPy's matrix exponential, a dense Gaussian, plain loops and differences."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, expm
+from scipy.signal import cont2discrete
+
+from skhybrid._kernels import (
+    discretize,
+    divided_difference,
+    filter_channels,
+    filter_channels_adjoint,
+    kalman_gains,
+    kalman_track,
+    one_step_errors,
+    one_step_sensitivities,
+    simulate_inverse,
+    simulate_path,
+    smooth_states,
+)
+from skhybrid.thermal import CATALOGUE, RCNetwork
+
+ROLES = ("T_oa", "q_sol", "u_heat", "u_cool", "Q_other")
+HOURS = (1 / 60, 0.25, 1.0, 24.0)
+#: two rooms that hardly know of each other: eigenvalues that differ in the seventh digit, or not at all
+TWINS = RCNetwork(
+    "twins",
+    {"a": "C_a", "za": "C_za"},
+    {"R_a": ("a", "T_oa"), "R_b": ("za", "T_oa"), "R_ab": ("a", "za")},
+    {"za": None},
+)
+
+
+def slope(function, step):
+    """Fourth-order central difference at 0 of a function of one number, exact to about 1e-10 where it is smooth."""
+    f = [np.asarray(function(k * step), dtype=np.float64) for k in (-2, -1, 1, 2)]
+    return (f[0] - 8.0 * f[1] + 8.0 * f[2] - f[3]) / (12.0 * step)
+
+
+def assert_close(actual, desired, relative, floor=1e-15):
+    """Equal within ``relative`` of the largest entry (small entries are sums of large ones), or within ``floor``."""
+    np.testing.assert_allclose(actual, desired, rtol=0, atol=max(relative * float(np.abs(desired).max()), floor))
+
+
+# ------------------------------------------------------------------------------------------------------- discretize
+def drawn_parameters(network, seed):
+    rng = np.random.default_rng(seed)
+    theta = {}
+    for p in network.parameters(ROLES):
+        low, high = p.free_bounds
+        theta[p.name] = p.from_free(low + (high - low) * rng.uniform(0.25, 0.75))
+    return theta
+
+
+NETWORKS = [(network, drawn_parameters(network, seed)) for network in CATALOGUE.values() for seed in (0, 1)]
+NETWORKS += [
+    (TWINS, {"C_a": 2.0, "C_za": 2.0, "R_a": 5.0, "R_b": 5.0, "R_ab": 1e6, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0}),
+    (
+        TWINS,
+        {"C_a": 2.0, "C_za": 2.0, "R_a": 5.0, "R_b": 5.0 + 1e-9, "R_ab": 1e9, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0},
+    ),
+]
+NAMES = [f"{network.name}-{i}" for i, (network, _) in enumerate(NETWORKS)]
+
+
+@pytest.mark.parametrize("hours", HOURS)
+@pytest.mark.parametrize(("network", "theta"), NETWORKS, ids=NAMES)
+def test_discretize_is_the_zero_order_hold(network, theta, hours):
+    continuous = network.matrices(theta, ROLES)
+    n, m = continuous.B.shape
+    A, B, *_ = cont2discrete((continuous.A, continuous.B, np.eye(n), np.zeros((n, m))), hours)
+    found = discretize(*continuous, hours)
+    assert_close(found.A, A, 1e-9)
+    assert_close(found.B, B, 1e-9)
+
+
+@pytest.mark.parametrize("hours", HOURS)
+@pytest.mark.parametrize(("network", "theta"), NETWORKS, ids=NAMES)
+def test_discretize_has_exact_derivatives(network, theta, hours):
+    found = discretize(*network.matrices(theta, ROLES), hours)
+    for q, p in enumerate(network.parameters(ROLES)):
+
+        def at(shift, name=p.name):
+            moved = {**theta, name: theta[name] * np.exp(shift)}
+            return discretize(*network.matrices(moved, ROLES), hours)
+
+        for exact, field in ((found.dA[q], "A"), (found.dB[q], "B")):
+            values = np.abs(getattr(found, field))
+            rounding = 1e-12 * values.max()  # that of the difference, not of the derivative
+            assert_close(exact * theta[p.name], slope(lambda s, f=field: getattr(at(s), f), 2e-3), 1e-8, rounding)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [(-1.0, -1.0), (-1.0, -1.0 - 1e-13), (-0.4, -0.6), (-1e-12, 0.0), (-3.0, -3.9), (-5.0, -0.1), (-60.0, -1)],
+)
+def test_divided_difference(a, b):
+    """A function of the matrix [[a, 1], [0, b]] bears the function's divided difference off the diagonal."""
+    M = np.array([[a, 1.0], [0.0, b]])
+    augmented = expm(np.block([[M, np.eye(2)], [np.zeros((2, 4))]]))
+    assert divided_difference(a, b, False) == pytest.approx(augmented[0, 1], rel=1e-11)
+    assert divided_difference(a, b, True) == pytest.approx(augmented[0, 3], rel=1e-11)
+
+
+# ------------------------------------------------------------------------------------------- a dense Gaussian as truth
+class Model(NamedTuple):
+    """A small time-varying linear Gaussian model with rows that were not measured."""
+
+    A: np.ndarray
+    forcing: np.ndarray
+    Q: np.ndarray
+    klass: np.ndarray
+    c: np.ndarray
+    R: float
+    y: np.ndarray
+    s0: np.ndarray
+    P0: np.ndarray
+
+    @property
+    def seen(self):
+        return np.isfinite(self.y)
+
+
+def definite(rng, n, rank=None):
+    root = rng.normal(size=(n, rank or n))
+    return root @ root.T
+
+
+def drawn_model(n=3, N=12, seed=0, noiseless=False):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
+    # as in the networks, a class of rows may have noise on a single state only
+    Q = np.array([definite(rng, n, 1 if noiseless else n), 0.2 * definite(rng, n, 1), 3.0 * definite(rng, n, 1)])
+    y = 20.0 + rng.normal(size=N)
+    y[[0, 4, 5, N - 2]] = np.nan
+    c = np.append(rng.normal(size=n - 1), 1.0)
+    return Model(
+        A, rng.normal(size=(N, n)), Q, rng.integers(0, 3, N), c, 0.3, y, rng.normal(size=n) + 5.0, definite(rng, n)
+    )
+
+
+class Dense(NamedTuple):
+    """Mean and covariance of all states, stacked, before any measurement."""
+
+    mean: np.ndarray  # (N, n)
+    covariance: np.ndarray  # (N, n, N, n)
+
+
+def dense_prior(m):
+    N, n = m.forcing.shape
+    to_states = np.zeros((N * n, N * n))  # from the first state and the noises to all states
+    for k in range(N):
+        for j in range(k + 1):
+            to_states[k * n : k * n + n, j * n : j * n + n] = np.linalg.matrix_power(m.A, k - j)
+    drive = np.concatenate([m.s0[None], m.forcing[:-1]]).ravel()
+    noise = block_diag(m.P0, *m.Q[m.klass[:-1]])
+    covariance = to_states @ noise @ to_states.T
+    return Dense((to_states @ drive).reshape(N, n), covariance.reshape(N, n, N, n))
+
+
+def condition(m, prior, k, rows):
+    """Mean and covariance of state k given the measured ones among ``rows``."""
+    rows = [i for i in rows if m.seen[i]]
+    mean, covariance = prior.mean[k], prior.covariance[k, :, k, :]
+    if not rows:
+        return mean, covariance
+    cross = np.einsum("aib,b->ai", prior.covariance[k][:, rows], m.c)
+    joint = np.einsum("iajb,a,b->ij", prior.covariance[rows][:, :, rows], m.c, m.c) + m.R * np.eye(len(rows))
+    gain = np.linalg.solve(joint, cross.T).T
+    return mean + gain @ (m.y[rows] - prior.mean[rows] @ m.c), covariance - gain @ cross.T
+
+
+MODELS = [drawn_model(seed=0), drawn_model(n=2, seed=1), drawn_model(n=4, seed=2), drawn_model(seed=3, noiseless=True)]
+
+
+def run_track(m):
+    return kalman_track(m.A, m.forcing, m.Q, m.klass, m.c, m.R, m.y, m.s0, m.P0)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_filtered_states_are_the_conditional_ones(m):
+    filtered, covariances, predicted, before = run_track(m)
+    prior = dense_prior(m)
+    for k in range(len(m.y)):
+        mean, covariance = condition(m, prior, k, range(k + 1))
+        assert_close(filtered[k], mean, 1e-9)
+        assert_close(covariances[k], covariance, 1e-9)
+        mean, covariance = condition(m, prior, k, range(k))
+        assert_close(predicted[k], mean, 1e-9)
+        assert_close(before[k], covariance, 1e-9)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_smoothed_states_are_the_conditional_ones(m):
+    smooth = smooth_states(m.A, *run_track(m))
+    prior = dense_prior(m)
+    for k in range(len(m.y)):
+        mean, covariance = condition(m, prior, k, range(len(m.y)))
+        assert_close(smooth.states[k], mean, 1e-9)
+        assert_close(smooth.covariances[k], covariance, 1e-9)
+
+
+def no_derivatives(n, n_classes):
+    return np.zeros((0, n, n)), np.zeros((0, n_classes, n, n)), np.zeros(0)
+
+
+def run_gains(m):
+    return kalman_gains(m.A, m.Q, m.klass, m.c, m.R, m.P0, m.seen, *no_derivatives(len(m.A), len(m.Q)))
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_gains_are_the_conditional_ones(m):
+    gains, prior = run_gains(m), dense_prior(m)
+    for k in range(len(m.y)):
+        _, covariance = condition(m, prior, k, range(k))
+        variance = m.c @ covariance @ m.c + m.R
+        assert gains.S[k] == pytest.approx(variance, rel=1e-9)
+        assert_close(gains.K[k], m.A @ covariance @ m.c / variance * m.seen[k], 1e-9)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_predictor_with_kalman_gains_is_the_filter(m):
+    prior = dense_prior(m)
+    run = one_step_errors(m.A, m.forcing, run_gains(m).K, m.c, m.y, m.s0)
+    for k in np.flatnonzero(m.seen):
+        assert run.errors[k] == pytest.approx(m.y[k] - m.c @ condition(m, prior, k, range(k))[0], rel=1e-9, abs=1e-9)
+    assert (run.errors[~m.seen] == 0.0).all()
+
+
+class Channels(NamedTuple):
+    columns: np.ndarray
+    series: np.ndarray
+
+
+def drawn_channels(m, J=4, seed=5):
+    rng = np.random.default_rng(seed)
+    return Channels(rng.normal(size=(J, len(m.A))), rng.normal(size=(len(m.y), J)))
+
+
+def run_channels(m, ch):
+    return filter_channels(m.A, ch.columns, ch.series, m.forcing, m.Q, m.klass, m.c, m.R, m.y, m.s0, m.P0)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_channels_are_filters_of_their_own(m):
+    """Channel 0 is the measurement; every other one is what its input alone does to the innovations of a zero."""
+    ch = drawn_channels(m)
+    found = run_channels(m, ch)
+    silent = np.where(m.seen, 0.0, np.nan)
+    models = [m] + [
+        m._replace(forcing=np.outer(ch.series[:, j], ch.columns[j]), y=silent, s0=np.zeros(len(m.A)))
+        for j in range(1, len(ch.columns))
+    ]
+    for j, one in enumerate(models):
+        prior = dense_prior(one)
+        for k in range(len(m.y)):
+            mean, covariance = condition(one, prior, k, range(k))
+            expected = one.y[k] - m.c @ mean if m.seen[k] else 0.0
+            assert found.errors[k, j] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+            assert found.S[k] == pytest.approx(m.c @ covariance @ m.c + m.R if m.seen[k] else 1.0, rel=1e-9)
+            after, spread = condition(one, prior, k, range(k + 1))
+            assert_close(found.states[k, j], after, 1e-9)
+            assert_close(found.covariances[k], spread, 1e-9)
+
+
+# ---------------------------------------------------------------------------------------------- derivatives of filters
+class Direction(NamedTuple):
+    """A direction in which everything that a filter is given moves at once."""
+
+    A: np.ndarray
+    forcing: np.ndarray
+    Q: np.ndarray
+    R: float
+    s0: np.ndarray
+    P0: np.ndarray
+
+
+def drawn_direction(m, seed):
+    rng = np.random.default_rng(seed)
+    turn = lambda M: M + np.swapaxes(M, -1, -2)  # noqa: E731
+    return Direction(
+        rng.normal(size=m.A.shape),
+        rng.normal(size=m.forcing.shape),
+        0.1 * turn(rng.normal(size=m.Q.shape)),
+        0.2,
+        rng.normal(size=m.s0.shape),
+        0.1 * turn(rng.normal(size=m.P0.shape)),
+    )
+
+
+def moved(m, d, t, *fields):
+    return m._replace(**{f: getattr(m, f) + t * getattr(d, f) for f in fields})
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_gains_have_exact_derivatives(m):
+    directions = [drawn_direction(m, seed) for seed in (10, 11)]
+    dA, dQ, dR = (np.array([getattr(d, f) for d in directions]) for f in ("A", "Q", "R"))
+    found = kalman_gains(m.A, m.Q, m.klass, m.c, m.R, m.P0, m.seen, dA, dQ, dR)
+    np.testing.assert_allclose(found.K, run_gains(m).K, rtol=1e-14, atol=1e-14)
+    for q, d in enumerate(directions):
+        assert_close(found.dK[q], slope(lambda t, d=d: run_gains(moved(m, d, t, "A", "Q", "R")).K, 1e-4), 1e-8)
+        assert_close(found.dS[q], slope(lambda t, d=d: run_gains(moved(m, d, t, "A", "Q", "R")).S, 1e-4), 1e-8)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_one_step_errors_have_exact_derivatives(m):
+    K = run_gains(m).K
+    directions = [drawn_direction(m, seed) for seed in (20, 21, 22)]
+    dK = np.random.default_rng(23).normal(size=(3, *K.shape))
+    dA, dforcing, ds0 = (np.array([getattr(d, f) for d in directions]) for f in ("A", "forcing", "s0"))
+    found = one_step_sensitivities(m.A, m.forcing, K, m.c, m.y, m.s0, dA, dforcing, dK, ds0)
+    np.testing.assert_allclose(found.errors, one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0).errors, rtol=1e-13)
+    for q, d in enumerate(directions):
+
+        def errors(t, d=d, q=q):
+            o = moved(m, d, t, "A", "forcing", "s0")
+            return one_step_errors(o.A, o.forcing, K + t * dK[q], o.c, o.y, o.s0).errors
+
+        assert_close(found.derrors[:, q], slope(errors, 1e-3), 1e-8)
+
+
+@pytest.mark.parametrize("m", MODELS)
+def test_adjoint_has_the_derivatives_of_any_scalar(m):
+    """A random scalar of innovations and variances, moved along a random direction of each ingredient."""
+    ch = drawn_channels(m)
+    result = run_channels(m, ch)
+    rng = np.random.default_rng(30)
+    errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=len(m.y))
+    adjoint = filter_channels_adjoint(m.A, ch.series, m.klass, m.c, m.y, len(m.Q), result, errors_bar, S_bar)
+
+    def scalar(one, channels=ch):
+        r = run_channels(one, channels)
+        return float((r.errors * errors_bar).sum() + (r.S * S_bar).sum())
+
+    d = drawn_direction(m, 31)
+    d_columns = rng.normal(size=ch.columns.shape)
+    along = {
+        "A": np.sum(adjoint.A * d.A),
+        "forcing": np.sum(adjoint.known * d.forcing),
+        "Q": np.sum(adjoint.Q * d.Q),
+        "R": adjoint.R * d.R,
+        "P0": np.sum(adjoint.P0 * d.P0),
+    }
+    for field, value in along.items():
+        assert value == pytest.approx(slope(lambda t, f=field: scalar(moved(m, d, t, f)), 1e-4), rel=1e-7)
+    by_columns = slope(lambda t: scalar(m, ch._replace(columns=ch.columns + t * d_columns)), 1e-2)
+    assert np.sum(adjoint.columns[1:] * d_columns[1:]) == pytest.approx(by_columns, rel=1e-8)
+
+
+# ---------------------------------------------------------------------------------------------------------- plain loops
+def test_one_step_errors_and_path_against_a_loop():
+    m = drawn_model(N=30, seed=7)
+    K = np.random.default_rng(8).normal(scale=0.1, size=m.forcing.shape)
+    s, errors = m.s0.copy(), []
+    states = [s]
+    for k in range(len(m.y)):
+        e = m.y[k] - m.c @ s if m.seen[k] else 0.0
+        s = m.A @ s + m.forcing[k] + K[k] * e
+        errors.append(e)
+        states.append(s)
+    run = one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0)
+    np.testing.assert_allclose(run.errors, errors, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(run.states, states, rtol=1e-9, atol=1e-12)
+    free = one_step_errors(m.A, m.forcing, K, m.c, np.full_like(m.y, np.nan), m.s0).states
+    np.testing.assert_allclose(simulate_path(m.A, m.forcing, m.s0), free, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(-np.inf, np.inf), (-3.0, 2.0), (0.0, 1.5)])
+def test_inverse_against_a_loop(lower, upper):
+    network = CATALOGUE["3R3C"]
+    d = discretize(*network.matrices(drawn_parameters(network, 3), ROLES), 0.25)
+    rng = np.random.default_rng(9)
+    N, n = 40, len(d.A)
+    forcing = np.outer(5.0 + rng.normal(size=N), d.B[:, 0])
+    heat, c = d.B[:, -1], np.eye(n)[network.nodes.index("za")]
+    target, s0 = 21.0 + rng.normal(size=N), np.full(n, 20.0)
+    applied = simulate_inverse(d.A, forcing, heat, c, target, lower, upper, s0)
+    s, clipped = s0.copy(), 0
+    for k in range(N):
+        free = d.A @ s + forcing[k]
+        wanted = (target[k] - c @ free) / (c @ heat)
+        assert applied[k] == pytest.approx(np.clip(wanted, lower, upper), rel=1e-9, abs=1e-9)
+        s = free + heat * applied[k]
+        clipped += not lower < wanted < upper
+        if lower < wanted < upper:
+            assert c @ s == pytest.approx(target[k], abs=1e-9)
+    assert (clipped > 0) == np.isfinite(upper)
+
+
+def test_kernels_leave_their_arguments_alone():
+    m, ch = drawn_model(), drawn_channels(drawn_model())
+    copies = [np.copy(v) for v in (*m, *ch)]
+    result = run_channels(m, ch)
+    filter_channels_adjoint(m.A, ch.series, m.klass, m.c, m.y, 3, result, np.ones_like(result.errors), np.ones(12))
+    smooth_states(m.A, *run_track(m))
+    K = run_gains(m).K
+    one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0)
+    simulate_path(m.A, m.forcing, m.s0)
+    for kept, now in zip(copies, (*m, *ch), strict=True):
+        np.testing.assert_array_equal(kept, now)

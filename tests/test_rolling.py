@@ -1,0 +1,150 @@
+"""Rolling forecasts: which origin a forecast is made from, what it knows, and daylight saving in between."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator
+
+from skhybrid import GrayBoxRC
+from skhybrid._contract import read_table
+from skhybrid._rolling import RollingForecastMixin
+from skhybrid.datasets import make_office
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=4, random_state=0)
+
+
+def gray_box(office, X=None, y=None, **settings):
+    """A fit of which everything is known, and so done at once."""
+    X, y = (office.X if X is None else X), (office.y if y is None else y)
+    return GrayBoxRC(known=office.theta, **settings).fit(X, y)
+
+
+class Clock(RollingForecastMixin, BaseEstimator):
+    """Forecasts the origin's row + lead / 1000, read from :func:`clocked`: every forecast tells where it was made."""
+
+    def __init__(self, horizon=None, origin_step=None):
+        self.horizon = horizon
+        self.origin_step = origin_step
+
+    def fit(self, X):
+        self._tail = read_table(self, X, reset=True).rows(slice(-4, None))
+        self.is_fitted_ = True
+        return self
+
+    def _read_X(self, X):
+        return read_table(self, X, reset=False)
+
+    def _forecast(self, table, origins, n_leads):
+        return 10 * table.T_za[origins][:, None] + np.arange(1, n_leads + 1) / 1000
+
+    def _cold_value(self, table):
+        return -1.0
+
+
+def clocked(n, start="2023-07-08 21:00"):
+    """T_za is a tenth of the row's number."""
+    index = pd.date_range(start, periods=n, freq="15min")
+    return pd.DataFrame({"T_oa": 10.0, "T_za": np.arange(n) / 10}, index=index)
+
+
+@pytest.mark.parametrize(
+    ("horizon", "step", "every"), [("1D", None, 96), ("1D", "3h", 12), ("2h", None, 8), (None, None, 0)]
+)
+def test_prediction_is_of_the_last_origin_before_the_row(horizon, step, every):
+    X = clocked(250)
+    found = Clock(horizon, step).fit(X).predict(X)
+    assert found[0] == -1.0
+    origins = {0} | {row for row in range(250) if every and (row - 12) % every == 0}  # row 12 is midnight
+    for row in range(1, 250):
+        origin = max(o for o in origins if o < row)
+        assert found[row] == pytest.approx(origin + (row - origin) / 1000)
+
+
+def test_table_that_follows_training_has_its_end_as_history():
+    X = clocked(300)
+    model = Clock("1D").fit(X[:150])
+    found = model.predict(X[150:])
+    # the first row is forecast from the row before; the row at 150 is an origin itself
+    assert found[0] == pytest.approx(149 + 0.001)
+    assert found[1] == pytest.approx(150 + 0.001)
+    assert (found >= 0).all()
+    assert model.predict(X[151:])[0] == -1.0
+    paths = model.predict_from(X[150:], [0, 10, 149], horizon="1h")
+    expected = np.array([150.0, 160.0, 299.0])[:, None] + np.arange(1, 5) / 1000
+    expected[2] = np.nan
+    np.testing.assert_allclose(paths, expected)
+
+
+def test_forecasts_of_chosen_origins():
+    X = clocked(200)
+    model = Clock().fit(X)
+    paths = model.predict_from(X, [5, 190, 199, 5])
+    assert paths.shape == (4, 96)
+    assert paths.dtype == np.float64
+    np.testing.assert_allclose(paths[0], 5 + np.arange(1, 97) / 1000)
+    np.testing.assert_array_equal(np.isnan(paths[1]), np.arange(96) >= 9)
+    assert np.isnan(paths[2]).all()
+    np.testing.assert_array_equal(paths[3], paths[0])
+    assert model.predict_from(X, [], horizon="1h").shape == (0, 4)
+    assert model.predict_from(X, np.array([7], dtype=np.uint8), "15min").shape == (1, 1)
+
+
+@pytest.mark.parametrize("origins", [[-1], [200], [1.5], [True, False], 3, [[1, 2]]])
+def test_origins_that_are_no_rows(origins):
+    X = clocked(200)
+    with pytest.raises(ValueError, match="origins must be row numbers of X, from 0 to 199"):
+        Clock().fit(X).predict_from(X, origins)
+
+
+def test_predict_and_predict_from_agree(office):
+    model = gray_box(office, horizon="12h")
+    predicted = model.predict(office.X)
+    rows = np.arange(0, len(office.X), 48)
+    np.testing.assert_allclose(model.predict_from(office.X, rows).ravel()[:-1], predicted[1:], atol=1e-9)
+
+
+def test_score_leaves_out_what_was_not_measured(office):
+    model = gray_box(office, horizon="1D")
+    y = office.y.copy()
+    y.iloc[::3] = np.nan
+    seen = np.isfinite(y)
+    residual = (y - model.predict(office.X))[seen]
+    expected = 1 - (residual**2).sum() / ((y[seen] - y[seen].mean()) ** 2).sum()
+    assert model.score(office.X, y) == pytest.approx(expected)
+    weight = np.linspace(0, 1, len(y))
+    assert model.score(office.X, y, sample_weight=weight) != pytest.approx(expected)
+
+
+def test_horizon_that_is_no_multiple(office):
+    with pytest.raises(ValueError, match="horizon='20min' is not a positive multiple of the sampling time of 15 min"):
+        gray_box(office, horizon="20min")
+    model = gray_box(office)
+    with pytest.raises(ValueError, match="horizon='20min' is not a positive multiple"):
+        model.predict_from(office.X, [0], horizon="20min")
+    with pytest.raises(ValueError, match="horizon='20min' is not a positive multiple"):
+        gray_box(office).set_params(horizon="20min").predict(office.X)
+    with pytest.raises(ValueError, match="origin_step='20min' is not a positive multiple"):
+        gray_box(office, horizon="1D", origin_step="20min").predict(office.X)
+
+
+@pytest.mark.parametrize(
+    ("tz", "day", "length"),
+    [("Europe/Berlin", "2023-03-25", 23), ("Europe/Berlin", "2023-10-28", 25), ("America/Havana", "2023-11-04", 25)],
+)
+def test_every_row_is_forecast_across_a_change(office, tz, day, length):
+    X = office.X.set_axis(pd.date_range(day, periods=len(office.X), freq="15min", tz=tz))
+    y = office.y.set_axis(X.index)
+    model = gray_box(office, X, y, horizon="1D")
+    predicted = model.predict(X)
+    assert np.isfinite(predicted).all()
+    whole = model.predict_from(X, [96], horizon=f"{length}h")
+    np.testing.assert_allclose(predicted[97 : 97 + 4 * length], whole[0])
+    with pytest.raises(AssertionError):  # the next row has another origin
+        np.testing.assert_allclose(predicted[97 + 4 * length], model.predict_from(X, [96], horizon="2D")[0, 4 * length])
+    half = gray_box(office, X[:200], y[:200], horizon="1D")
+    assert np.isfinite(half.predict(X[200:])).all()
