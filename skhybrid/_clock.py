@@ -138,7 +138,7 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     horizon : timedelta-like or None
         None: the first row is the only origin.
     origin_step : timedelta-like, optional
-        Distance of origins, counted from local midnight; default = ``horizon``.
+        Distance of origins, counted from the first row's local midnight; default = ``horizon``.
 
     Returns
     -------
