@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,13 +46,38 @@ class StateSpace:
 class NetworkIdentifier(TransformerMixin, TrackedNetwork):
     """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
 
-    network: str | RCNetwork
-    known: Mapping[str, float] | None
-    bounds: Mapping[str, tuple[float, float]] | None
-    warmup: Any
-    columns: Mapping[str, Any] | None
-    sampling_time: Any
-    max_missing: float
+    sampling_time_: pd.Timedelta
+
+    def __init__(
+        self,
+        network="2R2C",
+        *,
+        known=None,
+        bounds=None,
+        n_starts=50,
+        horizon=None,
+        warmup="1D",
+        columns=None,
+        sampling_time=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+    ):
+        self.network = network
+        self.known = known
+        self.bounds = bounds
+        self.n_starts = n_starts
+        self.horizon = horizon
+        self.warmup = warmup
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.verbose = verbose
+        self.origin_step = origin_step
+        self.max_missing = max_missing
 
     # --------------------------------------------------------------------------------------------------------- fit
     def fit(self, X: Any, y: Any) -> NetworkIdentifier:

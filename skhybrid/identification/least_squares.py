@@ -205,37 +205,6 @@ class GrayBoxRC(_LeastSquaresIdentifier):
     1.0
     """
 
-    def __init__(
-        self,
-        network="2R2C",
-        *,
-        known=None,
-        bounds=None,
-        n_starts=50,
-        horizon=None,
-        warmup="1D",
-        columns=None,
-        sampling_time=None,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
-        origin_step=None,
-        max_missing=0.5,
-    ):
-        self.network = network
-        self.known = known
-        self.bounds = bounds
-        self.n_starts = n_starts
-        self.horizon = horizon
-        self.warmup = warmup
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-        self.verbose = verbose
-        self.origin_step = origin_step
-        self.max_missing = max_missing
-
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
         return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
 
@@ -342,19 +311,21 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         max_missing=0.5,
         measurement_sd=None,
     ):
-        self.network = network
-        self.known = known
-        self.bounds = bounds
-        self.n_starts = n_starts
-        self.horizon = horizon
-        self.warmup = warmup
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-        self.verbose = verbose
-        self.origin_step = origin_step
-        self.max_missing = max_missing
+        super().__init__(
+            network,
+            known=known,
+            bounds=bounds,
+            n_starts=n_starts,
+            horizon=horizon,
+            warmup=warmup,
+            columns=columns,
+            sampling_time=sampling_time,
+            n_jobs=n_jobs,
+            random_state=random_state,
+            verbose=verbose,
+            origin_step=origin_step,
+            max_missing=max_missing,
+        )
         self.measurement_sd = measurement_sd
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
@@ -449,19 +420,21 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         max_missing=0.5,
         rho_box="stable",
     ):
-        self.network = network
-        self.known = known
-        self.bounds = bounds
-        self.n_starts = n_starts
-        self.horizon = horizon
-        self.warmup = warmup
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-        self.verbose = verbose
-        self.origin_step = origin_step
-        self.max_missing = max_missing
+        super().__init__(
+            network,
+            known=known,
+            bounds=bounds,
+            n_starts=n_starts,
+            horizon=horizon,
+            warmup=warmup,
+            columns=columns,
+            sampling_time=sampling_time,
+            n_jobs=n_jobs,
+            random_state=random_state,
+            verbose=verbose,
+            origin_step=origin_step,
+            max_missing=max_missing,
+        )
         self.rho_box = rho_box
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:

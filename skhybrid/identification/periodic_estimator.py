@@ -102,19 +102,21 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         origin_step=None,
         max_missing=0.5,
     ):
-        self.network = network
-        self.known = known
-        self.bounds = bounds
-        self.n_starts = n_starts
-        self.horizon = horizon
-        self.warmup = warmup
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-        self.verbose = verbose
-        self.origin_step = origin_step
-        self.max_missing = max_missing
+        super().__init__(
+            network,
+            known=known,
+            bounds=bounds,
+            n_starts=n_starts,
+            horizon=horizon,
+            warmup=warmup,
+            columns=columns,
+            sampling_time=sampling_time,
+            n_jobs=n_jobs,
+            random_state=random_state,
+            verbose=verbose,
+            origin_step=origin_step,
+            max_missing=max_missing,
+        )
 
     def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
         def widen(p: Parameter) -> Parameter:
