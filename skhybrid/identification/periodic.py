@@ -55,11 +55,35 @@ def cyclic_walk_root() -> np.ndarray:
     return vectors[:, 1:] / np.sqrt(values[1:])
 
 
-class Linear(NamedTuple):
-    """The coefficients that are solved inside, at the optimum."""
+@dataclass(frozen=True)
+class Linear:
+    """The coefficients that are solved inside, at the optimum: a ridge regression on standardised columns."""
 
-    beta: np.ndarray  # (J - 1,) capacities and areas, then the profile [kW]
-    covariance: np.ndarray  # (J - 1, J - 1) given the searched parameters
+    gamma: np.ndarray  # (J - 1,) capacities and areas, then the standard normal numbers behind the profile
+    free: np.ndarray  # (J - 1,) bool, False where a sign bound holds a coefficient at 0
+    design: np.ndarray  # (N, J - 1)
+    ridge: np.ndarray  # (J - 1,)
+    root: np.ndarray  # (48, 48) of the profile's prior covariance
+
+    @cached_property
+    def _turn(self) -> np.ndarray:
+        turn, k = np.eye(len(self.gamma)), len(self.gamma) - len(self.root)
+        turn[k:, k:] = self.root
+        return turn
+
+    @cached_property
+    def beta(self) -> np.ndarray:
+        """(J - 1,) capacities and areas, then the profile [kW]."""
+        return self._turn @ self.gamma
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(J - 1, J - 1) covariance of ``beta`` given the searched parameters."""
+        columns = self.design[:, self.free]
+        inverse = np.zeros((len(self.gamma), len(self.gamma)))
+        normal = columns.T @ columns + np.diag(self.ridge[self.free])
+        inverse[np.ix_(self.free, self.free)] = np.linalg.pinv(normal)
+        return self._turn @ inverse @ self._turn.T
 
 
 class _Channel(NamedTuple):
@@ -286,18 +310,8 @@ class PeriodicProblem:
         S_bar = 0.5 / S - 0.5 * (scaled_bar * scaled).sum(axis=1) / S
         is_walk = np.tile(np.arange(_HOURS) > 0, 2)
         profile_slope = float((root_bar * root)[:, is_walk].sum())
-        linear = self._linear(design, ridge, gamma, free, root)
+        linear = Linear(gamma, free, design, ridge, root)
         return loss, linear, scaled_bar * weight, S_bar, profile_slope
-
-    def _linear(
-        self, design: np.ndarray, ridge: np.ndarray, gamma: np.ndarray, free: np.ndarray, root: np.ndarray
-    ) -> Linear:
-        k = self.n_plain
-        inverse = np.zeros((len(gamma), len(gamma)))
-        inverse[np.ix_(free, free)] = np.linalg.pinv(design[:, free].T @ design[:, free] + np.diag(ridge[free]))
-        turn = np.eye(len(gamma))
-        turn[k:, k:] = root
-        return Linear(turn @ gamma, turn @ inverse @ turn.T)
 
     # -------------------------------------------------------------------------------------------------------- search
     def minimise(self, start: np.ndarray) -> Minimum:
@@ -308,7 +322,7 @@ class PeriodicProblem:
             jac=True,
             method="L-BFGS-B",
             bounds=[p.free_bounds for p in self.searched],
-            options={"maxiter": 300, "ftol": 1e-9, "gtol": 1e-3},
+            options={"maxiter": 300, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-3},
         )
         return Minimum(found.x, float(found.fun), int(found.nfev), bool(found.success))
 
