@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.base import TransformerMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
+from threadpoolctl import threadpool_limits
 
 from .._clock import origin_rows, rows_covering, rows_of
 from .._contract import ZoneTable, read_table, read_target
@@ -107,10 +108,12 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             rows_of(self.horizon, table.step)
         parameters = self._bounded_parameters(network, table)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
-        self._identify(network, table, experiment, parameters)
-        self.sampling_time_ = table.step
-        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
-        self._finish(table, experiment)
+        # matrices of a few dozen columns: a second thread costs more in waiting than it saves in work
+        with threadpool_limits(limits=1, user_api="blas"):
+            self._identify(network, table, experiment, parameters)
+            self.sampling_time_ = table.step
+            self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
+            self._finish(table, experiment)
         return self
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
