@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from .study import Settings, StudyData
 
 #: exit codes beside 0.
-FAILED, MISUSED = 1, 2
+FAILED, MISUSED, STOPPED = 1, 2, 130
 _DEMO_NAME = "Small office, Chicago (EnergyPlus)"
 #: the log of the demo ends here, so that the next day follows the tested weeks.
 _DEMO_END = "2018-11-12"
@@ -37,13 +39,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the command
-        line was misused.
+        line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
     """
     parser = _parser()
     try:
         arguments = parser.parse_args(argv)
     except SystemExit as stop:  # argparse has said why
         return int(stop.code or 0)
+    if argv is None and threading.current_thread() is threading.main_thread():  # run as a program: end tidily
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return int(arguments.run(arguments))
     except (ValueError, TypeError, OSError) as error:
@@ -51,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except KeyboardInterrupt:
         print("skhybrid: stopped", file=sys.stderr)
-        return 130
+        return STOPPED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -137,6 +141,9 @@ def _study(settings: Settings, data: StudyData, out: Path, say: _Progress, truth
 
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out} is a file; give a folder.")
+    nearest = next(p for p in out.absolute().parents if p.exists())  # told now, not after minutes of work
+    if not nearest.is_dir() or not os.access(out if out.exists() else nearest, os.W_OK):
+        raise ValueError(f"--out {out} cannot be written to; give another folder.")
     result = run_study(settings, data, say)
     written = write_outputs(result, out, truth=None if truth is None else truth.reindex(result.zeta.index))
     for text in result.warnings:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import tomllib
@@ -185,6 +187,19 @@ def test_the_module_runs_and_tells_its_version():
         ("[units]", "[scale]\nu_heat = 0.1\n[units]", "[scale] names 'u_heat'"),
         ('step = "1h"', 'step = "1h"\nlabel = "middle"', "label = 'middle'"),
         ('step = "1h"', 'step = "1h"\norigin_step = "90min"', "origin_step="),
+        ('name = "Test room"', "name = 5", "name = 5 must be text"),
+        ('step = "1h"', 'step = "1h"\ntimezone = 5', "timezone = 5 must be text"),
+        ('step = "1h"', 'step = "1h"\ndayfirst = "yes"', "dayfirst = 'yes' must be true or false"),
+        ('step = "1h"', 'step = "1h"\ndecimal = ",,"', "decimal = ',,' must be one character"),
+        ("random_state = 1", "random_state = 1.5", "random_state = 1.5"),
+        ('"room_temp"', '["room_temp"]', "[columns] T_za = ['room_temp']"),
+        ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is no role"),
+        ("n_starts = 2", "n_starts = 0", "n_starts = 0"),
+        ("n_starts = 2", 'known = { C_za = "x" }', "known: C_za = 'x' must be a number"),
+        ("n_starts = 2", "bounds = { C_za = 3 }", "bounds: C_za = 3"),
+        ('name = "input"', 'name = ["input"]', "[estimator] name = ['input']"),
+        ('name = "1R1C"', 'capacitances = "C"', "[network] capacitances = 'C' must be a table"),
+        ("[train]", "[load]\nsetpoint = 70\n[train]", "[load] setpoint = 70"),
     ],
 )
 def test_a_wrong_setting_is_refused_in_one_line(files, capsys, old, new, message):
@@ -208,6 +223,16 @@ def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
     assert main(["run", "--help"]) == 0
 
 
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(files, capsys):
+    arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]
+    assert main([*arguments, str(files / "log.csv")]) == 1
+    assert main([*arguments, str(files / "log.csv" / "out")]) == 1
+    err = capsys.readouterr().err
+    assert "[1/" not in err
+    assert "is a file; give a folder" in err
+    assert "cannot be written to" in err
+
+
 def test_a_gap_of_an_input_in_the_training_span_is_named(files, capsys):
     log = _log()
     log.iloc[50:70, log.columns.get_loc("outdoor_temp")] = np.nan
@@ -216,7 +241,90 @@ def test_a_gap_of_an_input_in_the_training_span_is_named(files, capsys):
     assert "T_oa" in capsys.readouterr().err
 
 
+def test_a_sensor_that_stands_still_is_told(files, capsys):
+    log = _log()
+    log.iloc[-60:, 0] = 21.0
+    log.to_csv(files / "log.csv")
+    assert _run(files) == 0
+    assert "T_za stands at 21 from 2024-01-12 12:00:00" in capsys.readouterr().err
+    log.iloc[:, 0] = 21.0
+    log.to_csv(files / "log.csv")
+    assert _run(files, "-q") == 1
+    assert "T_za is the same in all rows" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_run_that_is_stopped_leaves_nothing(files, name):
+    (files / "scratch").mkdir()
+    (files / "zone.toml").write_text(CONFIG.replace("n_starts = 2", "n_starts = 5000"))
+    arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out", str(files / "out")]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "skhybrid", *arguments], stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "TMPDIR": str(files / "scratch")},
+    )  # fmt: skip
+    for line in running.stderr:
+        if line.startswith("[1/"):
+            break
+    running.send_signal(getattr(signal, name))
+    _, err = running.communicate(timeout=60)
+    assert (running.returncode, err) == (130, "skhybrid: stopped\n")
+    assert not (files / "out").exists()
+    assert not list((files / "scratch").iterdir())
+
+
 # ------------------------------------------------------------------------------------------------------ configurations
+@pytest.mark.parametrize(
+    ("sep", "decimal", "dates"),
+    [(";", ",", "%d.%m.%Y %H:%M"), ("\t", ".", "%m/%d/%Y %I:%M %p"), (";", ".", "%Y-%m-%d %H:%M")],
+)
+def test_a_log_of_another_country_is_proposed_and_read(tmp_path, sep, decimal, dates):
+    log = _log()
+    log.to_csv(tmp_path / "log.csv", sep=sep, decimal=decimal, date_format=dates, encoding="utf-8-sig")
+    settings = settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv")))
+    assert (settings.sep, settings.decimal) == (sep, decimal)
+    frame, _ = read_log(tmp_path / "log.csv", settings)
+    np.testing.assert_allclose(frame["T_za"], log["room_temp"])
+
+
+def test_a_proposal_keeps_out_of_a_long_gap(tmp_path):
+    log = _log(30)
+    log.drop(log.index[5 * 24 : 8 * 24]).to_csv(tmp_path / "log.csv")
+    settings = settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv")))
+    assert str(settings.train["start"]) == "2024-01-09"
+    data = split_log(read_log(tmp_path / "log.csv", settings)[0], settings)
+    assert data.train.notna().all(axis=None)
+    assert data.later.drop(columns="T_za").notna().all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda log: log.iloc[: 4 * 24], "a study needs 4 whole days"),
+        (lambda log: log.set_axis(log.index.normalize()), "give date and time in one column"),
+        (
+            lambda log: log.astype(object).mask(np.arange(len(log))[:, None] == [7, -1, -1, -1], "ERR"),
+            "row 9 of 'log.csv'",
+        ),
+        (lambda log: log.iloc[:1], "fewer than two rows"),
+    ],
+)
+def test_a_log_that_cannot_be_studied_gets_no_proposal(tmp_path, change, message):
+    change(_log()).to_csv(tmp_path / "log.csv")
+    with pytest.raises(ValueError, match=message):
+        propose_settings(tmp_path / "log.csv")
+
+
+def test_a_room_number_is_no_room_temperature_and_an_infinite_cell_no_unit(tmp_path):
+    log = _log().assign(solar=0.3)
+    log.insert(0, "Room number", 7)
+    log.iloc[50, log.columns.get_loc("solar")] = np.inf
+    log.drop(columns="solar_W_m2").to_csv(tmp_path / "log.csv")
+    proposed = tomllib.loads(propose_settings(tmp_path / "log.csv"))
+    assert proposed["columns"]["T_za"] == "room_temp"
+    assert "units" not in proposed
+
+
 def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
     assert main(["run", "--write-config", str(files / "log.csv")]) == 0
     text = capsys.readouterr().out

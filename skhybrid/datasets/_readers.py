@@ -112,8 +112,10 @@ def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
         table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
     except pd.errors.EmptyDataError:
         raise ValueError(f"{where} is empty.") from None
-    except (pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise ValueError(f"{where} cannot be read as CSV ({error}).") from error
+    except UnicodeDecodeError:
+        raise ValueError(f"{where} is not written in UTF-8; save it as CSV UTF-8.") from None
+    except pd.errors.ParserError as error:
+        raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
     table.columns = [str(c).strip() for c in table.columns]
     if table.empty:
         raise ValueError(f"{where} has a header but no rows.")
@@ -143,7 +145,10 @@ def _numbers(column: pd.Series, name: str, where: str) -> np.ndarray:
         wrong &= column.astype(str).str.strip() != ""
     if wrong.any():
         first = column[wrong].index.min()
-        raise ValueError(f"row {line(first)} of {where}, column {name!r}: {column[first]!r} is not a number.")
+        raise ValueError(
+            f"row {line(first)} of {where}, column {name!r}: {column[first]!r} is not a number; leave the cell empty "
+            "if nothing was measured."
+        )
     return numbers.to_numpy()
 
 

@@ -2,9 +2,10 @@
 
 from .data import StudyData, read_log, split_log
 from .outputs import format_table, write_outputs
+from .proposal import propose_settings
 from .rivals import Yesterday, make_rivals
 from .run import StudyResult, run_study
-from .settings import Settings, propose_settings, read_settings, settings_from
+from .settings import Settings, read_settings, settings_from
 
 __all__ = [
     "Settings",

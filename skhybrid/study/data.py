@@ -20,6 +20,8 @@ SETPOINT = "setpoint"
 _HISTORY = pd.Timedelta("14D")
 #: an empty end of T_za shorter than this is a sensor's outage, not a future.
 _SHORTEST_FUTURE = pd.Timedelta("1h")
+#: a temperature that is the same for longer comes from a sensor that is stuck.
+_STANDSTILL = pd.Timedelta("1D")
 
 
 class StudyData(NamedTuple):
@@ -78,7 +80,17 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
         columns[SETPOINT] = wanted
-    raw = read_zone_csv(path, columns, timezone=settings.timezone, label=settings.label, units=dict(settings.units))
+    raw = read_zone_csv(
+        path,
+        columns,
+        timezone=settings.timezone,
+        label=settings.label,
+        units=dict(settings.units),
+        time_column=settings.time_column,
+        dayfirst=settings.dayfirst,
+        sep=settings.sep,
+        decimal=settings.decimal,
+    )
     for role, factor in settings.scale.items():
         if role not in raw:
             raise ValueError(f"[scale] names {role!r}, which [columns] does not have ({', '.join(map(repr, raw))}).")
@@ -118,6 +130,10 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         raise ValueError("the log has no measured temperature (T_za) at all.")
     measured = frame.iloc[: known[-1] + 1]
     train, test = _spans(measured, settings)
+    if train["T_za"].nunique() < 2:
+        raise ValueError(
+            f"T_za is the same in all rows from {train.index[0]} to {train.index[-1]}; choose another column or span."
+        )
     roles = frame[[*inputs, "T_za"]]
     later = roles.loc[train.index[-1] : test.index[-1]].iloc[1:]
     begin, end, held_out = _next_day(frame, measured.index[-1], pd.Timedelta(settings.horizon))
@@ -133,6 +149,26 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         _setpoint(frame, settings.load, history, future),
         held_out,
     )
+
+
+def standstill(temperature: pd.Series) -> str | None:
+    """A remark on the longest time that a measured temperature stands still, where a room would not.
+
+    Parameters
+    ----------
+    temperature : Series
+        ``T_za`` [degC] at even stamps.
+
+    Returns
+    -------
+    str or None
+    """
+    known = temperature.dropna()
+    spell = (known != known.shift()).cumsum()
+    longest = known[spell == spell.mode().iloc[0]]
+    if longest.index[-1] - longest.index[0] < _STANDSTILL:
+        return None
+    return f"T_za stands at {longest.iloc[0]:g} from {longest.index[0]} to {longest.index[-1]}: is the sensor stuck?"
 
 
 def _inputs(frame: pd.DataFrame) -> pd.DataFrame:

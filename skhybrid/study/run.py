@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..model_selection import backtest
-from .data import StudyData
+from .data import StudyData, standstill
 from .rivals import HYBRID, Rival, make_rivals
 from .settings import Settings
 
@@ -92,7 +92,9 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         warnings.simplefilter("always")
         rivals = make_rivals(settings, memory=folder)
         say = _counted(progress, len(rivals) + 1)
-        frames, rows, remarks, fitted = {}, {}, [], {}
+        frames, rows, fitted = {}, {}, {}
+        stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))
+        remarks = [] if stuck is None else [stuck]
         for rival in rivals:
             say(f"{rival.label}: fit and back-test")
             try:

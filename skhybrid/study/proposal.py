@@ -1,0 +1,203 @@
+"""Settings of a study, proposed from the columns of a log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import islice
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..datasets import read_zone_csv
+
+#: role -> pattern of column names that suggest it, in order of trust.
+_HINTS: tuple[tuple[str, str], ...] = (
+    ("T_za", r"^t_?(za|zone|in|indoor|room|air_in)\b|^t_in|^t_za|indoor|room|zone_?temp|inside|thermostat|binnen"),
+    ("T_oa", r"^t_?(oa|out|outdoor|amb|ext)\b|^t_out|^t_oa|outdoor|outside|ambient|exterior|dry_?bulb|buiten"),
+    ("q_sol", r"^q_sol$|\bghi|^ghi|global_?hor|solar|irradi|radiation"),
+    ("Q_hvac", r"^q_hvac|hvac.*kw|heat.*_kw$|thermal_?power|delivered"),
+    ("u_heat", r"^u_heat|heat_?cmd|heat.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*heat|boiler|furnace"),
+    ("u_cool", r"^u_cool|cool_?cmd|cool.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*cool|compressor"),
+)
+#: a proposal keeps its spans out of gaps of an input that are longer than what is filled.
+_LONGEST_GAP = pd.Timedelta("1h")
+#: days that a proposal needs to train and test on.
+_SHORTEST_LOG = 4
+#: steps that a proposal chooses from; each divides a day.
+_STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))
+_NEVER = re.compile(r"set|truth|humid|target|number|co2|occup|people", re.IGNORECASE)
+
+
+def propose_settings(log: str | PathLike[str]) -> str:
+    """Propose a configuration from the columns of a log.
+
+    Parameters
+    ----------
+    log : path-like
+        CSV file with one header line.
+
+    Returns
+    -------
+    str
+        TOML, with comments on what to check.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the log cannot be read, or no column looks like the room and the outdoor temperature.
+    """
+    file = Path(log)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {str(file)!r}.")
+    sep, decimal = _guess_separators(file)
+    try:
+        table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{file.name} is not written in UTF-8; save it as CSV UTF-8.") from None
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise ValueError(f"{file.name} cannot be read as CSV ({str(error).strip()}).") from None
+    chosen = _guess_columns(table.rename(columns=lambda name: str(name).strip()))
+    for role, what in (("T_za", "room"), ("T_oa", "outdoor")):
+        if role not in chosen:
+            shown = ", ".join(map(repr, table.columns))
+            raise ValueError(f"no column of {file.name} looks like the {what} temperature ({shown}).")
+    frame = read_zone_csv(file, chosen, sep=sep, decimal=decimal).replace([np.inf, -np.inf], np.nan)
+    return _proposal(
+        file, chosen, _guess_units(frame, chosen), _guess_scale(frame), _stretch(frame, file.name), (sep, decimal)
+    )
+
+
+def _guess_separators(file: Path) -> tuple[str, str]:
+    """The separator of cells and the decimal sign, as the first lines of a log show them."""
+    with open(file, encoding="utf-8-sig", errors="replace") as lines:
+        head, *rows = list(islice(lines, 200)) or [""]
+    sep = max((",", ";", "\t"), key=head.count)
+    cells = [cell.strip() for row in rows for cell in row.split(sep)]
+    comma = sep != "," and any(re.fullmatch(r"-?\d+,\d+", cell) for cell in cells)
+    return sep, "," if comma else "."
+
+
+def _guess_columns(table: pd.DataFrame) -> dict[str, str]:
+    numeric = [c for c in table.columns if _is_numeric(table[c]) and not _NEVER.search(c)]
+    chosen: dict[str, str] = {}
+    for role, pattern in _HINTS:
+        for column in numeric:
+            if column not in chosen.values() and re.search(pattern, column, re.IGNORECASE):
+                chosen[role] = column
+                break
+    if "Q_hvac" in chosen:  # measured heat makes the stages that delivered it superfluous
+        chosen.pop("u_heat", None)
+        chosen.pop("u_cool", None)
+    return chosen
+
+
+def _is_numeric(cells: pd.Series) -> bool:
+    """Whether cells are numbers but for some text, such as a logger's word for an outage, which is refused later."""
+    return bool(pd.to_numeric(cells, errors="coerce").notna().sum() >= 0.5 * cells.notna().sum())
+
+
+def _guess_units(frame: pd.DataFrame, chosen: Mapping[str, str]) -> dict[str, str]:
+    units = {}
+    for role, column in chosen.items():
+        values = frame[role].dropna()
+        if role.startswith("T_") and (re.search(r"deg_?f|_f$|fahr", column, re.IGNORECASE) or values.median() > 45):
+            units[role] = "degF"
+        elif role == "q_sol" and values.max() > 2.0:
+            units[role] = "W/m2"
+        elif role.startswith("Q_") and values.abs().max() > 2000:
+            units[role] = "W"
+    return units
+
+
+def _guess_scale(frame: pd.DataFrame) -> dict[str, float]:
+    """Factors that bring a command to a stage between 0 and 1."""
+    top = {str(role): float(frame[role].max()) for role in frame if str(role).startswith("u_")}
+    return {role: round(1.0 / highest, 6) for role, highest in top.items() if highest > 1.5}
+
+
+def _stretch(frame: pd.DataFrame, name: str) -> pd.DatetimeIndex:
+    """Stamps of the longest stretch in which no input is away for long, up to the last known temperature."""
+    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+    frame = frame.iloc[: known[-1] + 1 if len(known) else None]
+    found = pd.DatetimeIndex(frame.index[frame.drop(columns="T_za").notna().all(axis=1)])
+    if len(found) < 2:
+        raise ValueError(f"{name} has fewer than two rows with every input; check the columns.")
+    broken = found[1:] - found[:-1] > max(_LONGEST_GAP, 2 * _usual(found))
+    stretch = np.concatenate([[0], np.cumsum(broken)])
+    return found[stretch == np.bincount(stretch).argmax()]
+
+
+def _usual(index: pd.DatetimeIndex) -> pd.Timedelta:
+    return pd.Timedelta((index[1:] - index[:-1]).to_series().median())
+
+
+def _proposal(
+    file: Path,
+    chosen: Mapping[str, str],
+    units: Mapping[str, str],
+    scale: Mapping[str, float],
+    index: pd.DatetimeIndex,
+    separators: tuple[str, str],
+) -> str:
+    source = _usual(index)
+    if not source > pd.Timedelta(0):
+        raise ValueError(
+            f"most stamps of {file.name} stand twice, such as {index[0]}; give date and time in one column."
+        )
+    step = next((s for s in _STEPS if s >= 0.9 * source), _STEPS[-1])
+    last = index[-1].normalize()
+    days = (last - index[0].normalize()).days
+    if days < _SHORTEST_LOG:
+        raise ValueError(
+            f"{file.name} has no more than {index[0]} to {index[-1]} without a long gap; a study needs {_SHORTEST_LOG} "
+            "whole days to train and test on, and a last one to forecast."
+        )
+    label = "right" if index[0] - index[0].normalize() == source else "left"  # a day that begins one step late
+    n_test = max(min(days // 3, 28), 2)  # the forecast of a day is scored by the first row of the next one too
+    n_train = min(days - n_test, 42)
+    test, train = last - pd.Timedelta(days=n_test), last - pd.Timedelta(days=n_test + n_train)
+    # pandas spells a fixed offset "UTC-06:00", and reads "-06:00"
+    zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
+    twice = index[index.duplicated()] if index.tz is None else index[:0]
+    lines = [
+        f"# Proposed for {file.name}; check every line.",
+        f"name = {_quoted(file.stem)}",
+        f'timezone = "{zone}"  # better the local zone, such as "Europe/Amsterdam"',
+        *([f"# the stamp {twice[0]} stands twice: a local clock with daylight saving?"] if len(twice) else []),
+        f'label = "{label}"  # whether a row is stamped with the start (left) or end (right) of what its means cover',
+        *([f"sep = {_quoted(separators[0])}"] if separators[0] != "," else []),
+        *([f"decimal = {_quoted(separators[1])}"] if separators[1] != "." else []),
+        f'step = "{step.total_seconds() / 60:g}min"',
+        'origin_step = "1D"  # a forecast from every local midnight of the test span',
+        "",
+        "[columns]",
+        *[f"{role} = {_quoted(column)}" for role, column in chosen.items()],
+    ]
+    if not any(r.startswith(("u_", "Q_")) for r in chosen):
+        lines.append(
+            '# u_heat = "..."  # no column looks like heating or cooling: add a stage (u_heat) or heat [kW] (Q_hvac)'
+        )
+    for title, table in (("units", units), ("scale", scale)):
+        if table:
+            lines += ["", f"[{title}]", *[f"{k} = {_quoted(v)}" for k, v in table.items()]]
+    lines += ["", "[network]", 'name = "2R2C"', "", "[estimator]", 'name = "periodic"']
+    for role, parameter in (("u_heat", "Q_h"), ("u_cool", "Q_c")):
+        if role in chosen:
+            lines.append(f"# known = {{ {parameter} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain")
+            break
+    lines += ["", "[forecaster]", 'model = "ridge"']
+    day = pd.Timedelta("1D")
+    lines += ["", "[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"]
+    lines += ["", "[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"]
+    lines += ["", "[load]", 'setpoint = "measured"  # or a temperature [degC]']
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(value: Any) -> str:
+    if not isinstance(value, str):
+        return str(value)
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t") + '"'
