@@ -39,6 +39,10 @@ class RollingForecastMixin:
         """Value of the first row of a table that has no history: what is known there, or the training mean."""
         raise NotImplementedError
 
+    def __sklearn_is_fitted__(self) -> bool:
+        # a refused fit leaves what it read of X's columns: only the end of a fit makes a forecaster
+        return hasattr(self, "_tail")
+
     # ------------------------------------------------------------------------------------------------------ public
     def predict(self, X: Any) -> np.ndarray:
         """Forecast every row from the last origin before it.

@@ -18,7 +18,7 @@ from ._rolling import RollingForecastMixin
 from .forecasting import DisturbanceForecaster
 from .forecasting.forecaster import BASELINES
 from .identification import PeriodicDisturbanceID
-from .thermal import get_network
+from .thermal import RCNetwork, get_network
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
@@ -152,8 +152,8 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
-        gray_box = self._part(self.gray_box, PeriodicDisturbanceID())
-        forecaster = self._part(self.forecaster, DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D"))
+        gray_box = self._part(self.gray_box, self._default_gray_box())
+        forecaster = self._part(self.forecaster, self._default_forecaster())
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         if self.horizon is not None:
@@ -173,6 +173,28 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._keep(table, target, causal.to_numpy())
         return self
+
+    def set_params(self, **params: Any) -> HybridPredictor:
+        """Set parameters, also those of parts (``forecaster__case``), of the default part where none was given.
+
+        Parameters
+        ----------
+        **params : dict
+
+        Returns
+        -------
+        self
+        """
+        for name, make in (("gray_box", self._default_gray_box), ("forecaster", self._default_forecaster)):
+            if getattr(self, name) is None and name not in params and any(p.startswith(f"{name}__") for p in params):
+                setattr(self, name, make())
+        return super().set_params(**params)
+
+    def _default_gray_box(self) -> PeriodicDisturbanceID:
+        return PeriodicDisturbanceID()
+
+    def _default_forecaster(self) -> DisturbanceForecaster:
+        return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
 
     def _part(self, given: Any, default: Any) -> Any:
         """A clone of a part, with what it can take over from this estimator."""
@@ -195,6 +217,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             self,
             X,
             columns=self._columns(),
+            required=self._network().required_roles,
             needed=self._reads,
             sampling_time=step,
             reset=reset,
@@ -204,8 +227,10 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
 
     def _reads(self, role: str) -> bool:
         """Weather and plant, and of further boundary temperatures those that the network names."""
-        network = get_network(getattr(self.gray_box, "network", "2R2C"))
-        return not role.startswith("T_") or role == "T_oa" or network.reads(role)
+        return not role.startswith("T_") or role == "T_oa" or self._network().reads(role)
+
+    def _network(self) -> RCNetwork:
+        return get_network(getattr(self.gray_box, "network", "2R2C"))
 
     def _columns(self) -> Mapping[str, Any] | None:
         return self.columns if self.columns is not None else getattr(self.gray_box, "columns", None)
@@ -292,12 +317,13 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         if not len(history) or not len(future):
             raise ValueError("history and future need at least one row each.")
+        stamps = _in_zone_of(future.index, history.index)
         names = list(getattr(self, "feature_names_in_", history.columns))
         absent = [n for n in names if n not in future.columns and n in history.columns]
-        past = {"T_za", (self.columns or {}).get("T_za", "T_za")}
+        past = {"T_za", (self._columns() or {}).get("T_za", "T_za")}
         if [n for n in absent if n not in past]:
             raise ValueError(f"future has no column {next(n for n in absent if n not in past)!r}, which history has.")
-        whole = pd.concat([history, future.reindex(columns=history.columns)])
+        whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
         for name in past & set(whole.columns):
             whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
         table, n_tail = self._with_history(whole)
@@ -365,6 +391,21 @@ def _frame(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
     missing = np.full(table.n_rows, np.nan)
     frame = pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
     return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
+
+
+def _in_zone_of(future: pd.Index, history: pd.Index) -> pd.Index:
+    """The stamps of ``future`` in the time zone of ``history``.
+
+    Raises
+    ------
+    ValueError
+        If only one of the two has a zone.
+    """
+    if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
+        return future
+    if (future.tz is None) != (history.tz is None):
+        raise ValueError(f"history has the time zone {history.tz}, future {future.tz}; localize the one without.")
+    return future if history.tz is None else future.tz_convert(history.tz)
 
 
 def _disturbance_step(step: pd.Timedelta) -> pd.Timedelta:

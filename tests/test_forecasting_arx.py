@@ -108,6 +108,15 @@ def test_missing_temperatures_are_left_out_and_bridged():
     np.testing.assert_array_equal(model.predict_from(later, [230]), model.predict_from(held, [230]))
 
 
+@pytest.mark.parametrize("adapt", [None, "refit"])
+def test_scattered_missing_temperatures_cost_little(adapt):
+    X, y = room(21)
+    cut = 96 * 14
+    holes = y.mask(np.random.default_rng(0).random(len(y)) < 0.4)  # no row has 24 known lags
+    model = ARXRegressor(adapt=adapt).fit(X.assign(T_za=holes)[:cut], holes[:cut])
+    assert model.score(X[cut:], y[cut:]) > 0.8
+
+
 def test_without_any_temperature_it_starts_at_the_training_mean():
     X, y = room(14)
     model = ARXRegressor().fit(X, y)

@@ -97,6 +97,27 @@ def test_forecast_refuses_what_does_not_join(hybrid, office):
         hybrid.forecast(office.X[: 2 * DAY], office.X[2 * DAY : 3 * DAY].drop(columns="T_oa"))
 
 
+def test_future_needs_no_temperature_under_any_name(office):
+    named = {"T_za": "room", "T_oa": "outside"}
+    X, y = office.X[: 8 * DAY].rename(columns=named), office.y[: 7 * DAY]
+    gray_box = PeriodicDisturbanceID(known=office.theta, n_starts=1, columns=dict(named))
+    model = HybridPredictor(gray_box).fit(X[: 7 * DAY], y)
+    ahead = X[7 * DAY :]
+    without = model.forecast(X[: 7 * DAY], ahead.drop(columns="room"))
+    pd.testing.assert_frame_equal(without, model.forecast(X[: 7 * DAY], ahead))
+
+
+def test_forecast_in_time_zones(office):
+    X, y = (table.tz_localize("America/Chicago") for table in (office.X[: 9 * DAY], office.y[: 9 * DAY]))
+    past, ahead = X[: 8 * DAY], X[8 * DAY :]
+    model = HybridPredictor(PeriodicDisturbanceID(known=office.theta, n_starts=1)).fit(past, y[: 8 * DAY])
+    in_utc = model.forecast(past, ahead.tz_convert("UTC"))
+    assert str(in_utc.index.tz) == "UTC"
+    np.testing.assert_array_equal(in_utc.to_numpy(), model.forecast(past, ahead).to_numpy())
+    with pytest.raises(ValueError, match="history has the time zone America/Chicago, future None"):
+        model.forecast(past, ahead.tz_localize(None))
+
+
 def test_load_for_the_measured_temperature(hybrid, office):
     test = slice(28 * DAY, 33 * DAY)
     load = hybrid.predict_load(office.X[test], office.y[test])
@@ -207,6 +228,22 @@ def test_pipeline_grid_search_is_the_same_in_parallel(office):
         np.testing.assert_array_equal(one.cv_results_[key], two.cv_results_[key])
     assert np.isfinite(one.cv_results_["mean_test_score"]).all()
     assert one.best_params_ == two.best_params_
+
+
+def test_settings_of_default_parts_can_be_set():
+    model = HybridPredictor(horizon="6h")
+    model.set_params(forecaster__case="case03", gray_box__network="1R1C", disturbance="output")
+    assert (model.forecaster.model, model.forecaster.case, model.forecaster.horizon) == ("ridge", "case03", "6h")
+    assert isinstance(model.gray_box, PeriodicDisturbanceID)
+    assert model.gray_box.network == "1R1C"
+    assert HybridPredictor().set_params(forecaster=None).forecaster is None
+    with pytest.raises(ValueError, match="Invalid parameter 'cases'"):
+        HybridPredictor().set_params(forecaster__cases="case03")
+
+
+def test_a_missing_role_names_the_callers_columns(office):
+    with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'outside', 'q_sol'"):
+        HybridPredictor().fit(office.X.rename(columns={"T_oa": "outside"}), office.y)
 
 
 def test_memory_identifies_once(office, tmp_path):

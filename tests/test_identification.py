@@ -226,12 +226,47 @@ def test_idle_plant_is_named(office):
         ({"known": {"Q_c": 6.0}}, "Q_c the value 6.0; it must be < 0"),
         ({"bounds": {"C_w": (5.0, 5.0)}}, "bounds of C_w"),
         ({"network": "9R9C"}, "not in the catalogue"),
+        ({"n_starts": 0}, "n_starts=0 is not a whole number"),
         ({"horizon": "20min"}, "not a positive multiple"),
     ],
 )
 def test_bad_settings_are_refused(settings, message, office):
     with pytest.raises(ValueError, match=message):
-        OutputDisturbanceID(n_starts=1, **settings).fit(office.X[:200], office.y[:200])
+        OutputDisturbanceID(**{"n_starts": 1, **settings}).fit(office.X[:200], office.y[:200])
+
+
+@pytest.mark.parametrize(
+    ("change", "rows", "message"),
+    [
+        ({"T_oa": 10.0}, 480, "T_oa is the same in every row, so R_zo can"),
+        ({"u_cool": 0.5}, 480, "u_cool is the same in every row, so Q_c can"),
+        ({}, 48, "12 h of rows are few, so C_w, C_za can"),
+    ],
+)
+def test_little_excitation_is_named(change, rows, message, office):
+    with pytest.warns(ExcitationWarning, match=message):
+        GrayBoxRC(known=KNOWN, n_starts=1, random_state=0).fit(office.X[:rows].assign(**change), office.y[:rows])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ExcitationWarning)  # where everything is known there is nothing to identify
+        GrayBoxRC(known=office.theta).fit(office.X[:rows].assign(**change), office.y[:rows])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"heat_gain": lambda gain: gain[:-1].to_numpy()}, "heat_gain has 1343 values"),
+        ({"heat_gain": lambda gain: gain[::-1]}, "heat_gain bears other time stamps"),
+        (
+            {"heat_gain": lambda gain: gain.where(gain.index != gain.index[7])},
+            "heat_gain contains NaN or inf at",
+        ),
+        ({"initial_state": lambda _: [20.0, np.nan]}, "initial_state contains NaN or inf at place 1"),
+    ],
+)
+def test_simulate_refuses_what_it_cannot_run(given, message, fitted, office):
+    arguments = {name: make(office.heat_gain) for name, make in given.items()}
+    with pytest.raises(ValueError, match=message):
+        fitted[GrayBoxRC].simulate(office.X, **arguments)
 
 
 def test_missing_role_names_what_was_there(office):

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator
+from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC
 from skhybrid._contract import read_table
@@ -118,6 +119,14 @@ def test_score_leaves_out_what_was_not_measured(office):
     assert model.score(office.X, y) == pytest.approx(expected)
     weight = np.linspace(0, 1, len(y))
     assert model.score(office.X, y, sample_weight=weight) != pytest.approx(expected)
+
+
+def test_a_refused_fit_leaves_nothing_that_counts_as_fitted(office):
+    model = GrayBoxRC(known=office.theta)
+    with pytest.raises(ValueError, match="'T_oa' contains NaN"):
+        model.fit(office.X.assign(T_oa=np.nan), office.y)
+    with pytest.raises(NotFittedError):
+        model.predict(office.X)
 
 
 def test_horizon_that_is_no_multiple(office):

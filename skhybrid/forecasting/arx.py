@@ -19,6 +19,7 @@ from .features import day_type_hour, one_hot, target_rows
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
 _MOST_BLOCKS = 6
+_LEAST_KNOWN = 0.5
 
 
 class _Moments(NamedTuple):
@@ -191,11 +192,15 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return np.hstack([*blocks, np.ones((table.n_rows, 1))])
 
     def _pairs(self, table: ZoneTable, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Columns (m, p), temperature steps (m,) and first rows (m,) of pairs (k, k + 1) without a missing value."""
+        """Columns (m, p), temperature steps (m,) and first rows (m,) of pairs (k, k + 1) of measured temperatures.
+
+        A lag that is missing is held at the one before it, as in a forecast; of most lags, some must be known.
+        """
         rows = np.arange(min(self.n_lags, table.n_rows - 1) - 1, table.n_rows - 1)
-        windows = self._windows(T, rows)
         steps = T[rows + 1] - T[rows]
-        use = np.isfinite(windows).all(axis=1) & np.isfinite(steps)
+        known = np.isfinite(self._windows(T, rows)).mean(axis=1)
+        windows = _causally_filled(self._windows(_held(T), rows), self._T_mean)
+        use = (known >= _LEAST_KNOWN) & np.isfinite(steps)
         D = np.hstack([(windows[use] - self._T_mean) / self._T_scale, self._exogenous(table)[rows[use]]])
         return D, steps[use], rows[use]
 

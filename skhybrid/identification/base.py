@@ -102,6 +102,8 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             If a role is missing, the rows are not evenly spaced, an input has NaN, or a setting names no parameter.
         """
         network = get_network(self.network)
+        if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
+            raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         if self.horizon is not None:
@@ -219,7 +221,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         Raises
         ------
         ValueError
-            If ``heat_gain`` or ``initial_state`` has another length.
+            If ``heat_gain`` or ``initial_state`` has another length or a NaN, or ``heat_gain`` other stamps.
         """
         check_is_fitted(self)
         states = self.simulate_states(X, heat_gain, initial_state)
@@ -245,6 +247,9 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         table, n_tail = self._with_history(X)
         here = table.rows(slice(n_tail, None))
         n, tracker = here.n_rows, self._tracker
+        stamps = getattr(heat_gain, "index", None)
+        if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
+            raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
         heat = np.zeros(n) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64).reshape(-1)
         if heat.shape != (n,):
             raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] a row.")
@@ -254,6 +259,9 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             state = np.asarray(initial_state, dtype=np.float64).reshape(-1)
         if state.shape != (tracker.n,):
             raise ValueError(f"initial_state has {len(state)} values, but the states are {self.network_.states}.")
+        for name, values in (("heat_gain", heat), ("initial_state", state)):
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} contains NaN or inf at place {int(np.argmin(np.isfinite(values)))}; fill it.")
         path = simulate_path(
             tracker.A, self._experiment(here).inputs @ tracker.B.T + np.outer(heat, tracker.B[:, -1]), state
         )

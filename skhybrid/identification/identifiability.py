@@ -15,6 +15,8 @@ from ..thermal import Parameter, RCNetwork
 
 #: a singular value below this share of the largest is a flat direction
 FLAT = 1e-6
+#: a table shorter than this shows no storage of heat from one day to the next
+_FEW_DAYS = pd.Timedelta("2D")
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
 
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
-    """Gains whose input never ran, with a warning that names them."""
+    """Gains whose input never ran; with warnings that name them and what else the rows hardly tell."""
+    _warn_little_excited(network, table, set(known), name)
     roles = network.sources(table.inputs)
     idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]
     out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
@@ -92,6 +95,25 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
             stacklevel=4,
         )
     return tuple(out)
+
+
+def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], name: str) -> None:
+    """Warn of inputs that never change, and of a table of less than two days, with what they leave open."""
+    found = []
+    still = {role for role, v in table.inputs.items() if np.ptp(v) == 0}
+    gains = {s.role: s.parameter for s in network.sources(table.inputs) if np.any(table.inputs[s.role])}
+    for role in sorted(still):
+        open_ = [r for r, ends in network.resistors.items() if role in ends] + [gains.get(role)]
+        found.append((f"{role} is the same in every row", [p for p in open_ if p]))
+    if table.n_rows * table.step < _FEW_DAYS:
+        found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
+    for what, names in found:
+        if open_names := [p for p in names if p not in known]:
+            warnings.warn(
+                f"{name}: {what}, so {', '.join(open_names)} can hardly be identified; pass it in known= or add days.",
+                ExcitationWarning,
+                stacklevel=5,
+            )
 
 
 def describe_flat(sensitivity: np.ndarray, searched: Sequence[Parameter]) -> tuple[pd.Series, tuple[str, ...]]:
