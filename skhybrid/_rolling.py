@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._clock import origin_rows, rows_of
 from ._contract import ZoneTable, append_tables
+from ._threads import one_blas_thread
 
 
 class RollingForecastMixin:
@@ -44,6 +45,7 @@ class RollingForecastMixin:
         return hasattr(self, "_tail")
 
     # ------------------------------------------------------------------------------------------------------ public
+    @one_blas_thread
     def predict(self, X: Any) -> np.ndarray:
         """Forecast every row from the last origin before it.
 
@@ -77,6 +79,7 @@ class RollingForecastMixin:
                 out[origin + 1 : origin + 1 + count] = path[:count]
         return out
 
+    @one_blas_thread
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
         """Forecast the rows after each of the given origins.
 
@@ -129,6 +132,13 @@ class RollingForecastMixin:
         seen = np.isfinite(measured)
         weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+    def _check_spans(self, step: pd.Timedelta) -> None:
+        """Refuse a horizon or an ``origin_step`` that is not a multiple of the step."""
+        for name in ("horizon", "origin_step"):
+            span = getattr(self, name, None)
+            if span is not None:
+                rows_of(span, step, name)
 
     def _with_history(self, X: Any) -> tuple[ZoneTable, int]:
         """X as a table, behind the kept end of the training table where it follows that; and the rows of that end."""

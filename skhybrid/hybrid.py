@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from ._clock import ASSUMED_START, origin_rows, rows_of
+from ._clock import ASSUMED_START, origin_rows
 from ._contract import ZoneTable, read_table, read_target
 from ._rolling import RollingForecastMixin
 from .forecasting import DisturbanceForecaster
@@ -156,8 +156,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         forecaster = self._part(self.forecaster, self._default_forecaster())
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        if self.horizon is not None:
-            rows_of(self.horizon, table.step)
+        self._check_spans(table.step)
         frame = _frame(table.replace(history={"T_za": target}), ASSUMED_START)
         given = dict(self._columns() or {})
         dark = "q_sol" not in table.inputs and (not isinstance(X, pd.DataFrame) or given.get("q_sol", "") is None)

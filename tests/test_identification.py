@@ -228,6 +228,9 @@ def test_idle_plant_is_named(office):
         ({"network": "9R9C"}, "not in the catalogue"),
         ({"n_starts": 0}, "n_starts=0 is not a whole number"),
         ({"horizon": "20min"}, "not a positive multiple"),
+        ({"horizon": "1D", "origin_step": "20min"}, "origin_step='20min' is not a positive multiple"),
+        ({"known": {"f": 1.5}}, "f the value 1.5; it is a share"),
+        ({"known": {"Q_h": "six"}}, "Q_h the value 'six'; it must be a number"),
     ],
 )
 def test_bad_settings_are_refused(settings, message, office):

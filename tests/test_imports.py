@@ -15,7 +15,7 @@ import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the kernels may import.
-BASE = {"_clock", "_contract", "_rolling", "exceptions"}
+BASE = {"_clock", "_contract", "_rolling", "_threads", "exceptions"}
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"_kernels"},
@@ -42,8 +42,9 @@ STRICT = {
     "_kernels": set(),
     "exceptions": set(),
     "_clock": set(),
+    "_threads": set(),
     "_contract": {"_clock", "exceptions"},
-    "_rolling": {"_clock", "_contract", "exceptions"},
+    "_rolling": {"_clock", "_contract", "_threads", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
 READERS = {"model_selection", "inspection", "report", "study", "cli"}

@@ -14,6 +14,7 @@ from sklearn.utils import Tags
 from .._clock import rows_of
 from .._contract import ZoneTable, read_table, read_target
 from .._rolling import RollingForecastMixin
+from .._threads import one_blas_thread
 from .features import day_type_hour, one_hot, target_rows
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -115,6 +116,7 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return tags
 
     # ------------------------------------------------------------------------------------------------------------ fit
+    @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
         """Fit the regression.
 
@@ -138,8 +140,7 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self._check_parameters()
         table = read_table(self, X, columns=self.columns, sampling_time=self.sampling_time, reset=True, min_rows=3)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        if self.horizon is not None:
-            rows_of(self.horizon, table.step)
+        self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
         self.sampling_time_ = table.step
         self._set_scales(table, T)

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._clock import rows_of
 from .._contract import ZoneTable, append_tables, read_table, read_target
 from .._rolling import RollingForecastMixin
+from .._threads import one_blas_thread
 from .cases import NETWORKS, ModelCase, resolve_case
 from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
 from .linear import FlatRegressor, LinearForecaster
@@ -176,6 +177,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     _tail: ZoneTable
 
     # ------------------------------------------------------------------------------------------------------------ fit
+    @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
         """Learn the disturbance.
 
@@ -202,6 +204,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         target = read_target(y, table, max_missing=self.max_missing)
         if "zeta" not in table.history:
             table = table.replace(history={**table.history, "zeta": target})
+        self._check_spans(table.step)
         self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
         self.sampling_time_ = table.step
         self.history_: list[dict[str, float]] = []

@@ -10,11 +10,11 @@ import pandas as pd
 from sklearn.base import TransformerMixin
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
-from threadpoolctl import threadpool_limits
 
-from .._clock import origin_rows, rows_covering, rows_of
+from .._clock import origin_rows, rows_covering
 from .._contract import ZoneTable, read_table, read_target
 from .._kernels import simulate_inverse, simulate_path
+from .._threads import one_blas_thread
 from ..thermal import Parameter, RCNetwork, get_network
 from .experiment import Experiment, make_experiment
 from .load import is_plant, load_frame, make_plant, read_setpoint
@@ -81,6 +81,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         self.max_missing = max_missing
 
     # --------------------------------------------------------------------------------------------------------- fit
+    @one_blas_thread
     def fit(self, X: Any, y: Any) -> NetworkIdentifier:
         """Identify the network.
 
@@ -106,16 +107,13 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        if self.horizon is not None:
-            rows_of(self.horizon, table.step)
+        self._check_spans(table.step)
         parameters = self._bounded_parameters(network, table)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
-        # matrices of a few dozen columns: a second thread costs more in waiting than it saves in work
-        with threadpool_limits(limits=1, user_api="blas"):
-            self._identify(network, table, experiment, parameters)
-            self.sampling_time_ = table.step
-            self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
-            self._finish(table, experiment)
+        self._identify(network, table, experiment, parameters)
+        self.sampling_time_ = table.step
+        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
+        self._finish(table, experiment)
         return self
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
@@ -149,8 +147,14 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
         for p in out:
             value = known.get(p.name)
-            if value is not None and (not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0)):
+            if value is None:
+                continue
+            if not isinstance(value, int | float | np.number) or not np.isfinite(value):
+                raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
+            if p.transform == "log" and value * p.sign <= 0:
                 raise ValueError(f"known= gives {p.name} the value {value}; it must be {'<' if p.sign < 0 else '>'} 0.")
+            if p.unit == "-" and value > 1:
+                raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")
         return out
 
     def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:

@@ -1,0 +1,31 @@
+"""How many threads linear algebra takes while an estimator works."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import Any, TypeVar, cast
+
+from threadpoolctl import ThreadpoolController
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+@lru_cache(maxsize=1)
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def one_blas_thread(method: _Method) -> _Method:
+    """Run a method with one BLAS thread; what was set before comes back after it.
+
+    Matrices here have a few dozen columns, where a second thread costs more in waiting than it saves in work.  And the
+    last bits of a product depend on how many threads share it, so that a worker process would differ from the main one.
+    """
+
+    @wraps(method)
+    def limited(*args: Any, **kwargs: Any) -> Any:
+        with _controller().limit(limits=1, user_api="blas"):
+            return method(*args, **kwargs)
+
+    return cast(_Method, limited)
