@@ -254,7 +254,7 @@ def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, require
             f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
             "name them or pass columns={role: column}.",
             RoleWarning,
-            stacklevel=5,
+            stacklevel=6,
         )
         return {role: X.columns[j] for role, j in _positions(X.shape[1], None).items()}
     absent = [r for r in required if r not in found and columns.get(r, r) is not None]
@@ -343,7 +343,7 @@ def _warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
                 f"column {names[role]} (role {role}) ranges from {low:.4g} to {high:.4g}: likely {likely}; "
                 "convert it with skhybrid.preprocessing.UnitConverter.",
                 UnitWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
 
 

@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ._clock import ASSUMED_START, origin_rows
 from ._contract import ZoneTable, read_table, read_target
 from ._rolling import RollingForecastMixin
+from ._threads import one_blas_thread
 from .forecasting import DisturbanceForecaster
 from .forecasting.forecaster import BASELINES
 from .identification import PeriodicDisturbanceID
@@ -129,6 +130,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self.max_missing = max_missing
 
     # --------------------------------------------------------------------------------------------------------- fit
+    @one_blas_thread
     def fit(self, X: Any, y: Any) -> HybridPredictor:
         """Identify the network, estimate its disturbance, learn to forecast it.
 

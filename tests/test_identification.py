@@ -336,3 +336,14 @@ def test_irradiance_without_a_solar_path(office):
     dark = RCNetwork("dark", {"za": "C_za"}, {"R_zo": ("za", "T_oa")})
     model = OutputDisturbanceID(dark, known=KNOWN, n_starts=1, random_state=0).fit(office.X[:480], office.y[:480])
     assert list(model.theta_.index) == ["C_za", "R_zo", "Q_h", "Q_c"]
+
+
+def test_warnings_point_at_the_caller(office):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        OutputDisturbanceID(n_starts=1, random_state=0).fit(
+            office.X[:480].assign(u_cool=0.0), office.y[:480] * 1.8 + 32
+        )
+    kinds = {w.category.__name__: w.filename for w in caught if issubclass(w.category, UserWarning)}
+    assert set(kinds) >= {"ScaleNotIdentifiableWarning", "ExcitationWarning"}
+    assert set(kinds.values()) == {__file__}

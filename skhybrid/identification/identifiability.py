@@ -73,7 +73,7 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
         "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
         ScaleNotIdentifiableWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
     return True
 
@@ -92,7 +92,7 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
             f"{name}: {columns} is 0 in every row, so {', '.join(out)} cannot be identified and stays at its default; "
             "pass it in known= or add days on which it ran.",
             ExcitationWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
     return tuple(out)
 
@@ -112,7 +112,7 @@ def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], 
             warnings.warn(
                 f"{name}: {what}, so {', '.join(open_names)} can hardly be identified; pass it in known= or add days.",
                 ExcitationWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
 
 
