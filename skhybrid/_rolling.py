@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
+from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from ._clock import origin_rows, rows_of
@@ -19,7 +21,7 @@ from ._contract import ZoneTable, append_tables
 from ._threads import one_blas_thread
 
 
-class RollingForecastMixin:
+class RollingForecastMixin(RegressorMixin):
     """``predict`` and ``predict_from`` over one hook.
 
     A subclass sets ``horizon`` (and may set ``origin_step``), keeps the end of its training table in ``_tail``, and
@@ -133,6 +135,12 @@ class RollingForecastMixin:
         seen = np.isfinite(measured)
         weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        # rows of a scikit-learn check are not consecutive time steps, so that no past says anything about them
+        tags.regressor_tags.poor_score = True
+        return tags
 
     def _check_spans(self, step: pd.Timedelta) -> None:
         """Refuse a horizon or an ``origin_step`` that is not a multiple of the step."""

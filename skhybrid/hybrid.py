@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from joblib import Memory
 from sklearn.base import BaseEstimator, RegressorMixin, clone
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from ._clock import ASSUMED_START, origin_rows
@@ -251,26 +250,31 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         paths = self._disturbance_paths(table, here, origins, n_leads)
         return self.gray_box_.drive(here, origins - n_tail, paths, kind=self.disturbance)
 
-    def _disturbance_paths(
-        self, table: ZoneTable, here: pd.DataFrame, origins: np.ndarray, n_leads: int, shift: int | None = None
-    ) -> np.ndarray:
+    @property
+    def _shift(self) -> int:
+        """Rows from an origin to the first disturbance wanted: heat of a row acts over its own step."""
+        return 0 if self.disturbance == "input" else 1
+
+    def _disturbance_paths(self, table: ZoneTable, here: pd.DataFrame, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """(n_origins, n_leads) forecast disturbance as the gray box takes it, by rows of the table.
 
         An input disturbance of a row acts over its step, so it is wanted from the origin's own row on; an output
         disturbance from the row behind it.
         """
-        shift = (0 if self.disturbance == "input" else 1) if shift is None else shift
         n_tail = table.n_history
         zeta = np.full(table.n_rows, np.nan)
         if n_tail:
             zeta[:n_tail] = self._tail.history["zeta"]
-        if np.isfinite(here["T_za"]).any():
-            zeta[n_tail:] = self.gray_box_.estimate_disturbance(here, kind=self.disturbance).to_numpy()
+        # before the first measurement of X nothing is estimated, and whether one comes later must not be known
+        seen = np.logical_or.accumulate(np.isfinite(here["T_za"].to_numpy()))
+        if seen.any():
+            estimate = self.gray_box_.estimate_disturbance(here, kind=self.disturbance)
+            zeta[n_tail:] = np.where(seen, estimate, np.nan)
         frame = _frame(table, _ELSEWHERE).assign(zeta=zeta).drop(columns="T_za")
         bins = _gather(_with_row_before(frame, self.disturbance_step_), self.disturbance_step_)
         lead_in = len(bins.of_row) - table.n_rows
         known = bins.of_row[origins + lead_in] - 1  # the last bin that ended before the origin
-        rows = origins[:, None] + shift + np.arange(n_leads)
+        rows = origins[:, None] + self._shift + np.arange(n_leads)
         wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + lead_in] - known[:, None] - 1
         steps = int(wanted.max()) + 1
         ahead = np.empty((len(origins), steps))
@@ -330,10 +334,9 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         table, n_tail = self._with_history(whole)
         origin = np.array([n_tail + len(history) - 1])
         here = _frame(table.rows(slice(n_tail, None)), _ELSEWHERE)
-        shift = 0 if self.disturbance == "input" else 1
-        paths = self._disturbance_paths(table, here, origin, len(future) + 1, shift)
+        paths = self._disturbance_paths(table, here, origin, len(future) + 1)
         temperature = self.gray_box_.drive(here, origin - n_tail, paths[:, :-1], kind=self.disturbance)
-        zeta = paths[0, 1:] if shift == 0 else paths[0, :-1]
+        zeta = paths[0, :-1] if self._shift else paths[0, 1:]
         return pd.DataFrame({"T_za": temperature[0], "zeta": zeta}, index=future.index)
 
     # ---------------------------------------------------------------------------------------------------------- load
@@ -369,12 +372,6 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         load = self.gray_box_.required_heat(here, wanted, origins, paths, kind=self.disturbance, limits=limits)
         zeta = np.concatenate([path[:count] for path, count in zip(paths, counts, strict=True)])
         return load.set_axis(local.index).assign(zeta=zeta)
-
-    def __sklearn_tags__(self) -> Tags:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # a room needs ordered rows and inputs that heat it
-        tags.target_tags.required = True
-        return tags
 
 
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:

@@ -98,3 +98,15 @@ def test_the_guard_would_see_a_leak(office):
     smooth = [model.estimate_disturbance(X, smooth=True)[:501] for X in (office.X, noisy)]
     np.testing.assert_array_equal(*causal)
     assert not np.array_equal(*smooth)
+
+
+def test_whether_the_sensor_wakes_up_later_is_not_known(office):
+    """A history without a measurement is forecast alike, whether or not measurements come behind the origin."""
+    gray_box = PeriodicDisturbanceID(known=KNOWN, n_starts=1)
+    fitted = HybridPredictor(gray_box, random_state=0).fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+    for begin in (14 * DAY, 14 * DAY + 37):
+        silent = office.X[begin:].assign(T_za=np.nan)
+        waking = silent.copy()
+        waking.iloc[2 * DAY :, waking.columns.get_loc("T_za")] = office.X["T_za"].iloc[begin + 2 * DAY :]
+        origins = [0, DAY, 2 * DAY - 1]
+        np.testing.assert_array_equal(fitted.predict_from(waking, origins), fitted.predict_from(silent, origins))
