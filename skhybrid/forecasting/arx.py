@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy.linalg import solve
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils import Tags
 
 from .._clock import rows_of
 from .._contract import ZoneTable, read_table, read_target
@@ -108,12 +107,6 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self.columns = columns
         self.sampling_time = sampling_time
         self.max_missing = max_missing
-
-    def __sklearn_tags__(self) -> Tags:
-        tags = super().__sklearn_tags__()
-        # Rows of a scikit-learn check are not consecutive time steps, so that no past says anything about them.
-        tags.regressor_tags.poor_score = True
-        return tags
 
     # ------------------------------------------------------------------------------------------------------------ fit
     @one_blas_thread

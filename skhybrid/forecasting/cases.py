@@ -11,7 +11,6 @@ import pandas as pd
 #: every feature that a case may name.
 FEATURES = ("zeta", "how", "hod", "dow", "weekday", "T_oa", "q_sol", "i_heat", "i_cool")
 TIME_FEATURES = ("how", "hod", "dow", "weekday")
-WEATHER_FEATURES = ("T_oa", "q_sol")
 FEED_FORWARD = ("mlp", "cnn")
 RECURRENT = ("rnn", "lstm")
 NETWORKS = FEED_FORWARD + RECURRENT

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from .._clock import rows_of
@@ -167,12 +166,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.origin_step = origin_step
         self.sampling_time = sampling_time
         self.max_missing = max_missing
-
-    def __sklearn_tags__(self) -> Tags:
-        tags = super().__sklearn_tags__()
-        # Rows of a scikit-learn check are not consecutive time steps, so that no past says anything about them.
-        tags.regressor_tags.poor_score = True
-        return tags
 
     _tail: ZoneTable
 

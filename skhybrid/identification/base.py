@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import TransformerMixin
-from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
 from .._clock import origin_rows, rows_covering
@@ -485,9 +484,3 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         """
         check_is_fitted(self)
         return self.state_space_
-
-    def __sklearn_tags__(self) -> Tags:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True  # a room needs ordered rows and inputs that heat it
-        tags.target_tags.required = True
-        return tags

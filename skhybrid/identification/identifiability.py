@@ -62,12 +62,12 @@ def scale_direction(parameters: Iterable[Parameter]) -> str:
     return f"{', '.join(up)} together, {', '.join(down)} inversely"
 
 
-def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> bool:
-    """Warn where nothing fixes the scale of the network (design ruling 3); whether it is so."""
+def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
+    """Warn where nothing fixes the scale of the network (design ruling 3)."""
     measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
     fixed = [k for k in known if k[0] in "CRAQ"]
     if measured_heat or fixed:
-        return False
+        return
     direction = scale_direction(network.parameters(table.inputs))
     warnings.warn(
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
@@ -75,7 +75,6 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
         ScaleNotIdentifiableWarning,
         stacklevel=5,
     )
-    return True
 
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:

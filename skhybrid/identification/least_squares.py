@@ -17,7 +17,6 @@ from .disturbance import (
     Conventional,
     InputRandomWalk,
     OutputARMA,
-    first_covariance,
     measurement_variance,
     walk_noise,
 )
@@ -210,29 +209,31 @@ class GrayBoxRC(_LeastSquaresIdentifier):
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
-        span = rows_covering(self.warmup, table.step)
-        experiment, model = self._experiment(table), Conventional(span)
-        states = np.array([self._state_at(experiment, table, int(o), span, model) for o in origins])
+        span, tracker = rows_covering(self.warmup, table.step), self._tracker
+        experiment, start = self._experiment(table), self._open_start(table)
+        noise = Conventional(span).noise(tracker.n)
+        R = measurement_variance(experiment.hours)
+        plain = GainTracker(tracker.A, tracker.B, tracker.measured, 0.0, noise, R, g_sd=0.0)
+        free_run = self._open_loop(experiment, start)
+        states = np.array([self._state_at(experiment, plain, free_run, int(o), span) for o in origins])
         none = np.zeros((len(origins), n))
         return Outlook(states, none, none)
 
     def _state_at(
-        self, experiment: Experiment, table: ZoneTable, origin: int, span: int, model: Conventional
+        self, experiment: Experiment, plain: GainTracker, free_run: np.ndarray, origin: int, span: int
     ) -> np.ndarray:
-        tracker, first = self._tracker, max(0, origin + 1 - span)
+        """Filtered over the warm-up before the origin; simulated where nothing was measured in it."""
+        first = max(0, origin + 1 - span)
         rows = slice(first, origin + 1)
-        seen = experiment.y[rows][np.isfinite(experiment.y[rows])]
-        start = self._open_start(table) if first == 0 or not len(seen) else np.full(tracker.n, seen[0])
+        y = experiment.y[rows]
+        seen = y[np.isfinite(y)]
         if not len(seen):
-            return self._open_loop(experiment, self._open_start(table))[origin]
-        plain = GainTracker(
-            tracker.A, tracker.B, tracker.measured, 0.0, model.noise(tracker.n), measurement_variance(experiment.hours)
-        )
-        begin = plain.cold(0.0)._replace(mean=np.append(start, 0.0))
-        part = experiment._replace(y=experiment.y[rows], inputs=experiment.inputs[rows])
-        zeros = np.zeros(origin + 1 - first, np.int64)
-        begin = begin._replace(covariance=np.pad(first_covariance(tracker.n, tracker.measured), (0, 1)))
-        return plain.track(part, zeros, zeros, begin).nodes[-1]
+            return free_run[origin]
+        begin = plain.cold(float(seen[0]))
+        if first == 0:
+            begin = begin._replace(mean=np.append(free_run[0], 0.0))
+        zeros = np.zeros(len(y), np.int64)
+        return plain.track(experiment._replace(y=y, inputs=experiment.inputs[rows]), zeros, zeros, begin).nodes[-1]
 
 
 class InputDisturbanceID(_LeastSquaresIdentifier):
