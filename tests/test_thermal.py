@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,31 @@ def test_derivatives_are_exact(network, roles):
         for exact, f in ((c.dA[q], [m.A for m in at]), (c.dB[q], [m.B for m in at])):
             difference = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
             np.testing.assert_allclose(exact, difference, rtol=1e-8, atol=1e-9 * np.abs(c.A).max())
+
+
+@pytest.mark.parametrize("roles", [("T_oa",), ALL_ROLES], ids=len)
+@pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)
+def test_a_batch_is_its_rows(network, roles):
+    stencil = network.stencil(roles)
+    assert stencil is network.stencil(tuple(reversed(roles)))
+    assert stencil.parameters == tuple(p.name for p in network.parameters(roles))
+    assert stencil.columns == (*network.inputs(roles), "heat_gain")
+    each = [{**drawn(network, roles, seed), **({"Q_fan": 0.0} if len(roles) > 1 else {})} for seed in range(4)]
+    batch = stencil.matrices(np.array([stencil.vector(theta) for theta in each]))
+    for s, theta in enumerate(each):
+        for many, one in zip(batch, network.matrices(theta, roles), strict=True):
+            np.testing.assert_allclose(many[s], one, rtol=1e-14, atol=0)
+
+
+def test_what_was_worked_out_is_not_stored():
+    """A pickle, and so a hash of a network, does not depend on what was asked of it before."""
+    network = get_network("2R2C")
+    network.matrices(OFFICE, PAPER_ROLES)
+    fresh = RCNetwork("2R2C", network.capacitances, network.resistors, network.solar)
+    assert pickle.dumps(network.__getstate__()) == pickle.dumps(fresh.__getstate__())
+    again = pickle.loads(pickle.dumps(network))
+    assert again == network
+    np.testing.assert_array_equal(again.matrices(OFFICE, PAPER_ROLES).A, network.matrices(OFFICE, PAPER_ROLES).A)
 
 
 def test_columns_follow_the_inputs():

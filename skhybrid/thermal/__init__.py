@@ -3,5 +3,6 @@
 from .catalogue import CATALOGUE, get_network
 from .network import RCNetwork
 from .parameters import Parameter
+from .stencil import Continuous, Stencil
 
-__all__ = ["CATALOGUE", "Parameter", "RCNetwork", "get_network"]
+__all__ = ["CATALOGUE", "Continuous", "Parameter", "RCNetwork", "Stencil", "get_network"]

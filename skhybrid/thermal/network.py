@@ -5,15 +5,16 @@ Time is in hours, capacitance in kWh/K, resistance in K/kW, heat in kW.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from .._kernels import Discrete, discretize
 from .parameters import Parameter, parameter_table
+from .stencil import Continuous, Stencil
 
 #: paper 2.2.1: bounds of every capacitance and resistance, of f and of A_win; capacities are wide
 _BOUNDS = {"C": (0.1, 40.0), "R": (0.1, 40.0), "f": (1e-6, 1.0), "A": (0.1, 25.0), "Q": (0.05, 100.0)}
@@ -25,16 +26,6 @@ class Source(NamedTuple):
     role: str
     parameter: str | None  # None: the input is in kW already
     shares: tuple[tuple[str, str | None], ...]  # (node, fraction parameter or None for all that is left)
-
-
-class Continuous(NamedTuple):
-    """dx/dt = A x + B v of a network, with derivatives by each of its p parameters."""
-
-    A: np.ndarray  # (n, n) [1/h]
-    B: np.ndarray  # (n, m); the last column is 1 kW on the disturbed node
-    dA: np.ndarray  # (p, n, n)
-    dB: np.ndarray  # (p, n, m)
-    capacitance: np.ndarray  # (n,) [kWh/K]
 
 
 @dataclass(frozen=True)
@@ -256,63 +247,32 @@ class RCNetwork:
         Continuous
             Derivatives are by the values, in the order of :meth:`parameters`.
         """
-        roles = tuple(roles)
-        order = {p.name: i for i, p in enumerate(self.parameters(roles))}
-        column = {role: j for j, role in enumerate((*self.inputs(roles), "heat_gain"))}
-        n, m, p = len(self.nodes), len(column), len(order)
-        flow = _Flow(np.zeros((n, n)), np.zeros((n, m)), np.zeros((p, n, n)), np.zeros((p, n, m)))
-        self._add_resistors(flow, theta, order, column)
-        self._add_sources(flow, theta, order, column, roles)
-        capacitance = np.array([theta[c] for c in self.capacitances.values()], dtype=np.float64)
-        A, B = flow.A / capacitance[:, None], flow.B / capacitance[:, None]
-        dA, dB = flow.dA / capacitance[:, None], flow.dB / capacitance[:, None]
-        for i, name in enumerate(self.capacitances.values()):
-            dA[order[name], i] = -A[i] / capacitance[i]
-            dB[order[name], i] = -B[i] / capacitance[i]
-        return Continuous(A, B, dA, dB, capacitance)
+        stencil = self.stencil(roles)
+        return Continuous(*(part[0] for part in stencil.matrices(stencil.vector(theta)[None])))
 
-    def _add_resistors(
-        self, flow: _Flow, theta: Mapping[str, float], order: Mapping[str, int], column: Mapping[str, int]
-    ) -> None:
-        place = {node: i for i, node in enumerate(self.nodes)}
-        for name, ends in self.resistors.items():
-            conductance = 1.0 / theta[name]
-            slope = -conductance / theta[name]
-            for here, there in (ends, ends[::-1]):
-                if here not in place:
-                    continue
-                i = place[here]
-                flow.A[i, i] -= conductance
-                flow.dA[order[name], i, i] -= slope
-                target, d_target, j = (
-                    (flow.A, flow.dA, place[there]) if there in place else (flow.B, flow.dB, column.get(there, -1))
-                )
-                if there in place or there in column:
-                    target[i, j] += conductance
-                    d_target[order[name], i, j] += slope
+    def stencil(self, roles: Iterable[str]) -> Stencil:
+        """What turns many parameter vectors into matrices at once; worked out once for each set of inputs.
 
-    def _add_sources(
-        self,
-        flow: _Flow,
-        theta: Mapping[str, float],
-        order: Mapping[str, int],
-        column: Mapping[str, int],
-        roles: Sequence[str],
-    ) -> None:
-        place = {node: i for i, node in enumerate(self.nodes)}
-        flow.B[place[self.disturbed], column["heat_gain"]] = 1.0
-        for source in self.sources(roles):
-            j = column[source.role]
-            gain = 1.0 if source.parameter is None else theta[source.parameter]
-            left = 1.0 - sum(theta[f] for _, f in source.shares if f)
-            for node, fraction in source.shares:
-                share = theta[fraction] if fraction else left
-                flow.B[place[node], j] += gain * share
-                if source.parameter is not None:
-                    flow.dB[order[source.parameter], place[node], j] += share
-                for _, other in source.shares:  # every named fraction also takes from what is left
-                    if other is not None and (other == fraction or fraction is None):
-                        flow.dB[order[other], place[node], j] += gain if other == fraction else -gain
+        Parameters
+        ----------
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        Stencil
+        """
+        key = tuple(sorted(set(roles)))
+        if key not in self._stencils:
+            self._stencils[key] = Stencil.of(self, key)
+        return self._stencils[key]
+
+    @cached_property
+    def _stencils(self) -> dict[tuple[str, ...], Stencil]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_stencils"}
 
     def discrete(self, theta: Mapping[str, float], roles: Iterable[str], dt: float) -> Discrete:
         """Exact zero-order hold, with exact derivatives by the parameters.
@@ -339,15 +299,6 @@ class RCNetwork:
         lines += [f"  {r} between {a} and {b}" for r, (a, b) in self.resistors.items()]
         lines += [f"  solar heat: {f or 'what is left'} to {node}" for node, f in self.solar.items()]
         return "\n".join([*lines, self.parameter_table().to_string()])
-
-
-class _Flow(NamedTuple):
-    """Heat flows into the nodes [kW] by state and by input, before division by the capacitances."""
-
-    A: np.ndarray
-    B: np.ndarray
-    dA: np.ndarray
-    dB: np.ndarray
 
 
 def capacity_name(role: str) -> str:
