@@ -48,6 +48,7 @@ class ZoneTable:
     utc: pd.DatetimeIndex | None  # stamps in UTC; None where the table has no stamps
     step: pd.Timedelta  # the sampling time
     n_history: int = 0  # rows at the front that are the end of a training table
+    breaks: tuple[int, ...] = (0,)  # first rows of the stretches of consecutive rows
     order: tuple[str, ...] = ()  # roles in the order of the caller's columns
 
     @property

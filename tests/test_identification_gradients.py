@@ -77,8 +77,8 @@ def disturbance_of(kind, network):
         "CONV": Conventional(20),
         "ID": InputRandomWalk(),
         "ID-noise": InputRandomWalk(measurement_sd=0.1),
-        "OD": OutputARMA(hidden, 22.0),
-        "OD-paper": OutputARMA(hidden, 22.0, paper_box=True),
+        "OD": OutputARMA(hidden, (22.0,)),
+        "OD-paper": OutputARMA(hidden, (22.0,), paper_box=True),
     }[kind]
 
 
@@ -97,11 +97,11 @@ def test_jacobian_is_exact(kind, known, experiment):
     problem = PredictionErrorProblem(network, e, disturbance, searched, {k: VALUES[k] for k in known})
     x = np.array([p.to_free(VALUES[p.name]) for p in searched])
     found, expected = problem.jacobian(x), differences(problem.residuals, x)
-    assert found.shape == (len(e.y) - disturbance.first_row(len(e.y)), len(searched))
+    assert found.shape == (len(e.y) - disturbance.first_counted(len(e.y)), len(searched))
     scale = np.abs(expected).max(axis=0)
     assert (scale > 1e-5).all()  # every parameter moves something, so that the comparison can fail
     assert (np.abs(found - expected) / scale).max() < 1e-6
-    missing = ~np.isfinite(e.y[disturbance.first_row(len(e.y)) :])
+    missing = ~np.isfinite(e.y[disturbance.first_counted(len(e.y)) :])
     assert missing.any()
     assert (found[missing] == 0).all()
 

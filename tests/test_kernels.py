@@ -17,7 +17,6 @@ from skhybrid._kernels import (
     kalman_gains,
     kalman_track,
     one_step_errors,
-    one_step_sensitivities,
     simulate_inverse,
     simulate_path,
     smooth_states,
@@ -179,7 +178,13 @@ MODELS = [drawn_model(seed=0), drawn_model(n=2, seed=1), drawn_model(n=4, seed=2
 
 
 def run_track(m):
-    return kalman_track(m.A, m.forcing, m.Q, m.klass, m.c, m.R, m.y, m.s0, m.P0)
+    return kalman_track(m.A, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
+
+
+def run_errors(m, K):
+    """Errors and states of the plain predictor with one output."""
+    run = one_step_errors(m.A, m.forcing, K[..., None], m.c[None], m.y[:, None], m.s0)
+    return run.errors[:, 0], run.states
 
 
 @pytest.mark.parametrize("m", MODELS)
@@ -226,10 +231,10 @@ def test_gains_are_the_conditional_ones(m):
 @pytest.mark.parametrize("m", MODELS)
 def test_predictor_with_kalman_gains_is_the_filter(m):
     prior = dense_prior(m)
-    run = one_step_errors(m.A, m.forcing, run_gains(m).K, m.c, m.y, m.s0)
+    errors, _ = run_errors(m, run_gains(m).K)
     for k in np.flatnonzero(m.seen):
-        assert run.errors[k] == pytest.approx(m.y[k] - m.c @ condition(m, prior, k, range(k))[0], rel=1e-9, abs=1e-9)
-    assert (run.errors[~m.seen] == 0.0).all()
+        assert errors[k] == pytest.approx(m.y[k] - m.c @ condition(m, prior, k, range(k))[0], rel=1e-9, abs=1e-9)
+    assert (errors[~m.seen] == 0.0).all()
 
 
 class Channels(NamedTuple):
@@ -309,23 +314,6 @@ def test_gains_have_exact_derivatives(m):
 
 
 @pytest.mark.parametrize("m", MODELS)
-def test_one_step_errors_have_exact_derivatives(m):
-    K = run_gains(m).K
-    directions = [drawn_direction(m, seed) for seed in (20, 21, 22)]
-    dK = np.random.default_rng(23).normal(size=(3, *K.shape))
-    dA, dforcing, ds0 = (np.array([getattr(d, f) for d in directions]) for f in ("A", "forcing", "s0"))
-    found = one_step_sensitivities(m.A, m.forcing, K, m.c, m.y, m.s0, dA, dforcing, dK, ds0)
-    np.testing.assert_allclose(found.errors, one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0).errors, rtol=1e-13)
-    for q, d in enumerate(directions):
-
-        def errors(t, d=d, q=q):
-            o = moved(m, d, t, "A", "forcing", "s0")
-            return one_step_errors(o.A, o.forcing, K + t * dK[q], o.c, o.y, o.s0).errors
-
-        assert_close(found.derrors[:, q], slope(errors, 1e-3), 1e-8)
-
-
-@pytest.mark.parametrize("m", MODELS)
 def test_adjoint_has_the_derivatives_of_any_scalar(m):
     """A random scalar of innovations and variances, moved along a random direction of each ingredient."""
     ch = drawn_channels(m)
@@ -364,10 +352,10 @@ def test_one_step_errors_and_path_against_a_loop():
         s = m.A @ s + m.forcing[k] + K[k] * e
         errors.append(e)
         states.append(s)
-    run = one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0)
-    np.testing.assert_allclose(run.errors, errors, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(run.states, states, rtol=1e-9, atol=1e-12)
-    free = one_step_errors(m.A, m.forcing, K, m.c, np.full_like(m.y, np.nan), m.s0).states
+    found, path = run_errors(m, K)
+    np.testing.assert_allclose(found, errors, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(path, states, rtol=1e-9, atol=1e-12)
+    _, free = run_errors(m._replace(y=np.full_like(m.y, np.nan)), K)
     np.testing.assert_allclose(simulate_path(m.A, m.forcing, m.s0), free, rtol=1e-12)
 
 
@@ -400,7 +388,7 @@ def test_kernels_leave_their_arguments_alone():
     filter_channels_adjoint(m.A, ch.series, m.klass, m.c, m.y, 3, result, np.ones_like(result.errors), np.ones(12))
     smooth_states(m.A, *run_track(m))
     K = run_gains(m).K
-    one_step_errors(m.A, m.forcing, K, m.c, m.y, m.s0)
+    run_errors(m, K)
     simulate_path(m.A, m.forcing, m.s0)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)

@@ -3,13 +3,22 @@
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretize import Discrete, discretize, divided_difference
 from .kalman import Gains, Smoothed, kalman_gains, kalman_track, smooth_states
-from .predictor import Prediction, Sensitivity, one_step_errors, one_step_sensitivities, simulate_inverse, simulate_path
+from .predictor import (
+    Model,
+    Prediction,
+    Sensitivity,
+    one_step_errors,
+    one_step_sensitivities,
+    simulate_inverse,
+    simulate_path,
+)
 
 __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
     "Gains",
+    "Model",
     "Prediction",
     "Sensitivity",
     "Smoothed",

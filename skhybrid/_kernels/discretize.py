@@ -2,7 +2,7 @@
 
 Scaled by the square root of its capacitances an RC network is a symmetric system: it has real eigenvalues and an
 orthogonal basis of eigenvectors.  Matrix functions of it are scalar functions of the eigenvalues, and their derivatives
-are divided differences (Daleckii and Krein), both cheap and stable.
+are divided differences (Daleckii and Krein), both cheap and stable.  Plain NumPy, over any number of networks at once.
 """
 
 from __future__ import annotations
@@ -11,65 +11,71 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._compile import compiled
-
 
 class Discrete(NamedTuple):
     """A network over one step: ``x[k+1] = A x[k] + B v[k]``, with derivatives by each of p parameters."""
 
-    A: np.ndarray  # (n, n)
-    B: np.ndarray  # (n, m)
-    dA: np.ndarray  # (p, n, n)
-    dB: np.ndarray  # (p, n, m)
+    A: np.ndarray  # (..., n, n)
+    B: np.ndarray  # (..., n, m)
+    dA: np.ndarray  # (..., p, n, n)
+    dB: np.ndarray  # (..., p, n, m)
 
 
 # nodes and weights of 7-point Gauss-Legendre quadrature on [0, 1]: exact to rounding for gaps below 1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(7)
 _NODES = 0.5 * (_NODES + 1.0)
 _WEIGHTS = 0.5 * _WEIGHTS
+#: 1 / (k! (k + 2)): the series of the hold function's slope
+_SLOPE_SERIES = np.array([1.0 / (np.prod(np.arange(1.0, k + 1.0)) * (k + 2)) for k in range(16)])
 
 
-@compiled
-def _hold(x):
+def _hold(x: np.ndarray) -> np.ndarray:
     """(exp(x) - 1) / x, the integral of exp(s x) over s in [0, 1]."""
-    return 1.0 + 0.5 * x if abs(x) < 1e-9 else np.expm1(x) / x
+    small = np.abs(x) < 1e-9
+    return np.where(small, 1.0 + 0.5 * x, np.expm1(x) / np.where(small, 1.0, x))
 
 
-@compiled
-def _hold_slope(x):
+def _hold_slope(x: np.ndarray) -> np.ndarray:
     """Derivative of ``_hold``: the integral of s exp(s x) over s in [0, 1]."""
-    if abs(x) > 0.5:
-        return (x * np.exp(x) - np.expm1(x)) / (x * x)
-    term, total = 1.0, 0.5
-    for k in range(1, 16):
-        term *= x / k
-        total += term / (k + 2)
-    return total
+    big = np.abs(x) > 0.5
+    away, near = np.where(big, x, 1.0), np.where(big, 0.0, x)
+    series = np.polynomial.polynomial.polyval(near, _SLOPE_SERIES)
+    return np.where(big, (away * np.exp(away) - np.expm1(away)) / (away * away), series)
 
 
-@compiled
-def divided_difference(a, b, hold):
-    """(f(a) - f(b)) / (a - b) of f = exp, or of the hold function where ``hold``; f'(a) at a = b."""
-    if abs(a - b) > 1.0:
-        return (_hold(a) - _hold(b)) / (a - b) if hold else (np.exp(a) - np.exp(b)) / (a - b)
-    total = 0.0
-    for i in range(_NODES.size):
-        x = b + _NODES[i] * (a - b)
-        total += _WEIGHTS[i] * (_hold_slope(x) if hold else np.exp(x))
-    return total
+def divided_difference(a: np.ndarray, b: np.ndarray, hold: bool) -> np.ndarray:
+    """(f(a) - f(b)) / (a - b) of f = exp, or of the hold function where ``hold``; f'(a) at a = b.
+
+    Parameters
+    ----------
+    a, b : array-like
+        Broadcast against each other.
+    hold : bool
+
+    Returns
+    -------
+    ndarray
+    """
+    a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
+    gap = a - b
+    far = np.abs(gap) > 1.0
+    f, slope = (_hold, _hold_slope) if hold else (np.exp, np.exp)
+    close = slope(b[..., None] + _NODES * gap[..., None]) @ _WEIGHTS
+    return np.where(far, (f(a) - f(b)) / np.where(far, gap, 1.0), close)
 
 
-@compiled
-def discretize(A, B, dA, dB, capacitance, dt):
+def discretize(
+    A: np.ndarray, B: np.ndarray, dA: np.ndarray, dB: np.ndarray, capacitance: np.ndarray, dt: float
+) -> Discrete:
     """Zero-order hold over ``dt`` of dx/dt = A x + B v, and its derivatives.
 
     Parameters
     ----------
-    A, B : ndarray of shape (n, n) and (n, m)
-        Continuous matrices of an RC network [1/h].
-    dA, dB : ndarray of shape (p, n, n) and (p, n, m)
-        Their derivatives by each parameter.
-    capacitance : ndarray of shape (n,)
+    A, B : ndarray of shape (..., n, n) and (..., n, m)
+        Continuous matrices of RC networks [1/h].
+    dA, dB : ndarray of shape (..., p, n, n) and (..., p, n, m)
+        Their derivatives by each parameter; p may be 0.
+    capacitance : ndarray of shape (..., n)
         Capacitances [kWh/K], in the order of the states.
     dt : float
         Step [h].
@@ -78,32 +84,21 @@ def discretize(A, B, dA, dB, capacitance, dt):
     -------
     Discrete
     """
-    n, m, p = A.shape[0], B.shape[1], dA.shape[0]
     root = np.sqrt(capacitance)
-    symmetric = np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            symmetric[i, j] = 0.5 * (root[i] * A[i, j] / root[j] + root[j] * A[j, i] / root[i])
-    values, vectors = np.linalg.eigh(symmetric)
-    left, right = np.empty((n, n)), np.empty((n, n))  # A = left diag(values) right
-    for i in range(n):
-        for j in range(n):
-            left[i, j] = vectors[i, j] / root[i]
-            right[j, i] = vectors[i, j] * root[i]
+    scaled = root[..., :, None] * A / root[..., None, :]
+    values, vectors = np.linalg.eigh(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
+    left = vectors / root[..., :, None]  # A = left diag(values) right
+    right = np.swapaxes(vectors * root[..., :, None], -1, -2)
     x = values * dt
-    slope, hold_slope = np.empty((n, n)), np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            slope[i, j] = dt * divided_difference(x[i], x[j], False)
-            hold_slope[i, j] = dt * dt * divided_difference(x[i], x[j], True)
-    power, hold = np.empty(n), np.empty(n)
-    for i in range(n):
-        power[i], hold[i] = np.exp(x[i]), dt * _hold(x[i])
-    Ad = (left * power) @ right
-    Phi = (left * hold) @ right  # integral of exp(A s) over the step
-    dAd, dBd = np.empty((p, n, n)), np.empty((p, n, m))
-    for q in range(p):
-        inner = right @ dA[q] @ left
-        dAd[q] = left @ (slope * inner) @ right
-        dBd[q] = left @ (hold_slope * inner) @ right @ B + Phi @ dB[q]
+    Ad = (left * np.exp(x)[..., None, :]) @ right
+    Phi = (left * (dt * _hold(x))[..., None, :]) @ right  # integral of exp(A s) over the step
+    if dA.shape[-3] == 0:
+        return Discrete(Ad, Phi @ B, np.zeros_like(dA), np.zeros_like(dB))
+    a, b = x[..., :, None], x[..., None, :]
+    slope = dt * divided_difference(a, b, False)
+    hold_slope = dt * dt * divided_difference(a, b, True)
+    left, right = left[..., None, :, :], right[..., None, :, :]
+    inner = right @ dA @ left
+    dAd = left @ (slope[..., None, :, :] * inner) @ right
+    dBd = left @ ((hold_slope[..., None, :, :] * inner) @ (right @ B[..., None, :, :])) + Phi[..., None, :, :] @ dB
     return Discrete(Ad, Phi @ B, dAd, dBd)

@@ -1,7 +1,7 @@
-"""The innovations-form predictor ``s[k+1] = A s[k] + f[k] + K[k] e[k]``, ``e[k] = y[k] - c s[k]``.
+"""The innovations-form predictor ``s[k+1] = A s[k] + B v[k] + K[k] e[k]``, ``e[k] = y[k] - C s[k]``.
 
 One recursion serves every disturbance model; they differ in the states that they append and in the gain ``K``
-(design 4).  ``f[k] = B v[k]`` is the forcing by the inputs; a row without a measurement has ``e[k] = 0``.
+(design 4): constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
 """
 
 from __future__ import annotations
@@ -16,30 +16,51 @@ from ._compile import compiled
 class Prediction(NamedTuple):
     """One-step prediction of every row."""
 
-    errors: np.ndarray  # (N,) e[k]; 0 where nothing was measured
+    errors: np.ndarray  # (N, o) e[k]; 0 where nothing was measured
     states: np.ndarray  # (N + 1, n) s[k|k-1]
 
 
-class Sensitivity(NamedTuple):
-    """One-step errors and their exact derivatives by each of p parameters."""
+class Model(NamedTuple):
+    """The predictor of one start, with derivatives by p parameters in the last axis; also of S starts at once.
 
-    errors: np.ndarray  # (N,)
-    derrors: np.ndarray  # (N, p)
+    With S starts every array has a leading axis S, but ``C``, ``R`` and ``P0``, which all starts share.
+    """
+
+    A: np.ndarray  # (n, n)
+    B: np.ndarray  # (n, m)
+    C: np.ndarray  # (o, n)
+    K: np.ndarray  # (n, o) gain of the rows that no Kalman filter serves
+    Q: np.ndarray  # (n, n) process noise of the filter
+    R: np.ndarray  # (o,) its measurement variances
+    P0: np.ndarray  # (n, n) covariance of the first state
+    s0: np.ndarray  # (n,) first state
+    dA: np.ndarray  # (n, n, p)
+    dB: np.ndarray  # (n, m, p)
+    dK: np.ndarray  # (n, o, p)
+    dQ: np.ndarray  # (n, n, p)
+    ds0: np.ndarray  # (n, p)
+
+
+class Sensitivity(NamedTuple):
+    """One-step errors of S starts and their exact derivatives by each of p parameters."""
+
+    errors: np.ndarray  # (S, N, o)
+    derrors: np.ndarray  # (S, N, o, p)
 
 
 @compiled
-def one_step_errors(A, forcing, K, c, y, s0):
+def one_step_errors(A, forcing, K, C, y, s0):
     """Run the predictor.
 
     Parameters
     ----------
     A : ndarray of shape (n, n)
     forcing : ndarray of shape (N, n)
-    K : ndarray of shape (N, n)
-        Gain of every row, predictor form.
-    c : ndarray of shape (n,)
-        Output row.
-    y : ndarray of shape (N,)
+        ``B v[k]``.
+    K : ndarray of shape (n_gains, n, o)
+        Gain of every row, predictor form; the last one serves all rows from there on.
+    C : ndarray of shape (o, n)
+    y : ndarray of shape (N, o)
         Measurements, NaN where missing.
     s0 : ndarray of shape (n,)
         State at the first row.
@@ -49,71 +70,204 @@ def one_step_errors(A, forcing, K, c, y, s0):
     Prediction
     """
     N, n = forcing.shape
-    errors, states = np.zeros(N), np.empty((N + 1, n))
-    states[0] = s0
+    o, last = C.shape[0], K.shape[0] - 1
+    errors, states = np.zeros((N, o)), np.empty((N + 1, n))
+    for i in range(n):
+        states[0, i] = s0[i]
     for k in range(N):
-        s = states[k]
-        if not np.isnan(y[k]):
-            e = y[k]
-            for i in range(n):
-                e -= c[i] * s[i]
-            errors[k] = e
+        for j in range(o):
+            if not np.isnan(y[k, j]):
+                e = y[k, j]
+                for i in range(n):
+                    e -= C[j, i] * states[k, i]
+                errors[k, j] = e
+        row = min(k, last)
         for i in range(n):
-            value = forcing[k, i] + K[k, i] * errors[k]
+            value = forcing[k, i]
+            for j in range(o):
+                value += K[row, i, j] * errors[k, j]
             for j in range(n):
-                value += A[i, j] * s[j]
+                value += A[i, j] * states[k, j]
             states[k + 1, i] = value
     return Prediction(errors, states)
 
 
 @compiled
-def one_step_sensitivities(A, forcing, K, c, y, s0, dA, dforcing, dK, ds0):
-    """The predictor with forward sensitivities.
+def _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc):
+    """One row's sequential measurement updates of the covariance; gains (o, n), their derivatives (o, n, p).
+
+    Returns by how much any gain differs from what it was.
+    """
+    o, n = C.shape
+    p = dP.shape[2]
+    moved = 0.0
+    for j in range(o):
+        if not seen[j]:
+            continue
+        S = R[j]
+        for i in range(n):
+            value = 0.0
+            for m in range(n):
+                value += P[i, m] * C[j, m]
+            Pc[i] = value
+        for i in range(n):
+            S += C[j, i] * Pc[i]
+        for i in range(n):
+            for q in range(p):
+                value = 0.0
+                for m in range(n):
+                    value += dP[i, m, q] * C[j, m]
+                dPc[i, q] = value
+        for i in range(n):
+            moved = max(moved, abs(Pc[i] / S - gain[j, i]))
+            gain[j, i] = Pc[i] / S
+        for q in range(p):
+            dS = 0.0
+            for i in range(n):
+                dS += C[j, i] * dPc[i, q]
+            for i in range(n):
+                slope = (dPc[i, q] - gain[j, i] * dS) / S
+                moved = max(moved, abs(slope - dgain[j, i, q]) / (1.0 + abs(slope)))
+                dgain[j, i, q] = slope
+            for i in range(n):
+                for m in range(n):
+                    dP[i, m, q] -= gain[j, i] * dPc[m, q] + dgain[j, i, q] * Pc[m]
+        for i in range(n):
+            for m in range(n):
+                P[i, m] -= gain[j, i] * Pc[m]
+    return moved
+
+
+@compiled
+def _spread(A, Q, dA, dQ, P, dP, AP, work):
+    """One row's propagation of the covariance and of its derivatives, in place."""
+    n, p = A.shape[0], dP.shape[2]
+    for i in range(n):
+        for j in range(n):
+            value = 0.0
+            for m in range(n):
+                value += A[i, m] * P[m, j]
+            AP[i, j] = value
+    # with H = dA P A' + A dP A' / 2 the derivative is H + H' + dQ
+    for i in range(n):
+        for j in range(n):
+            for q in range(p):
+                value = 0.0
+                for m in range(n):
+                    value += dA[i, m, q] * P[m, j] + 0.5 * A[i, m] * dP[m, j, q]
+                work[i, j, q] = value
+    for i in range(n):
+        for j in range(n):
+            for q in range(p):
+                value = dQ[i, j, q]
+                for m in range(n):
+                    value += work[i, m, q] * A[j, m] + work[j, m, q] * A[i, m]
+                dP[i, j, q] = value
+    for i in range(n):
+        for j in range(i + 1):
+            value = Q[i, j]
+            for m in range(n):
+                value += AP[i, m] * A[j, m]
+            P[i, j] = value
+            P[j, i] = value
+
+
+@compiled
+def _advance(model, inputs, y, filtered, errors, derrors):
+    """The predictor with forward sensitivities over one stretch of rows, for one start."""
+    A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
+    n, m, o, p, N = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], inputs.shape[0]
+    s, after, ds, dafter = s0.copy(), np.empty(n), ds0.copy(), np.empty((n, p))
+    P, dP = P0.copy(), np.zeros((n, n, p))
+    gain, dgain, Pc, dPc = np.zeros((o, n)), np.zeros((o, n, p)), np.empty(n), np.empty((n, p))
+    AP, work, seen, de = np.empty((n, n)), np.empty((n, n, p)), np.empty(o, np.bool_), np.empty(p)
+    steady = False
+    for k in range(N):
+        complete = True
+        for j in range(o):
+            seen[j] = not np.isnan(y[k, j])
+            complete = complete and seen[j]
+            if seen[j]:
+                e = y[k, j]
+                for i in range(n):
+                    e -= C[j, i] * s[i]
+                errors[k, j] = e
+                for i in range(n):
+                    if C[j, i] != 0.0:
+                        for q in range(p):
+                            derrors[k, j, q] -= C[j, i] * ds[i, q]
+        kalman = k < filtered
+        if kalman:
+            # with every row measured the gains settle; from then on they are left as they are, to rounding
+            if not (steady and complete):
+                moved = _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc)
+                _spread(A, Q, dA, dQ, P, dP, AP, work)
+                steady = complete and moved < 1e-13
+            for j in range(o):
+                if not seen[j]:
+                    continue
+                e = y[k, j]
+                for q in range(p):
+                    de[q] = 0.0
+                for i in range(n):
+                    e -= C[j, i] * s[i]
+                    for q in range(p):
+                        de[q] -= C[j, i] * ds[i, q]
+                for i in range(n):
+                    s[i] += gain[j, i] * e
+                    for q in range(p):
+                        ds[i, q] += dgain[j, i, q] * e + gain[j, i] * de[q]
+        for i in range(n):
+            value = 0.0
+            for q in range(p):
+                dafter[i, q] = 0.0
+            for j in range(n):
+                value += A[i, j] * s[j]
+                for q in range(p):
+                    dafter[i, q] += dA[i, j, q] * s[j] + A[i, j] * ds[j, q]
+            for j in range(m):
+                v = inputs[k, j]
+                if v != 0.0:
+                    value += B[i, j] * v
+                    for q in range(p):
+                        dafter[i, q] += dB[i, j, q] * v
+            if not kalman:
+                for j in range(o):
+                    e = errors[k, j]
+                    value += K[i, j] * e
+                    for q in range(p):
+                        dafter[i, q] += dK[i, j, q] * e + K[i, j] * derrors[k, j, q]
+            after[i] = value
+        for i in range(n):
+            s[i] = after[i]
+            for q in range(p):
+                ds[i, q] = dafter[i, q]
+
+
+@compiled
+def one_step_sensitivities(model, inputs, y, filtered):
+    """One-step errors and their exact derivatives, for S starts over one stretch of rows.
 
     Parameters
     ----------
-    A, forcing, K, c, y, s0
-        As in :func:`one_step_errors`.
-    dA, dforcing, dK, ds0 : ndarray of shape (p, n, n), (p, N, n), (p, N, n) and (p, n)
-        Derivatives by each parameter.
+    model : Model
+        With a leading axis of S starts, and p parameters; p may be 0.
+    inputs : ndarray of shape (N, m)
+    y : ndarray of shape (N, o)
+        Measurements, NaN where missing.
+    filtered : int
+        Rows below this number have Kalman's gain, the others ``K``.
 
     Returns
     -------
     Sensitivity
     """
-    N, n = forcing.shape
-    p = dA.shape[0]
-    errors, derrors = np.zeros(N), np.zeros((N, p))
-    s, after = s0.copy(), np.empty(n)
-    ds, dafter = ds0.copy(), np.empty(n)
-    for k in range(N):
-        seen = not np.isnan(y[k])
-        e = 0.0
-        if seen:
-            e = y[k]
-            for i in range(n):
-                e -= c[i] * s[i]
-        errors[k] = e
-        for q in range(p):
-            de = 0.0
-            if seen:
-                for i in range(n):
-                    de -= c[i] * ds[q, i]
-            derrors[k, q] = de
-            for i in range(n):
-                value = dforcing[q, k, i] + dK[q, k, i] * e + K[k, i] * de
-                for j in range(n):
-                    value += dA[q, i, j] * s[j] + A[i, j] * ds[q, j]
-                dafter[i] = value
-            for i in range(n):
-                ds[q, i] = dafter[i]
-        for i in range(n):
-            value = forcing[k, i] + K[k, i] * e
-            for j in range(n):
-                value += A[i, j] * s[j]
-            after[i] = value
-        for i in range(n):
-            s[i] = after[i]
+    A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
+    S, p = A.shape[0], dA.shape[3]
+    errors, derrors = np.zeros((S, len(y), len(C))), np.zeros((S, len(y), len(C), p))
+    for b in range(S):
+        one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
+        _advance(one, inputs, y, filtered, errors[b], derrors[b])
     return Sensitivity(errors, derrors)
 
 

@@ -15,7 +15,8 @@ from .._contract import ZoneTable, read_table, read_target
 from .._kernels import simulate_inverse, simulate_path
 from .._threads import one_blas_thread
 from ..thermal import Parameter, RCNetwork, get_network
-from .experiment import Experiment, make_experiment
+from .disturbance import measured_rows
+from .experiment import Experiment, make_experiment, output_roles
 from .load import is_plant, load_frame, make_plant, read_setpoint
 from .tracked import Outlook, TrackedNetwork, checked_kind
 from .tracking import Start, Track
@@ -28,9 +29,9 @@ class StateSpace:
     Attributes
     ----------
     A, B, C, D : ndarray
-        Of shape (n, n), (n, m), (1, n) and (1, m).
+        Of shape (n, n), (n, m), (o, n) and (o, m), with one output row a measured node.
     state_names, input_names : tuple of str
-        Units are those of the data contract; the last input is ``heat_gain`` [kW].
+        Units are those of the data contract; the last inputs are the heat gains [kW] of the disturbed nodes.
     sampling_time : Timedelta
     """
 
@@ -169,22 +170,22 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
 
     def _make_state_space(self, network: RCNetwork, roles: tuple[str, ...], step: pd.Timedelta) -> StateSpace:
         d = network.discrete(self._theta, roles, step / pd.Timedelta("1h"))
-        n = len(network.nodes)
-        C = np.eye(n)[[network.nodes.index(network.measured)]]
-        names = (*network.inputs(roles), "heat_gain")
-        return StateSpace(d.A, d.B, C, np.zeros((1, len(names))), network.states, names, step)
+        C = np.eye(len(network.nodes))[measured_rows(network)]
+        names = (*network.inputs(roles), *network.gain_names)
+        return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
 
     def _finish(self, table: ZoneTable, experiment: Experiment) -> None:
         """Keep the end of the training table and what was known at its first row."""
         tracker = self._tracker
-        start = tracker.cold(experiment.first)
+        start = tracker.cold(experiment.firsts)
         smooth = tracker.track(experiment, self._cells(table), self._classes(table), start, smooth=True)
         self.initial_state_ = self._first_state(smooth)
         begin = Start(np.append(self.initial_state_, smooth.gain[0] - tracker.profile[self._cells(table)[0]]), start[1])
         causal = tracker.track(experiment, self._cells(table), self._classes(table), begin)
         keep = min(table.n_rows, rows_covering(self.warmup, table.step))
         tail = table.rows(slice(table.n_rows - keep, None))
-        history = {**tail.history, "T_za": experiment.y[-keep:].copy()}
+        measured = zip(output_roles(self.network_), experiment.outputs[-keep:].T, strict=True)
+        history = {**tail.history, **{role: column.copy() for role, column in measured}}
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
         self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
@@ -210,7 +211,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         heat_gain : array-like of shape (n_samples,), optional
-            Unmeasured heat on the disturbed node [kW]; 0 by default.
+            Unmeasured heat on the disturbed node [kW], a column each where there are several; 0 by default.
         initial_state : array-like of shape (n_states,), optional
             Node temperatures at the first row [degC], in the order of ``network_.nodes``.  By default the fitted
             initial state where X begins as the training table did, the tracked state where X follows it, else all
@@ -219,7 +220,8 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         Returns
         -------
         ndarray of shape (n_samples,)
-            Temperature of the measured node at every row [degC]; the first is that of the initial state.
+            Temperature of the measured node at every row [degC], a column each where several are measured; the first
+            is that of the initial state.
 
         Raises
         ------
@@ -227,8 +229,9 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             If ``heat_gain`` or ``initial_state`` has another length or a NaN, or ``heat_gain`` other stamps.
         """
         check_is_fitted(self)
-        states = self.simulate_states(X, heat_gain, initial_state)
-        return states[f"T_{self.network_.measured}"].to_numpy(copy=True)
+        states = self.simulate_states(X, heat_gain, initial_state).to_numpy(copy=True)
+        rows = self._tracker.measured
+        return states[:, rows[0]].copy() if len(rows) == 1 else states[:, rows]
 
     def simulate_states(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> pd.DataFrame:
         """Simulate every node, as :meth:`simulate` does the measured one.
@@ -237,7 +240,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         heat_gain : array-like of shape (n_samples,), optional
-            Unmeasured heat on the disturbed node [kW].
+            Unmeasured heat on the disturbed node [kW], a column each where there are several.
         initial_state : array-like of shape (n_states,), optional
             Node temperatures at the first row [degC].
 
@@ -253,9 +256,12 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         stamps = getattr(heat_gain, "index", None)
         if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
             raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
-        heat = np.zeros(n) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64).reshape(-1)
-        if heat.shape != (n,):
-            raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] a row.")
+        d = tracker.n_gains
+        heat = np.zeros((n, d)) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64)
+        heat = heat.reshape(-1, 1) if d == 1 else heat
+        if heat.shape != (n, d):
+            each = f" for each of {', '.join(self.network_.disturbed_nodes)}" if d > 1 else ""
+            raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] a row{each}.")
         if initial_state is None:
             state = self._default_state(table, n_tail)
         else:
@@ -265,9 +271,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         for name, values in (("heat_gain", heat), ("initial_state", state)):
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} contains NaN or inf at place {int(np.argmin(np.isfinite(values)))}; fill it.")
-        path = simulate_path(
-            tracker.A, self._experiment(here).inputs @ tracker.B.T + np.outer(heat, tracker.B[:, -1]), state
-        )
+        path = simulate_path(tracker.A, self._experiment(here).inputs @ tracker.B.T + heat @ tracker.heat.T, state)
         return pd.DataFrame(path[:n], index=here.index, columns=list(self.network_.states))
 
     def _default_state(self, table: ZoneTable, n_tail: int) -> np.ndarray:
@@ -277,7 +281,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         return self._start(table).mean[: self._tracker.n]
 
     # ------------------------------------------------------------------------------------------------ disturbances
-    def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> pd.Series:
+    def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> Any:
         """Estimate what is not measured, from the measured temperature.
 
         Parameters
@@ -294,6 +298,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         Returns
         -------
         Series of length n_samples, named ``zeta``
+            A DataFrame with a column ``zeta_<node>`` each where a network has several disturbed (measured) nodes.
 
         Raises
         ------
@@ -302,20 +307,27 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        if table.T_za is None or "T_za" not in self._read_X(X).history:
-            raise ValueError("role 'T_za' is missing: a disturbance is estimated from the measured temperature.")
+        for role in output_roles(self.network_):
+            if role not in self._read_X(X).history:
+                raise ValueError(f"role {role!r} is missing: a disturbance is estimated from the measured temperature.")
         zeta = self._zeta(table, kind, smooth)[n_tail:]
-        return pd.Series(zeta, index=table.index[n_tail:], name="zeta")
+        names = self._zeta_names(kind)
+        frame = pd.DataFrame(zeta, index=table.index[n_tail:], columns=names)
+        return frame[names[0]] if len(names) == 1 else frame
+
+    def _zeta_names(self, kind: str = "input") -> list[str]:
+        nodes = self.network_.disturbed_nodes if kind == "input" else self.network_.measured_nodes
+        return ["zeta"] if len(nodes) == 1 else [f"zeta_{node}" for node in nodes]
 
     def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
         if checked_kind(kind) == "input":
             return self._track(table, smooth).gain
         experiment = self._experiment(table)
         path = self._open_loop(experiment, self._open_start(table))[:-1, self._tracker.measured]
-        return experiment.y - path
+        return experiment.outputs - path
 
     def transform(self, X: Any) -> Any:
-        """X with the causal input disturbance ``zeta`` [kW] as a further column.
+        """X with the causal input disturbance ``zeta`` [kW] as a further column (of each disturbed node).
 
         Parameters
         ----------
@@ -330,7 +342,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         table, n_tail = self._with_history(X)
         zeta = self._zeta(table, "input")[n_tail:]
         if isinstance(X, pd.DataFrame):
-            return X.assign(zeta=zeta)
+            return X.assign(**dict(zip(self._zeta_names(), zeta.T, strict=True)))
         return np.column_stack([np.asarray(X, dtype=np.float64), zeta])
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
@@ -363,7 +375,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             names = input_features
         if names is None:
             names = [f"x{j}" for j in range(self.n_features_in_)]
-        return np.array([*names, "zeta"], dtype=object)
+        return np.array([*names, *self._zeta_names()], dtype=object)
 
     # -------------------------------------------------------------------------------------------------------- loads
     def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
@@ -442,6 +454,11 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         limits: tuple[float, float] | None,
     ) -> pd.DataFrame:
         tracker, plant = self._tracker, self._plant.limited(limits)
+        if len(tracker.measured) > 1 or tracker.n_gains > 1:
+            raise ValueError(
+                f"network {self.network_.name} has several zones, whose loads depend on one another; a load is "
+                "predicted for one measured and disturbed node only."
+            )
         here = table.rows(slice(n_tail, None))
         target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
         inputs = self._experiment(table).inputs.copy()
@@ -450,19 +467,19 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
                 inputs[:, j] = 0.0
         heated = self.network_.nodes.index(self.network_.heated)
         effect = self._unit_heat(heated)
-        c = np.eye(tracker.n)[tracker.measured]
+        c = np.eye(tracker.n)[tracker.measured[0]]
         ends = np.append(origins[1:], table.n_rows)
         parts: list[list[np.ndarray]] = [[], []]
         for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
-            forcing = inputs[a:b] @ tracker.B.T + np.outer(outlook.heat[i, : b - a], tracker.B[:, -1])
-            wanted = target[a:b] - outlook.offset[i, : b - a]
+            forcing = inputs[a:b] @ tracker.B.T + outlook.heat[i, : b - a] @ tracker.heat.T
+            wanted = target[a:b] - outlook.offset[i, : b - a, 0]
             for part, (low, high) in zip(parts, ((plant.lower, plant.upper), (-np.inf, np.inf)), strict=True):
                 part.append(simulate_inverse(tracker.A, forcing, effect, c, wanted, low, high, outlook.states[i]))
         return load_frame(plant, here.index, np.concatenate(parts[0]), np.concatenate(parts[1]))
 
     def _unit_heat(self, node: int) -> np.ndarray:
         """Effect on the states of 1 kW over a step on a node."""
-        names = [*self.network_.inputs(self._roles), "heat_gain"]
+        names = [*self.network_.inputs(self._roles)]
         for source in self.network_.sources(self._roles):
             if source.role.startswith("Q_"):
                 return self._tracker.B[:, names.index(source.role)].copy()

@@ -11,20 +11,55 @@ from ..thermal import RCNetwork
 
 
 class Experiment(NamedTuple):
-    """One stretch of consecutive rows."""
+    """Stretches of consecutive rows, one behind the other."""
 
-    y: np.ndarray  # (N,) measured temperature [degC], NaN where missing
-    inputs: np.ndarray  # (N, m) in the order of ``network.inputs(roles)``, then the heat gain (0)
+    y: np.ndarray  # (N,) measured temperature [degC], NaN where missing; (N, o) of o measured nodes
+    inputs: np.ndarray  # (N, m) in the order of ``network.inputs(roles)``, then the heat gains (0)
     roles: tuple[str, ...]
     hours: float  # the step [h]
     hour_of_day: np.ndarray  # (N,) int, local
     weekend: np.ndarray  # (N,) bool, local
+    breaks: tuple[int, ...] = (0,)  # the first row of every stretch
+
+    @property
+    def outputs(self) -> np.ndarray:
+        """(N, o) measured temperatures [degC]."""
+        return self.y[:, None] if self.y.ndim == 1 else self.y
+
+    @property
+    def firsts(self) -> np.ndarray:
+        """(o,) the first measured temperature of every output [degC]; 20 where nothing was measured."""
+        seen = [column[np.isfinite(column)] for column in self.outputs.T]
+        return np.array([float(column[0]) if len(column) else 20.0 for column in seen])
 
     @property
     def first(self) -> float:
-        """The first measured temperature [degC]; 20 where nothing was measured."""
-        seen = self.y[np.isfinite(self.y)]
-        return float(seen[0]) if len(seen) else 20.0
+        """The first measured temperature [degC]; the mean of several."""
+        return float(self.firsts.mean())
+
+    @property
+    def pieces(self) -> tuple[Experiment, ...]:
+        """The stretches, each an experiment of its own."""
+        if len(self.breaks) == 1:
+            return (self,)
+        ends = (*self.breaks[1:], len(self.y))
+        return tuple(self.rows(slice(a, b)) for a, b in zip(self.breaks, ends, strict=True))
+
+    def rows(self, rows: slice) -> Experiment:
+        """Some consecutive rows of one stretch."""
+        return self._replace(
+            y=self.y[rows],
+            inputs=self.inputs[rows],
+            hour_of_day=self.hour_of_day[rows],
+            weekend=self.weekend[rows],
+            breaks=(0,),
+        )
+
+
+def output_roles(network: RCNetwork) -> tuple[str, ...]:
+    """Roles of the measured temperatures: ``T_za`` of the one measured node, ``T_<node>`` of several."""
+    nodes = network.measured_nodes
+    return ("T_za",) if len(nodes) == 1 else tuple(f"T_{node}" for node in nodes)
 
 
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:
@@ -36,13 +71,14 @@ def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable
         table.step_hours,
         table.time.hour.to_numpy(dtype=np.int64),
         np.asarray(table.time.day_of_week >= 5),
+        table.breaks,
     )
 
 
 def input_matrix(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable) -> np.ndarray:
-    """(N, m) inputs in the order of the network, the heat gain column (0) last."""
+    """(N, m) inputs in the order of the network, the heat gains' columns (0) last."""
     acting = network.inputs(roles)
-    out = np.zeros((table.n_rows, len(acting) + 1))
+    out = np.zeros((table.n_rows, len(acting) + len(network.disturbed_nodes)))
     for j, role in enumerate(acting):
         out[:, j] = table.inputs[role]
     return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,13 +20,14 @@ from .disturbance import (
     InputRandomWalk,
     OutputARMA,
     measurement_variance,
-    walk_noise,
 )
 from .experiment import Experiment
+from .gauss_newton import Minimum
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
-from .prediction_error import Minimum, PredictionErrorProblem, random_starts, search
+from .multi_start import random_starts, search, starts_table
+from .prediction_error import ROUGH, PredictionErrorProblem
 from .tracked import Outlook
-from .tracking import GainTracker, fit_walk_noise
+from .tracking import GainTracker, fit_walk_noise, walk_noise
 
 
 class _LeastSquaresIdentifier(NetworkIdentifier):
@@ -55,7 +58,15 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
             loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
             return [Minimum(np.zeros(0), loss, 1, True)]
         starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
-        return search(problem, starts, self.n_jobs, self.verbose, type(self).__name__)
+        return search(
+            partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
+            starts,
+            problem.drop,
+            polish=problem.minimise,
+            n_jobs=self.n_jobs,
+            verbose=self.verbose,
+            name=type(self).__name__,
+        )
 
     def _store(
         self,
@@ -75,7 +86,7 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
         self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
         self.loss_, self.noise_std_ = best.loss, float(np.sqrt(noise))
-        self.starts_ = starts_table(minima, problem.searched)
+        self.starts_ = starts_table(minima, problem.searched, problem.drop)
         covariance = log_covariance(jacobian, noise)
         slopes = np.array([p.slope(values[p.name]) for p in problem.searched])
         self.theta_cov_ = named_covariance(
@@ -87,30 +98,19 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self._tracker = self._make_tracker(problem)
 
     def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
-        d = problem.network.discrete(self._theta, problem.experiment.roles, problem.experiment.hours)
-        R = self._measurement_variance(problem.experiment.hours)
-        sigma_x, sigma_zeta = self._walk(d.A, d.B, problem.measured, R, problem.experiment)
-        Q, _ = walk_noise(len(d.A), sigma_x, sigma_zeta, 0)
-        return GainTracker(d.A, d.B, problem.measured, 1.0, Q, R)
+        network, experiment = problem.network, problem.experiment
+        d = network.discrete(self._theta, experiment.roles, experiment.hours)
+        R = self._measurement_variance(experiment.hours)
+        plain = GainTracker(network, d.A, d.B, 1.0, walk_noise(network, 0.0, 0.0), R)
+        sigma_x, sigma_zeta = self._walk(plain, experiment)
+        return replace(plain, Q=walk_noise(network, sigma_x, sigma_zeta))
 
     def _measurement_variance(self, hours: float) -> float:
         return measurement_variance(hours)
 
-    def _walk(
-        self, A: np.ndarray, B: np.ndarray, measured: int, R: float, experiment: Experiment
-    ) -> tuple[float, float]:
-        found = fit_walk_noise(A, B, measured, R, experiment)
+    def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
+        found = fit_walk_noise(tracker, experiment)
         return float(found[0]), float(found[1])
-
-
-def starts_table(minima: list[Minimum], searched: tuple[Parameter, ...]) -> pd.DataFrame:
-    """One row a start: its loss, its evaluations, whether it converged, and where it ended."""
-    rows = [
-        {"loss": m.loss, "n_evaluations": m.n_evaluations, "converged": m.converged}
-        | {p.name: p.from_free(x) for p, x in zip(searched, m.free, strict=True)}
-        for m in minima
-    ]
-    return pd.DataFrame(rows, index=pd.RangeIndex(len(rows), name="start"))
 
 
 def log_covariance(jacobian: np.ndarray, noise: float) -> np.ndarray:
@@ -211,13 +211,12 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
         span, tracker = rows_covering(self.warmup, table.step), self._tracker
         experiment, start = self._experiment(table), self._open_start(table)
-        noise = Conventional(span).noise(tracker.n)
-        R = measurement_variance(experiment.hours)
-        plain = GainTracker(tracker.A, tracker.B, tracker.measured, 0.0, noise, R, g_sd=0.0)
+        noise = Conventional(span).noise(tracker.network)
+        plain = replace(tracker, phi=0.0, Q=noise, R=measurement_variance(experiment.hours), g_sd=0.0)
         free_run = self._open_loop(experiment, start)
         states = np.array([self._state_at(experiment, plain, free_run, int(o), span) for o in origins])
-        none = np.zeros((len(origins), n))
-        return Outlook(states, none, none)
+        size = (len(origins), n)
+        return Outlook(states, np.zeros((*size, tracker.n_gains)), np.zeros((*size, len(tracker.measured))))
 
     def _state_at(
         self, experiment: Experiment, plain: GainTracker, free_run: np.ndarray, origin: int, span: int
@@ -225,15 +224,14 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         """Filtered over the warm-up before the origin; simulated where nothing was measured in it."""
         first = max(0, origin + 1 - span)
         rows = slice(first, origin + 1)
-        y = experiment.y[rows]
-        seen = y[np.isfinite(y)]
-        if not len(seen):
+        last = experiment.rows(rows)
+        if not np.isfinite(last.y).any():
             return free_run[origin]
-        begin = plain.cold(float(seen[0]))
+        begin = plain.cold(last.firsts)
         if first == 0:
-            begin = begin._replace(mean=np.append(free_run[0], 0.0))
-        zeros = np.zeros(len(y), np.int64)
-        return plain.track(experiment._replace(y=y, inputs=experiment.inputs[rows]), zeros, zeros, begin).nodes[-1]
+            begin = begin._replace(mean=np.append(free_run[0], np.zeros(plain.n_gains)))
+        zeros = np.zeros(len(last.y), np.int64)
+        return plain.track(last, zeros, zeros, begin).nodes[-1]
 
 
 class InputDisturbanceID(_LeastSquaresIdentifier):
@@ -338,9 +336,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
 
-    def _walk(
-        self, A: np.ndarray, B: np.ndarray, measured: int, R: float, experiment: Experiment
-    ) -> tuple[float, float]:
+    def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])
 
 
@@ -441,11 +437,11 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
-        hidden = tuple(node for node in network.nodes if node != network.measured)
-        return OutputARMA(hidden, experiment.first, self.rho_box == "paper")
+        hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
+        return OutputARMA(hidden, tuple(piece.first for piece in experiment.pieces), self.rho_box == "paper")
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
-        return OutputARMA((), 20.0, self.rho_box == "paper").own
+        return OutputARMA((), (), self.rho_box == "paper").own
 
     def _store(self, problem: PredictionErrorProblem, *rest: Any) -> None:
         super()._store(problem, *rest)
@@ -466,10 +462,9 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         experiment, tracker = self._experiment(table), self._tracker
         rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
         states = self._open_loop(experiment, self._open_start(table))
-        free = experiment.y - states[:-1, tracker.measured]
-        one = np.ones(1)
-        zeta = one_step_errors(
-            np.full((1, 1), rho_1), np.zeros((len(free), 1)), np.full((len(free), 1), rho_2), one, free, np.zeros(1)
-        ).states[:, 0]
-        offset = zeta[origins + 1][:, None] * rho_1 ** np.arange(n)
-        return Outlook(states[origins], np.zeros((len(origins), n)), offset)
+        free = experiment.outputs - states[:-1, tracker.measured]
+        o = free.shape[1]
+        one, none = np.eye(o), np.zeros((len(free), o))
+        zeta = one_step_errors(rho_1 * one, none, rho_2 * one[None], one, free, np.zeros(o)).states
+        offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
+        return Outlook(states[origins], np.zeros((len(origins), n, tracker.n_gains)), offset)

@@ -24,7 +24,7 @@ from ..thermal import Parameter, RCNetwork
 from ..thermal.network import Source
 from .disturbance import first_covariance
 from .experiment import Experiment
-from .prediction_error import Minimum
+from .gauss_newton import Minimum
 
 #: classes of hours that have a variance of their own
 CLASSES = ("weekday_day", "weekday_night", "weekend")
@@ -223,7 +223,7 @@ class PeriodicProblem:
         sigma = np.array([values[f"sigma_{c}"] for c in CLASSES]) * self.heat_scale
         Q = np.zeros((len(CLASSES), n + 1, n + 1))
         Q[:, n, n] = sigma**2 * (1.0 - phi**2)
-        P0 = first_covariance(n, self.measured, float(sigma[self.klass[0]]))
+        P0 = first_covariance(self.network, float(sigma[self.klass[0]]))
         c, R = np.eye(n + 1)[self.measured], values["sigma_y"] ** 2
         s0 = np.append(np.full(n, e.first), 0.0)
         r = filter_channels(A, columns, self._series_matrix, known, Q, self.klass, c, R, e.y, s0, P0)
@@ -325,6 +325,10 @@ class PeriodicProblem:
             options={"maxiter": 300, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-3},
         )
         return Minimum(found.x, float(found.fun), int(found.nfev), bool(found.success))
+
+    def drop(self, loss: float, best: float) -> float:
+        """By how much the log-likelihood of one loss lies below that of the best."""
+        return loss - best
 
     def hessian(self, free: np.ndarray, step: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
         """Hessian of the objective and derivative of the inner coefficients, by central differences of exact ones."""

@@ -10,10 +10,11 @@ from .._contract import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier
 from .experiment import Experiment
+from .gauss_newton import Minimum
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
-from .least_squares import named_covariance, starts_table
+from .least_squares import named_covariance
+from .multi_start import search, starts_table
 from .periodic import CLASSES, PeriodicProblem, own_parameters
-from .prediction_error import Minimum, run_starts
 from .tracking import GainTracker
 
 #: how much wider than the paper's box the search is; a prior holds it together
@@ -154,7 +155,16 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         if not problem.searched:
             return [Minimum(np.zeros(0), problem.evaluate(np.zeros(0))[0], 1, True)]
         starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
-        return run_starts(problem.minimise, starts, self.n_jobs, self.verbose, type(self).__name__)
+        return search(
+            lambda batch: [problem.minimise(start) for start in batch],
+            starts,
+            problem.drop,
+            per_round=2,
+            enough=2,
+            n_jobs=self.n_jobs,
+            verbose=self.verbose,
+            name=type(self).__name__,
+        )
 
     def _store(
         self,
@@ -174,7 +184,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
         self.disturbance_ = pd.Series({**own, **in_kw})
         self.loss_, self.noise_std_ = best.loss, float(values["sigma_y"])
-        self.starts_ = starts_table(minima, problem.searched)
+        self.starts_ = starts_table(minima, problem.searched, problem.drop)
         self.profile_ = pd.DataFrame(
             linear.beta[problem.n_plain :].reshape(2, 24).T,
             index=pd.RangeIndex(24, name="hour"),
@@ -194,7 +204,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         sigma = own[[f"sigma_{c}" for c in CLASSES]].to_numpy(copy=True)
         Q[:, n, n] = sigma**2 * (1.0 - phi**2)
         profile = self.profile_.to_numpy().T.ravel().copy()
-        return GainTracker(d.A, d.B, problem.measured, phi, Q, float(own["sigma_y"] ** 2), float(sigma.max()), profile)
+        return GainTracker(problem.network, d.A, d.B, phi, Q, float(own["sigma_y"] ** 2), float(sigma.max()), profile)
 
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:

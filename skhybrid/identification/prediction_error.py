@@ -1,31 +1,23 @@
-"""Prediction-error identification: sum of squared one-step errors, exact Jacobian, many starts."""
+"""Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
-from scipy.optimize import least_squares
 
-from .._kernels import one_step_errors, one_step_sensitivities
+from .._kernels import Model, discretize, one_step_sensitivities
 from ..thermal import Parameter, RCNetwork
 from .experiment import Experiment
+from .gauss_newton import Minimum, minimise_together
 
-#: evaluations and tolerance of the rough search of every start, and how many of the best are then polished
-_ROUGH, _POLISHED = (30, 1e-5), 5
-
-
-class Minimum(NamedTuple):
-    """Where one start ended."""
-
-    free: np.ndarray  # (p,) on the searched scale
-    loss: float
-    n_evaluations: int
-    converged: bool
+#: evaluations and tolerance of the search from every start, and those that carry the best ones to the end
+ROUGH, FINE = (40, 1e-5), (150, 1e-10)
+#: memory that the sensitivities of starts evaluated together may take [bytes]
+_MEMORY = 2**25
 
 
 @dataclass(frozen=True)
@@ -33,7 +25,8 @@ class PredictionErrorProblem:
     """Least-squares problem of CONV, ID or OD.
 
     ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the
-    values of all others.
+    values of all others.  ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched
+    scale, an infinite one where there is none.
     """
 
     network: RCNetwork
@@ -41,84 +34,134 @@ class PredictionErrorProblem:
     disturbance: Any
     searched: tuple[Parameter, ...]
     fixed: Mapping[str, float]
-
-    @property
-    def measured(self) -> int:
-        return self.network.nodes.index(self.network.measured)
+    centre: np.ndarray | None = None
+    spread: np.ndarray | None = None
 
     def values(self, free: np.ndarray) -> dict[str, float]:
         """All parameters by name."""
         return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
 
-    def _predictor(self, values: dict[str, float]) -> Any:
-        d = self.network.discrete(values, self.experiment.roles, self.experiment.hours)
-        return self.disturbance.build(d, values, self.measured, self.experiment)
+    def holding(self, name: str, value: float) -> PredictionErrorProblem:
+        """The same problem with one more parameter fixed."""
+        keep = np.array([p.name != name for p in self.searched])
+        return replace(
+            self,
+            searched=tuple(p for p in self.searched if p.name != name),
+            fixed={**self.fixed, name: value},
+            centre=None if self.centre is None else self.centre[keep],
+            spread=None if self.spread is None else self.spread[keep],
+        )
+
+    # --------------------------------------------------------------------------------------------- fixed parts
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the search, (p,) each."""
+        low, high = np.array([p.free_bounds for p in self.searched]).reshape(-1, 2).T
+        return low, high
+
+    @cached_property
+    def _stencil(self) -> Any:
+        return self.network.stencil(self.experiment.roles)
+
+    @cached_property
+    def _names(self) -> tuple[list[str], list[str]]:
+        """Names of the network's and of the disturbance's parameters, in the order of the derivatives."""
+        network = [p.name for p in self.network.parameters(self.experiment.roles)]
+        return network, [p.name for p in self.disturbance.own]
+
+    @cached_property
+    def _chosen(self) -> np.ndarray:
+        names = [*self._names[0], *self._names[1]]
+        return np.array([names.index(p.name) for p in self.searched], dtype=np.int64)
+
+    @cached_property
+    def n_counted(self) -> int:
+        """Measurements whose errors count."""
+        return int(sum(np.isfinite(piece.outputs[first:]).sum() for piece, first in self._counted))
+
+    @cached_property
+    def _counted(self) -> tuple[tuple[Experiment, int], ...]:
+        pieces = self.experiment.pieces
+        return tuple((piece, self.disturbance.first_counted(len(piece.y))) for piece in pieces)
+
+    # ----------------------------------------------------------------------------------------------- evaluation
+    def models(self, free: np.ndarray, derive: bool = True) -> list[Model]:
+        """The predictors of S points, one of each stretch of rows, with derivatives by the searched scale."""
+        S = len(free)
+        columns = {name: np.full(S, value) for name, value in self.fixed.items()}
+        slopes = np.ones((S, len(self.searched)))
+        for q, p in enumerate(self.searched):
+            columns[p.name] = p.sign * np.exp(free[:, q]) if p.transform == "log" else free[:, q]
+            if p.transform == "log":
+                slopes[:, q] = columns[p.name]
+        theta = np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1)
+        c = self._stencil.matrices(theta)
+        dA, dB = (c.dA, c.dB) if derive else (c.dA[:, :0], c.dB[:, :0])
+        d = discretize(c.A, c.B, dA, dB, c.capacitance, self.experiment.hours)
+        if not derive:
+            d = d._replace(dA=np.zeros_like(c.dA), dB=np.zeros_like(c.dB))
+        chosen = self._chosen if derive else self._chosen[:0]
+        slopes = slopes[:, None, None, : len(chosen)]
+        out = []
+        for number, piece in enumerate(self.experiment.pieces):
+            m = self.disturbance.build(d, columns, self.network, piece, number)
+            scaled = {
+                name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in ("dA", "dB", "dK", "dQ")
+            }
+            ds0 = np.ascontiguousarray(m.ds0[..., chosen] * slopes[:, 0])
+            out.append(m._replace(ds0=ds0, **scaled))
+        return out
+
+    def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Errors that count (S, n) and their derivatives (S, n, p)."""
+        errors, derrors = [], []
+        for m, (piece, first) in zip(self.models(free, derive), self._counted, strict=True):
+            run = one_step_sensitivities(m, piece.inputs, piece.outputs, self.disturbance.filtered(len(piece.y)))
+            errors.append(run.errors[:, first:].reshape(len(free), -1))
+            derrors.append(run.derrors[:, first:].reshape(len(free), errors[-1].shape[1], -1))
+        if len(errors) == 1:
+            return errors[0], derrors[0]
+        return np.concatenate(errors, axis=1), np.concatenate(derrors, axis=1)
 
     def residuals(self, free: np.ndarray) -> np.ndarray:
         """Errors that count, (n,) [K]."""
-        e = self.experiment
-        m = self._predictor(self.values(free))
-        errors = one_step_errors(m.A, e.inputs @ m.B.T, m.K, m.c, e.y, m.s0).errors
-        return np.nan_to_num(errors[self.disturbance.first_row(len(e.y)) :], nan=1e6, posinf=1e6, neginf=-1e6)
+        return self._errors(np.asarray(free)[None], False)[0][0]
 
     def jacobian(self, free: np.ndarray) -> np.ndarray:
         """Exact derivatives of the residuals by ``free``, (n, p)."""
-        e, values = self.experiment, self.values(free)
-        m = self._predictor(values)
-        names = [p.name for p in self.network.parameters(e.roles)] + [p.name for p in self.disturbance.own]
-        chosen = [names.index(p.name) for p in self.searched]
-        dforcing = np.einsum("kj,qij->qki", e.inputs, m.dB[chosen])
-        result = one_step_sensitivities(
-            m.A, e.inputs @ m.B.T, m.K, m.c, e.y, m.s0, m.dA[chosen], dforcing, m.dK[chosen], m.ds0[chosen]
-        )
-        slopes = np.array([p.slope(values[p.name]) for p in self.searched])
-        return np.nan_to_num(result.derrors[self.disturbance.first_row(len(e.y)) :] * slopes)
+        return self._errors(np.asarray(free)[None], True)[1][0]
 
-    def minimise(self, start: np.ndarray, max_evaluations: int = 150, tolerance: float = 1e-9) -> Minimum:
-        """Bounded Gauss-Newton (trust region) from one start."""
-        low, high = np.array([p.free_bounds for p in self.searched]).T
-        found = least_squares(
-            self.residuals,
-            np.clip(start, low, high),
-            self.jacobian,
-            bounds=(low, high),
-            max_nfev=max_evaluations,
-            ftol=tolerance,
-            xtol=tolerance,
-        )
-        return Minimum(found.x, 2.0 * float(found.cost), int(found.nfev), bool(found.success))
+    def evaluate(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p) of S points (S, p).
 
+        The merit is the sum of squared errors; a prior multiplies it by exp(penalty / n), which leaves the maximum of
+        the posterior, concentrated over the noise, where it is.
+        """
+        errors, derrors = self._errors(free, True)
+        turned = np.swapaxes(derrors, 1, 2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            merit = (errors * errors).sum(axis=1)
+            matrix, slope = turned @ derrors, (turned @ errors[..., None])[..., 0]
+        if self.centre is not None and self.spread is not None:
+            away, n = (free - self.centre) / self.spread, self.n_counted
+            share = merit[:, None] / n / self.spread
+            lift = np.exp((away**2).sum(axis=1) / n)
+            slope = (slope + share * away) * lift[:, None]
+            matrix = (matrix + (share / self.spread)[:, None, :] * np.eye(len(self.searched))) * lift[:, None, None]
+            merit = merit * lift
+        fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
+        return np.where(fine, merit, np.inf), matrix, slope
 
-def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.RandomState) -> np.ndarray:
-    """(n_starts, p) uniform on the searched scale, which is log-uniform for the physical parameters."""
-    low, high = np.array([p.free_bounds for p in searched]).reshape(-1, 2).T
-    return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
+    def drop(self, loss: float, best: float) -> float:
+        """By how much the log-likelihood of one loss lies below that of the best."""
+        return 0.5 * self.n_counted * float(np.log(max(loss, 1e-300) / max(best, 1e-300)))
 
-
-def run_starts(
-    minimise: Callable[[np.ndarray], Minimum], starts: np.ndarray, n_jobs: int | None, verbose: int, name: str
-) -> list[Minimum]:
-    """Every start's minimum, in the order of the starts whatever ``n_jobs`` is, with a progress bar."""
-    runs = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(minimise)(start) for start in starts)
-    return list(_progress(runs, len(starts), verbose, name))
-
-
-def search(
-    problem: PredictionErrorProblem, starts: np.ndarray, n_jobs: int | None, verbose: int, name: str
-) -> list[Minimum]:
-    """Every start's minimum: all roughly, then the best few to the end, since most end in the same few basins."""
-    rough = partial(problem.minimise, max_evaluations=_ROUGH[0], tolerance=_ROUGH[1])
-    minima = run_starts(rough, starts, n_jobs, verbose, name)
-    best = np.argsort([m.loss for m in minima], kind="stable")[:_POLISHED]
-    polished = run_starts(problem.minimise, np.array([minima[i].free for i in best]), n_jobs, 0, name)
-    for i, end in zip(best, polished, strict=True):
-        minima[i] = end._replace(n_evaluations=end.n_evaluations + minima[i].n_evaluations)
-    return minima
-
-
-def _progress(runs: Any, total: int, verbose: int, name: str) -> Any:
-    if not verbose:
-        return runs
-    from tqdm.auto import tqdm  # only where somebody watches
-
-    return tqdm(runs, total=total, desc=f"{name} starts", unit="start")
+    # ---------------------------------------------------------------------------------------------------- search
+    def minimise(self, starts: np.ndarray, max_evaluations: int = FINE[0], tolerance: float = FINE[1]) -> list[Minimum]:
+        """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
+        one = 8 * self.experiment.outputs.size * (len(self.searched) + 1)
+        together = max(1, _MEMORY // one)
+        out: list[Minimum] = []
+        for i in range(0, len(starts), together):
+            out += minimise_together(self.evaluate, starts[i : i + together], *self.bounds, max_evaluations, tolerance)
+        return out

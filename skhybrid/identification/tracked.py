@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._rolling import RollingForecastMixin
-from .experiment import Experiment, make_experiment
+from .experiment import Experiment, make_experiment, output_roles
 from .periodic import hour_class, profile_cell
 from .tracking import GainTracker, Start, Track
 
@@ -20,17 +20,21 @@ class Outlook(NamedTuple):
     """What a model expects after each origin, apart from the known inputs."""
 
     states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
-    heat: np.ndarray  # (n_origins, H) unmeasured heat of the rows origin, origin + 1, ... [kW]
-    offset: np.ndarray  # (n_origins, H) added to the output of the rows origin + 1, ... [K]
+    heat: np.ndarray  # (n_origins, H, d) unmeasured heat of the rows origin, origin + 1, ... [kW]
+    offset: np.ndarray  # (n_origins, H, o) added to the outputs of the rows origin + 1, ... [K]
 
 
 class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
     """What an identified network does with a table; a subclass identifies it and may give ``_outlook``."""
 
     def _experiment(self, table: ZoneTable) -> Experiment:
+        return make_experiment(self.network_, self._roles, table, self._measurements(table))
+
+    def _measurements(self, table: ZoneTable) -> np.ndarray:
+        """What the table holds of the measured temperatures: (N,), or (N, o) of o nodes; NaN where it has none."""
         missing = np.full(table.n_rows, np.nan)
-        y = table.T_za if table.T_za is not None else missing
-        return make_experiment(self.network_, self._roles, table, y)
+        columns = [table.history.get(role, missing) for role in output_roles(self.network_)]
+        return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
     @property
     def _roles(self) -> tuple[str, ...]:
@@ -44,9 +48,9 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
         klass = hour_class(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
         return klass if len(self._tracker.Q) > 1 else np.zeros_like(klass)
 
-    def _cold_value(self, table: ZoneTable) -> float:
-        known = table.T_za is not None and np.isfinite(table.T_za[0])
-        return float(table.T_za[0]) if known and table.T_za is not None else self._mean
+    def _cold_value(self, table: ZoneTable) -> Any:
+        first = self._measurements(table)[0]
+        return np.where(np.isfinite(first), first, self._mean)[()]
 
     def _start(self, table: ZoneTable) -> Start:
         """What is known of the first row: the training's own start, its end, or no more than a temperature."""
@@ -54,7 +58,7 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
             return self._tail_start
         if self._is_training(table):
             return self._train_start
-        return self._tracker.cold(self._cold_value(table))
+        return self._tracker.cold(np.atleast_1d(self._cold_value(table)))
 
     def _is_tail(self, table: ZoneTable) -> bool:
         return table.utc is not None and self._tail.utc is not None and table.utc[0] == self._tail.utc[0]
@@ -78,10 +82,11 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
         """The filter's own expectation: the gain state decays towards the profile."""
         track, cells = self._track(table), self._cells(table)
         tracker: GainTracker = self._tracker
-        g = track.gain[origins] - tracker.profile[cells[origins]]
+        g = track.gain[origins] - tracker.profile[cells[origins]][:, None]
         rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
-        heat = g[:, None] * tracker.phi ** np.arange(n) + tracker.profile[cells[rows]]
-        return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n)))
+        decay = tracker.phi ** np.arange(n)
+        heat = g[:, None] * decay[:, None] + tracker.profile[cells[rows]][..., None]
+        return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n, len(tracker.measured))))
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._run(table, origins, self._outlook(table, origins, n_leads))
@@ -92,14 +97,22 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
             tracker.drive(experiment, int(o), state, heat)[:, tracker.measured]
             for o, state, heat in zip(origins, outlook.states, outlook.heat, strict=True)
         ]
-        return np.array(paths).reshape(outlook.offset.shape) + outlook.offset
+        out = np.array(paths).reshape(outlook.offset.shape) + outlook.offset
+        return out[..., 0] if out.shape[2] == 1 else out
 
     def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> Outlook:
-        none = np.zeros_like(disturbance)
-        if checked_kind(kind) == "input":
-            return Outlook(self._track(table).nodes[origins], disturbance, none)
+        tracker, size = self._tracker, disturbance.shape[:2]
+        wanted = tracker.n_gains if checked_kind(kind) == "input" else len(tracker.measured)
+        given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
+        if given.shape[2:] != (wanted,):
+            raise ValueError(
+                f"disturbance has shape {disturbance.shape}, but network {self.network_.name} has {wanted} of kind "
+                f"{kind!r}: give (n_origins, n_leads{f', {wanted}' if wanted > 1 else ''})."
+            )
+        if kind == "input":
+            return Outlook(self._track(table).nodes[origins], given, np.zeros((*size, len(tracker.measured))))
         states = self._open_loop(self._experiment(table), self._open_start(table))[origins]
-        return Outlook(states, none, disturbance)
+        return Outlook(states, np.zeros((*size, tracker.n_gains)), given)
 
     def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
         """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
@@ -111,6 +124,7 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
         origins : sequence of int
             Row numbers of X.
         disturbance : array-like of shape (n_origins, n_leads)
+            With a third axis where a network has several disturbed (measured) nodes.
             ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
             ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
         kind : {"input", "output"}
@@ -118,7 +132,8 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_origins, n_leads)
-            Temperature of the rows origin + 1, ... [degC]; a row beyond X repeats the last one.
+            Temperature of the rows origin + 1, ... [degC], with a third axis where several nodes are measured; a row
+            beyond X repeats the last one.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)

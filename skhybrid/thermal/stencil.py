@@ -152,7 +152,7 @@ class Stencil:
         by[:, self.second, term] += one * slope[:, self.second]
 
         capacitance = theta[:, self.stored]
-        flow = ((one * two) @ self.flow).reshape(size, n, -1) / capacitance[:, :, None]
+        flow = ((one * two)[:, None, :] @ self.flow).reshape(size, n, -1) / capacitance[:, :, None]
         d_flow = (by[:, :p] @ self.flow).reshape(size, p, n, -1) / capacitance[:, None, :, None]
         node = np.arange(n)
         d_flow[:, self.stored, node] -= flow / capacitance[:, :, None]
