@@ -8,31 +8,56 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+#: a jump over missing rows that is at least this long parts a table into stretches; a shorter one is a faulty log
+SHORTEST_GAP = pd.Timedelta("3h")
 #: wall clock that a table without time stamps is assumed to start at (a Monday).
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 
 
 # ------------------------------------------------------------------------------------------------------- time stamps
 def read_index(
-    index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None
-) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None]:
+    index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None, gaps: bool = False
+) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
+    """Step, local wall clock, stamps in UTC and first rows of the stretches; one stretch where ``gaps`` is false."""
     given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
         step = given or expected or pd.Timedelta(default_step)
         time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
-        return step, time, None
+        return step, time, None, (0,)
     if index.hasnans:
         raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
-    step = even_step(utc, index) if len(utc) > 1 else (given or expected or pd.Timedelta(default_step))
+    breaks = stretches(utc) if gaps and len(utc) > 1 else (0,)
+    if len(breaks) > 1:
+        parts = [slice(a, b) for a, b in zip(breaks, (*breaks[1:], None), strict=True)]
+        step = min(even_step(utc[part], index[part]) for part in parts)
+    else:
+        step = even_step(utc, index) if len(utc) > 1 else (given or expected or pd.Timedelta(default_step))
     if given is not None and step != given:
         raise ValueError(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
             "resample with skhybrid.datasets.regularize."
         )
     local = index.tz_localize(None) if index.tz is not None else index
-    return step, local, utc
+    return step, local, utc, breaks
+
+
+def stretches(utc: pd.DatetimeIndex) -> tuple[int, ...]:
+    """First rows of the stretches of an index that long gaps part; (0,) where it is no such index.
+
+    A gap is a jump of a whole number of steps and of :data:`SHORTEST_GAP` or more.  A shorter one would begin a new
+    state for the sake of a few rows, and is better mended.
+    """
+    jumps = np.diff(utc.as_unit("ns").asi8)
+    usual = int(np.median(jumps))
+    long = jumps >= max(SHORTEST_GAP.value, 2 * usual)
+    ends = np.flatnonzero(long)
+    whole = usual > 0 and (jumps[long] % usual == 0).all() and (jumps[~long] == usual).all()
+    lengths = np.diff([0, *(ends + 1), len(utc)])
+    if not len(ends) or not whole or (lengths < 2).any():
+        return (0,)
+    return (0, *(int(i) for i in ends + 1))
 
 
 def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:

@@ -39,7 +39,7 @@ _DAY = pd.Timedelta("1D")
 
 @dataclass(frozen=True)
 class ZoneTable:
-    """A validated table of ``n`` consecutive, evenly spaced time steps."""
+    """A validated table of evenly spaced time steps, in one stretch or several."""
 
     inputs: dict[str, np.ndarray]  # role -> (n,) float64, finite
     history: dict[str, np.ndarray]  # "T_za", "zeta" where given -> (n,) float64, NaN where missing
@@ -78,6 +78,14 @@ class ZoneTable:
             self.step,
             order=self.order,
         )
+
+    @property
+    def pieces(self) -> tuple[ZoneTable, ...]:
+        """The stretches of consecutive rows, each a table of its own."""
+        if len(self.breaks) == 1:
+            return (self,)
+        ends = (*self.breaks[1:], self.n_rows)
+        return tuple(self.rows(slice(a, b)) for a, b in zip(self.breaks, ends, strict=True))
 
     def follows(self, earlier: ZoneTable | None) -> bool:
         """Whether this table begins where ``earlier`` ended."""
@@ -119,6 +127,8 @@ def read_table(
     reset: bool,
     min_rows: int = 1,
     expected_step: pd.Timedelta | None = None,
+    gaps: bool = False,
+    history_roles: Iterable[str] = HISTORY_ROLES,
 ) -> ZoneTable:
     """Validate ``X`` by the data contract and return it by roles.
 
@@ -142,6 +152,10 @@ def read_table(
         Fewer rows are refused.
     expected_step : Timedelta, optional
         The step seen in ``fit``; another one is refused.
+    gaps : bool
+        Whether the rows may come in stretches with three hours or more between them.
+    history_roles : iterable of str
+        Roles that hold the past only.
 
     Raises
     ------
@@ -163,10 +177,11 @@ def read_table(
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
         index = pd.RangeIndex(len(array))
-    step, time, utc = read_index(index, sampling_time, default_step, expected_step)
+    step, time, utc, breaks = read_index(index, sampling_time, default_step, expected_step, gaps)
     inputs, history = {}, {}
+    past = set(history_roles)
     for role, v in values.items():
-        if role in HISTORY_ROLES:
+        if role in past:
             history[role] = _history(v, names[role], index)
         elif needed is None or needed(role):
             inputs[role] = _finite(v, names[role], index)
@@ -177,7 +192,7 @@ def read_table(
             f"X has a sampling time of {spell(step)}, but {type(estimator).__name__} was fitted at "
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
-    return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values))
+    return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values), breaks=breaks)
 
 
 def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
@@ -226,6 +241,27 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
     if role is not None and role not in table.history:
         _warn_units({role: target}, {role: "y"})
     return target
+
+
+def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:
+    """Validate the targets of the given roles: (n_samples,) of one, (n_samples, n_roles) of several.
+
+    Raises
+    ------
+    ValueError
+        As :func:`read_target`, and if y has another number of columns, or names others.
+    """
+    if len(roles) == 1 or y is None:
+        return read_target(y, table, max_missing=max_missing, role=roles[0])
+    frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))
+    named = isinstance(y, pd.DataFrame) and set(roles) <= set(frame.columns)
+    if not named and frame.shape[1] != len(roles):
+        raise ValueError(f"y has shape {np.shape(y)}, but several temperatures are measured: give {', '.join(roles)}.")
+    columns: list[Any] = [frame[role] if named else frame.iloc[:, j] for j, role in enumerate(roles)]
+    if not isinstance(y, pd.DataFrame):
+        columns = [column.to_numpy() for column in columns]
+    read = [read_target(c, table, max_missing=max_missing, role=role) for c, role in zip(columns, roles, strict=True)]
+    return np.column_stack(read)
 
 
 # ----------------------------------------------------------------------------------------------------------- columns

@@ -60,11 +60,16 @@ class RollingForecastMixin(RegressorMixin):
         Returns
         -------
         ndarray of shape (n_samples,), float64
-            With ``horizon=None`` simulated from the first row on; else rolled, with an origin at the start of each
-            local day (and of each ``origin_step``).  A first row without history is taken as known.
+            A column each where several nodes are measured.  With ``horizon=None`` simulated from the first row on;
+            else rolled, with an origin at the start of each local day (and of each ``origin_step``).  A first row
+            without history is taken as known.  Stretches of rows that a long gap parts are predicted each by itself,
+            where the estimator takes them.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
+        return np.concatenate([self._predict_piece(piece) for piece in self._read_X(X).pieces])
+
+    def _predict_piece(self, piece: ZoneTable) -> np.ndarray:
+        table, n_tail = self._behind_tail(piece)
         here = table.rows(slice(n_tail, None))
         origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
         if self.horizon is not None:
@@ -73,13 +78,14 @@ class RollingForecastMixin(RegressorMixin):
             origins = np.concatenate([[-1], origins])
         ends = np.append(origins[1:], here.n_rows - 1)
         leads = ends - origins
-        out = np.full(here.n_rows, np.nan)
+        if not leads.max():
+            return np.array([self._cold_value(here)], dtype=np.float64)
+        paths = np.asarray(self._forecast(table, origins + n_tail, int(leads.max())))
+        out = np.full((here.n_rows, *paths.shape[2:]), np.nan)
         if not n_tail:
             out[0] = self._cold_value(here)
-        if leads.max() > 0:
-            paths = self._forecast(table, origins + n_tail, int(leads.max()))
-            for origin, count, path in zip(origins, leads, paths, strict=True):
-                out[origin + 1 : origin + 1 + count] = path[:count]
+        for origin, count, path in zip(origins, leads, paths, strict=True):
+            out[origin + 1 : origin + 1 + count] = path[:count]
         return out
 
     @one_blas_thread
@@ -150,8 +156,16 @@ class RollingForecastMixin(RegressorMixin):
                 rows_of(span, step, name)
 
     def _with_history(self, X: Any) -> tuple[ZoneTable, int]:
-        """X as a table, behind the kept end of the training table where it follows that; and the rows of that end."""
+        """X as one stretch, behind the kept end of the training table where it follows that; and the rows of that."""
         table = self._read_X(X)
+        if len(table.breaks) > 1:
+            row = table.breaks[1]
+            raise ValueError(
+                f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one stretch at a time."
+            )
+        return self._behind_tail(table)
+
+    def _behind_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         tail = getattr(self, "_tail", None)
         if tail is not None and table.follows(tail):
             return append_tables(tail, table), tail.n_rows

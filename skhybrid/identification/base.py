@@ -11,7 +11,7 @@ from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._clock import origin_rows, rows_covering
-from .._contract import ZoneTable, read_table, read_target
+from .._contract import HISTORY_ROLES, ZoneTable, read_table, read_targets
 from .._kernels import simulate_inverse, simulate_path
 from .._threads import one_blas_thread
 from ..thermal import Parameter, RCNetwork, get_network
@@ -88,10 +88,12 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and
-            measured heat ``Q_*`` [kW].
+            Rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and measured heat ``Q_*``
+            [kW].  Consecutive, or in stretches with gaps of three hours or more between them: those are one
+            experiment, and each has an initial state of its own.
         y : array-like of shape (n_samples,)
-            Measured zone temperature [degC]; NaN where missing.
+            Measured zone temperature [degC]; NaN where missing.  A column a measured node, in the network's order,
+            where it has several.
 
         Returns
         -------
@@ -106,7 +108,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
             raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
         table = self._read(X, network, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        target = read_targets(y, table, output_roles(network), max_missing=self.max_missing)
         self._check_spans(table.step)
         parameters = self._bounded_parameters(network, table)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
@@ -127,6 +129,8 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
+            gaps=True,
+            history_roles=(*HISTORY_ROLES, *output_roles(network)),
         )
         absent = [b for b in network.boundaries if b not in table.inputs]
         if absent:
@@ -176,31 +180,41 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
 
     def _finish(self, table: ZoneTable, experiment: Experiment) -> None:
         """Keep the end of the training table and what was known at its first row."""
-        tracker = self._tracker
-        start = tracker.cold(experiment.firsts)
-        smooth = tracker.track(experiment, self._cells(table), self._classes(table), start, smooth=True)
-        self.initial_state_ = self._first_state(smooth)
-        begin = Start(np.append(self.initial_state_, smooth.gain[0] - tracker.profile[self._cells(table)[0]]), start[1])
-        causal = tracker.track(experiment, self._cells(table), self._classes(table), begin)
-        keep = min(table.n_rows, rows_covering(self.warmup, table.step))
-        tail = table.rows(slice(table.n_rows - keep, None))
+        pieces, last = table.pieces, len(table.pieces) - 1
+        self._train_start = self._piece_start(pieces[0], experiment.pieces[0], 0)
+        self._train_first = None if table.utc is None else table.utc[0]
+        self.initial_state_ = self._train_start.mean[: self._tracker.n].copy()
+        begin = self._piece_start(pieces[last], experiment.pieces[last], last) if last else self._train_start
+        self._keep_tail(pieces[last], experiment.pieces[last], begin)
+        self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
+        self._plant = make_plant(self.network_, self._theta, table)
+
+    def _piece_start(self, piece: ZoneTable, experiment: Experiment, number: int) -> Start:
+        """What the fit knows of the first row of a stretch of the training table."""
+        tracker, cells = self._tracker, self._cells(piece)
+        cold = tracker.cold(experiment.firsts)
+        smooth = tracker.track(experiment, cells, self._classes(piece), cold, smooth=True)
+        nodes = self._first_state(smooth, number)
+        return Start(np.append(nodes, smooth.gain[0] - tracker.profile[cells[0]]), cold.covariance)
+
+    def _keep_tail(self, piece: ZoneTable, experiment: Experiment, begin: Start) -> None:
+        causal = self._tracker.track(experiment, self._cells(piece), self._classes(piece), begin)
+        keep = min(piece.n_rows, rows_covering(self.warmup, piece.step))
+        tail = piece.rows(slice(piece.n_rows - keep, None))
         measured = zip(output_roles(self.network_), experiment.outputs[-keep:].T, strict=True)
         history = {**tail.history, **{role: column.copy() for role, column in measured}}
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
         self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
-        free_run = self._open_loop(experiment, self.initial_state_)
+        free_run = self._open_loop(experiment, begin.mean[: self._tracker.n])
         self._tail_open = free_run[-keep - 1].copy()  # the last row of the run lies one step behind the table
-        self._train_start = begin
-        self._train_first = None if table.utc is None else table.utc[0]
-        self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
-        self._plant = make_plant(self.network_, self._theta, table)
 
     @property
     def _theta(self) -> dict[str, float]:
         return {p.name: float(self.theta_[p.name]) for p in self.parameters_}
 
-    def _first_state(self, smooth: Track) -> np.ndarray:
+    def _first_state(self, smooth: Track, number: int) -> np.ndarray:
+        """(n,) node temperatures at the first row of a stretch."""
         return smooth.nodes[0].copy()
 
     # -------------------------------------------------------------------------------------------------- simulation
@@ -306,13 +320,12 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             If X has no ``T_za``.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
+        table = self._read_X(X)
         for role in output_roles(self.network_):
-            if role not in self._read_X(X).history:
+            if role not in table.history:
                 raise ValueError(f"role {role!r} is missing: a disturbance is estimated from the measured temperature.")
-        zeta = self._zeta(table, kind, smooth)[n_tail:]
         names = self._zeta_names(kind)
-        frame = pd.DataFrame(zeta, index=table.index[n_tail:], columns=names)
+        frame = pd.DataFrame(self._zeta(table, kind, smooth), index=table.index, columns=names)
         return frame[names[0]] if len(names) == 1 else frame
 
     def _zeta_names(self, kind: str = "input") -> list[str]:
@@ -320,11 +333,17 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         return ["zeta"] if len(nodes) == 1 else [f"zeta_{node}" for node in nodes]
 
     def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
-        if checked_kind(kind) == "input":
-            return self._track(table, smooth).gain
-        experiment = self._experiment(table)
-        path = self._open_loop(experiment, self._open_start(table))[:-1, self._tracker.measured]
-        return experiment.outputs - path
+        """(N, d) disturbance of every row, each stretch behind the training table's end or from a cold start."""
+        parts = []
+        for piece in table.pieces:
+            whole, n_tail = self._behind_tail(piece)
+            if checked_kind(kind) == "input":
+                parts.append(self._track(whole, smooth).gain[n_tail:])
+                continue
+            experiment = self._experiment(whole)
+            path = self._open_loop(experiment, self._open_start(whole))[:-1, self._tracker.measured]
+            parts.append((experiment.outputs - path)[n_tail:])
+        return np.concatenate(parts)
 
     def transform(self, X: Any) -> Any:
         """X with the causal input disturbance ``zeta`` [kW] as a further column (of each disturbed node).
@@ -339,8 +358,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         DataFrame or ndarray of shape (n_samples, n_features + 1)
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
-        zeta = self._zeta(table, "input")[n_tail:]
+        zeta = self._zeta(self._read_X(X), "input")
         if isinstance(X, pd.DataFrame):
             return X.assign(**dict(zip(self._zeta_names(), zeta.T, strict=True)))
         return np.column_stack([np.asarray(X, dtype=np.float64), zeta])

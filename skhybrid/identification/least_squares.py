@@ -19,6 +19,7 @@ from .disturbance import (
     Conventional,
     InputRandomWalk,
     OutputARMA,
+    first_name,
     measurement_variance,
 )
 from .experiment import Experiment
@@ -450,11 +451,11 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
             own = pd.concat([own, pd.Series({"rho_2": own["rho_1"] - own["rho_gap"]})])
         self.disturbance_ = own
 
-    def _first_state(self, smooth: Any) -> np.ndarray:
+    def _first_state(self, smooth: Any, number: int) -> np.ndarray:
         """The fit's own first state: a measured node at its measurement, the hidden ones as they were searched."""
         state = smooth.nodes[0].copy()
         for i, node in enumerate(self.network_.nodes):
-            state[i] = self.disturbance_.get(f"T0_{node}", state[i])
+            state[i] = self.disturbance_.get(first_name(node, number), state[i])
         return state
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:

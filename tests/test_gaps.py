@@ -1,0 +1,143 @@
+"""Tables in stretches: one experiment, each stretch with an initial state of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import ARXRegressor, GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid._clock import stretches
+from skhybrid.datasets import make_office
+from skhybrid.identification.multi_start import random_starts
+
+KNOWN = {"Q_h": 6.0}
+MODELS = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID]
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=8, random_state=3)
+
+
+def without(table, first, last):
+    return table[(table.index < first) | (table.index >= last)]
+
+
+def cut(office, first="2023-07-11 09:00", last="2023-07-12 15:00"):
+    return without(office.X, first, last), without(office.y, first, last)
+
+
+# ------------------------------------------------------------------------------------------------------------ the index
+def test_a_long_gap_parts_the_rows():
+    time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
+    assert stretches(time) == (0,)
+    assert stretches(time.delete(range(10, 22))) == (0, 10)  # 3 h 15 min from row 9 to the next
+    assert stretches(time.delete([*range(5, 17), *range(20, 35)])) == (0, 5, 8)
+
+
+@pytest.mark.parametrize("dropped", [[10], list(range(10, 20)), [*range(1, 30)]], ids=["a row", "short", "one left"])
+def test_other_jumps_are_no_gaps(dropped):
+    time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
+    assert stretches(time.delete(dropped)) == (0,)
+
+
+def test_a_gap_off_the_grid_is_no_gap():
+    time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
+    late = time[:20].append(time[20:] + pd.Timedelta("5h7min"))
+    assert stretches(late) == (0,)
+
+
+def test_a_few_missing_rows_are_refused_and_named(office):
+    rows = [*range(100), *range(103, 300)]
+    with pytest.raises(ValueError, match=r"not evenly spaced: 2023-07-09 00:45:00 is followed by 2023-07-09 01:45:00"):
+        OutputDisturbanceID().fit(office.X.iloc[rows], office.y.iloc[rows])
+
+
+def test_forecasters_without_stretches_refuse_a_gap(office):
+    X, y = cut(office)
+    with pytest.raises(ValueError, match="not evenly spaced"):
+        ARXRegressor().fit(X, y)
+
+
+# ------------------------------------------------------------------------------------------------- the objective
+@pytest.fixture
+def problems(monkeypatch):
+    """What every fit of this test minimised."""
+    from skhybrid.identification import least_squares
+
+    seen, plain = [], least_squares._LeastSquaresIdentifier._minima
+
+    def spy(self, problem):
+        seen.append(problem)
+        return plain(self, problem)
+
+    monkeypatch.setattr(least_squares._LeastSquaresIdentifier, "_minima", spy)
+    return seen
+
+
+@pytest.mark.parametrize("model", MODELS[:3])
+def test_errors_are_those_of_the_stretches(model, office, problems):
+    """The same values give the same one-step errors as in a fit of each stretch by itself."""
+    X, y = cut(office)
+    n = int((X.index < pd.Timestamp("2023-07-11 09:00")).sum())
+    for rows in (slice(None), slice(0, n), slice(n, None)):
+        model(known=KNOWN, n_starts=1, random_state=0).fit(X.iloc[rows], y.iloc[rows])
+    whole, *parts = problems
+    x = random_starts(whole.searched, 1, np.random.RandomState(0))[0]
+    values = whole.values(x) | {"T0_w": 22.0, "T0_w_2": 24.0}
+    second = values | {"T0_w": 24.0}
+    found = whole.residuals(np.array([p.to_free(values[p.name]) for p in whole.searched]))
+    expected = [
+        part.residuals(np.array([p.to_free(v[p.name]) for p in part.searched]))
+        for part, v in zip(parts, (values, second), strict=True)
+    ]
+    np.testing.assert_allclose(found, np.concatenate(expected), rtol=1e-12, atol=1e-12)
+
+
+# ------------------------------------------------------------------------------------------------- the estimators
+@pytest.mark.parametrize("model", MODELS)
+def test_fit_takes_stretches(model, office):
+    X, y = cut(office)
+    fitted = model(known=KNOWN, n_starts=4, random_state=0).fit(X, y)
+    whole = model(known=KNOWN, n_starts=4, random_state=0).fit(office.X, office.y)
+    if model is not GrayBoxRC:  # whose errors are those of the gain that it knows nothing of
+        assert fitted.theta_["C_za"] == pytest.approx(whole.theta_["C_za"], rel=0.1)
+        assert fitted.theta_["Q_c"] == pytest.approx(whole.theta_["Q_c"], rel=0.1)
+    assert fitted.predict(X).shape == (len(X),)
+    zeta = fitted.estimate_disturbance(X)
+    assert zeta.index.equals(X.index)
+    assert np.isfinite(zeta).all()
+    assert list(fitted.transform(X)["zeta"]) == list(zeta)
+
+
+def test_stretches_are_predicted_each_by_itself(office):
+    X, y = cut(office)
+    model = OutputDisturbanceID(known=KNOWN, n_starts=2, random_state=0, horizon="1D").fit(X, y)
+    n = int((X.index < pd.Timestamp("2023-07-11 09:00")).sum())
+    apart = np.concatenate([model.predict(X.iloc[:n]), model.predict(X.iloc[n:])])
+    np.testing.assert_array_equal(model.predict(X), apart)
+
+
+def test_what_follows_the_last_stretch_continues_it(office):
+    """The end of the training table is the last stretch's, not the whole table's row count."""
+    X, y = cut(office, "2023-07-14 00:00", "2023-07-15 00:00")
+    ahead = make_office(n_days=9, random_state=3)
+    later = ahead.X.iloc[len(office.X) :]
+    model = InputDisturbanceID(known=KNOWN, n_starts=2, random_state=0, horizon="1D").fit(X, y)
+    last = model.predict(later)
+    assert np.sqrt(np.mean((last - ahead.y.iloc[len(office.X) :]) ** 2)) < 2.0
+    assert last[0] == pytest.approx(ahead.y.iloc[len(office.X)], abs=0.5)  # forecast from the row before it
+
+
+def test_one_stretch_at_a_time_is_simulated(office):
+    X, y = cut(office)
+    model = OutputDisturbanceID(known=KNOWN, n_starts=2, random_state=0).fit(X, y)
+    with pytest.raises(ValueError, match=r"X has a gap: 2023-07-11 08:45:00 is followed by 2023-07-12 15:00:00"):
+        model.simulate(X)
+
+
+def test_each_stretch_has_its_own_initial_state(office):
+    X, y = cut(office)
+    model = OutputDisturbanceID(known=KNOWN, n_starts=2, random_state=0).fit(X, y)
+    assert {"T0_w", "T0_w_2"} <= set(model.disturbance_.index)
