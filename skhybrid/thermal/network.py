@@ -127,21 +127,6 @@ class RCNetwork:
         return tuple(self.capacitances)
 
     @property
-    def measured_nodes(self) -> tuple[str, ...]:
-        """Nodes whose temperature is measured."""
-        return (self.measured,)
-
-    @property
-    def disturbed_nodes(self) -> tuple[str, ...]:
-        """Nodes that unmeasured heat enters."""
-        return (self.disturbed,)
-
-    @property
-    def gain_names(self) -> tuple[str, ...]:
-        """Names of the inputs of unmeasured heat, behind all others."""
-        return ("heat_gain",)
-
-    @property
     def states(self) -> tuple[str, ...]:
         """Names of the states, ``T_<node>`` [degC]."""
         return tuple(f"T_{node}" for node in self.nodes)
