@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from skhybrid.thermal import CATALOGUE, Parameter, RCNetwork, get_network
+from skhybrid.thermal import CATALOGUE, Parameter, get_network
 
 OFFICE = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
 PAPER_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
@@ -108,7 +109,7 @@ def test_what_was_worked_out_is_not_stored():
     """A pickle, and so a hash of a network, does not depend on what was asked of it before."""
     network = get_network("2R2C")
     network.matrices(OFFICE, PAPER_ROLES)
-    fresh = RCNetwork("2R2C", network.capacitances, network.resistors, network.solar)
+    fresh = replace(network)
     assert pickle.dumps(network.__getstate__()) == pickle.dumps(fresh.__getstate__())
     again = pickle.loads(pickle.dumps(network))
     assert again == network
@@ -241,63 +242,3 @@ def test_bounds_of_a_parameter():
         p.bounded((-3.0, 3.0))
     with pytest.raises(ValueError, match="the lower must be the smaller"):
         Parameter("x", "-", 2.0, 2.0)
-
-
-# ------------------------------------------------------------------------------------------------------ own networks
-def test_own_network():
-    attic = RCNetwork(
-        "attic",
-        {"za": "C_za", "attic": "C_attic"},
-        {"R_za": ("za", "attic"), "R_roof": ("attic", "T_oa"), "R_ground": ("za", "T_ground")},
-        {"attic": None},
-        bounds={"C_attic": (0.5, 2.0)},
-    )
-    assert attic.required_roles == ("T_oa", "T_ground", "q_sol")
-    assert attic.parameter_table().loc["C_attic", ["lower", "upper"]].tolist() == [0.5, 2.0]
-    theta = {"C_za": 2.0, "C_attic": 1.0, "R_za": 4.0, "R_roof": 1.0, "R_ground": 2.0, "A_win": 3.0}
-    c = attic.matrices(theta, ("T_oa", "T_ground", "q_sol"))
-    np.testing.assert_allclose(c.A, [[-(0.25 + 0.5) / 2, 0.125], [0.25, -1.25]], rtol=1e-14)
-    np.testing.assert_allclose(c.B, [[0, 0.25, 0, 0.5], [1, 0, 3, 0]], rtol=1e-14)
-    assert "R_ground between za and T_ground" in str(attic)
-
-
-def test_catalogue_by_name():
-    assert list(CATALOGUE) == ["1R1C", "2R2C", "3R2C", "3R3C", "4R3C"]
-    for name, network in CATALOGUE.items():
-        assert get_network(name) is network
-        assert get_network(network) is network
-        assert (len(network.resistors), len(network.nodes)) == (int(name[0]), int(name[2]))
-    with pytest.raises(ValueError, match="'5R5C' is not in the catalogue: 1R1C, 2R2C"):
-        get_network("5R5C")
-
-
-LONE = {"za": "C_za"}, {"R_zo": ("za", "T_oa")}
-
-
-@pytest.mark.parametrize(
-    ("declared", "message"),
-    [
-        (({"za": "C_za", "m": "C_m"}, {"R_zo": ("za", "T_oa")}), "node 'm' is connected to no boundary"),
-        (
-            ({"za": "C_za", "m": "C_m", "n": "C_n"}, {"R_zo": ("za", "T_oa"), "R_mn": ("m", "n")}),
-            "node 'm' is connected to no boundary",
-        ),
-        (({"za": "C", "w": "C"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}), "parameter 'C' is used twice"),
-        (({"za": "R_zo"}, {"R_zo": ("za", "T_oa")}), "parameter 'R_zo' is used twice"),
-        (({"za": "C_za"}, {"R_zo": ("za", "T_oa"), "R_zw": ("za", "w")}), "R_zw ends at 'w', which has no capacitance"),
-        (({"za": "C_za"}, {"R_zo": ("za", "T_oa"), "R_zz": ("za", "za")}), "R_zz connects 'za' and 'za'"),
-        (({"za": "C_za"}, {"R_zo": ("za", "T_oa"), "R_og": ("T_oa", "T_g")}), "R_og connects 'T_oa' and 'T_g'"),
-        ((*LONE, {"w": None}), "solar needs nodes with a capacitance"),
-        ((*LONE, {"za": "f"}), "exactly one with None"),
-        (
-            ({"za": "C_za", "w": "C_w"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}, {"za": None, "w": None}),
-            "exactly",
-        ),
-        ((*LONE, {}, "attic"), "measured node 'attic' has no capacitance"),
-        ((*LONE, {}, "za", "attic"), "disturbed node 'attic' has no capacitance"),
-        ((*LONE, {}, "za", "za", "attic"), "heated node 'attic' has no capacitance"),
-    ],
-)
-def test_unclear_networks_are_refused(declared, message):
-    with pytest.raises(ValueError, match=f"network odd: .*{message}"):
-        RCNetwork("odd", *declared)

@@ -16,7 +16,7 @@ from .._kernels import simulate_inverse, simulate_path
 from .._threads import one_blas_thread
 from ..thermal import Parameter, RCNetwork, get_network
 from .disturbance import measured_rows
-from .experiment import Experiment, make_experiment, output_roles
+from .experiment import Experiment, make_experiment
 from .load import is_plant, load_frame, make_plant, read_setpoint
 from .tracked import Outlook, TrackedNetwork, checked_kind
 from .tracking import Start, Track
@@ -108,7 +108,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
             raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
         table = self._read(X, network, reset=True)
-        target = read_targets(y, table, output_roles(network), max_missing=self.max_missing)
+        target = read_targets(y, table, network.history_roles, max_missing=self.max_missing)
         self._check_spans(table.step)
         parameters = self._bounded_parameters(network, table)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
@@ -130,7 +130,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
             gaps=True,
-            history_roles=(*HISTORY_ROLES, *output_roles(network)),
+            history_roles=(*HISTORY_ROLES, *network.history_roles),
         )
         absent = [b for b in network.boundaries if b not in table.inputs]
         if absent:
@@ -201,7 +201,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         causal = self._tracker.track(experiment, self._cells(piece), self._classes(piece), begin)
         keep = min(piece.n_rows, rows_covering(self.warmup, piece.step))
         tail = piece.rows(slice(piece.n_rows - keep, None))
-        measured = zip(output_roles(self.network_), experiment.outputs[-keep:].T, strict=True)
+        measured = zip(self.network_.history_roles, experiment.outputs[-keep:].T, strict=True)
         history = {**tail.history, **{role: column.copy() for role, column in measured}}
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
@@ -321,7 +321,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         """
         check_is_fitted(self)
         table = self._read_X(X)
-        for role in output_roles(self.network_):
+        for role in self.network_.history_roles:
             if role not in table.history:
                 raise ValueError(f"role {role!r} is missing: a disturbance is estimated from the measured temperature.")
         names = self._zeta_names(kind)

@@ -56,12 +56,6 @@ class Experiment(NamedTuple):
         )
 
 
-def output_roles(network: RCNetwork) -> tuple[str, ...]:
-    """Roles of the measured temperatures: ``T_za`` of the one measured node, ``T_<node>`` of several."""
-    nodes = network.measured_nodes
-    return ("T_za",) if len(nodes) == 1 else tuple(f"T_{node}" for node in nodes)
-
-
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:
     """The experiment of a table; ``roles`` that the table lacks act as 0."""
     return Experiment(

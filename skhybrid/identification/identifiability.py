@@ -84,7 +84,7 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
     idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]
     out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
     if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
-        out += [f for f in network.solar.values() if f and f not in set(known) and any(p.startswith("A_") for p in out)]
+        out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
     if out:
         columns = ", ".join(sorted({s.role for s in idle}))
         warnings.warn(

@@ -221,14 +221,14 @@ def _inner(network: RCNetwork, table: ZoneTable, fixed: dict[str, float], bounde
     sources = [s for s in network.sources(table.inputs) if s.parameter is not None]
     out = [s.parameter for s in sources if s.role.startswith("u_")]
     solar = [s.parameter for s in sources if not s.role.startswith("u_")]
-    fractions = [f for f in network.solar.values() if f]
+    fractions = network.solar_fractions
     if len(solar) == 1 and len(fractions) <= 1 and not any(f in fixed or f in bounded for f in fractions):
         out += solar
     return tuple(p for p in out if p is not None and p not in fixed and p not in bounded)
 
 
 def _solved_fractions(network: RCNetwork, inner: tuple[str, ...]) -> set[str]:
-    return {f for f in network.solar.values() if f} if any(p.startswith("A_win") for p in inner) else set()
+    return set(network.solar_fractions) if any(p.startswith("A_win") for p in inner) else set()
 
 
 def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.RandomState) -> np.ndarray:

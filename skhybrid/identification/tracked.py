@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._rolling import RollingForecastMixin
-from .experiment import Experiment, make_experiment, output_roles
+from .experiment import Experiment, make_experiment
 from .periodic import hour_class, profile_cell
 from .tracking import GainTracker, Start, Track
 
@@ -33,7 +33,7 @@ class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
     def _measurements(self, table: ZoneTable) -> np.ndarray:
         """What the table holds of the measured temperatures: (N,), or (N, o) of o nodes; NaN where it has none."""
         missing = np.full(table.n_rows, np.nan)
-        columns = [table.history.get(role, missing) for role in output_roles(self.network_)]
+        columns = [table.history.get(role, missing) for role in self.network_.history_roles]
         return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
     @property

@@ -8,11 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from .._kernels import Discrete, discretize
+from .declaration import Shares, as_names, by_role, check, fractions_of, target_of
+from .drawing import draw
+from .equations import equations
 from .parameters import Parameter, parameter_table
 from .stencil import Continuous, Stencil
 
@@ -21,11 +25,20 @@ _BOUNDS = {"C": (0.1, 40.0), "R": (0.1, 40.0), "f": (1e-6, 1.0), "A": (0.1, 25.0
 
 
 class Source(NamedTuple):
-    """How one input heats the nodes: ``parameter * share`` kW per unit of the input."""
+    """How one input heats the nodes: ``parameter * share`` kW per unit of the input.
+
+    Attributes
+    ----------
+    role : str
+    parameter : str or None
+        None where the input is in kW already.
+    shares : tuple of (node, fraction parameter or None)
+        None stands for all that is left.
+    """
 
     role: str
-    parameter: str | None  # None: the input is in kW already
-    shares: tuple[tuple[str, str | None], ...]  # (node, fraction parameter or None for all that is left)
+    parameter: str | None
+    shares: Shares
 
 
 @dataclass(frozen=True)
@@ -40,17 +53,26 @@ class RCNetwork:
         The nodes, in the order of the states, and the parameter [kWh/K] of each.
     resistors : mapping of parameter to (end, end)
         An end is a node or a boundary temperature, such as ``T_oa`` [K/kW].
-    solar : mapping of node to fraction parameter or None
+    solar : mapping of node to fraction parameter or None, str, tuple of str, or mapping of role to these
         Where solar heat goes: the named fraction [-] to a node, and what is left to the node whose fraction is None.
-    measured, disturbed, heated : str
-        The node whose temperature is measured, that the unmeasured heat enters, and that heating and cooling act on.
+        With several windows, a mapping of role to node or to such shares, ``{"q_sol_north": "north", ...}``, or a tuple
+        of nodes, each of which has a role of its own, ``q_sol_<node>``.  Other irradiance columns are not read.
+    measured, disturbed : str or tuple of str
+        The nodes whose temperature is measured, and those that unmeasured heat enters.
+    heated : str, tuple of str, or mapping
+        The node that all heating and cooling acts on; a tuple of nodes, where a role tells by its name which one it is
+        (``u_heat_north``, ``Q_north``); shares as in ``solar``; or a mapping of role to node or shares.  A column of
+        heating or cooling whose node remains unclear is refused.
     bounds : mapping of parameter to (lower, upper), optional
         Overrides the paper's bounds.
+    description, reference : str, optional
+        What the network is for, and where it is from.
 
     Raises
     ------
     ValueError
-        If a name is used twice, an end is no node and no boundary, a node is not connected, or a share is unclear.
+        In one sentence that names the culprit: a name used twice, an end that is no node and no boundary, nodes that
+        no boundary or no measured node is connected to, an unclear share, an impossible bound.
 
     Notes
     -----
@@ -61,51 +83,42 @@ class RCNetwork:
     --------
     >>> from skhybrid.thermal import RCNetwork
     >>> shed = RCNetwork("shed", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None})
-    >>> shed.states
-    ('T_za',)
+    >>> print(shed.equations())
+    C_za dT_za/dt = (T_oa - T_za)/R_zo + A_win q_sol + Q_h u_heat + Q_c u_cool + Q_g
+
+    Two rooms, each with a thermostat, a window, a heater and people:
+
+    >>> rooms = ("north", "south")
+    >>> flat = RCNetwork(
+    ...     "flat",
+    ...     capacitances={"north": "C_n", "south": "C_s"},
+    ...     resistors={"R_ns": ("north", "south"), "R_no": ("north", "T_oa"), "R_so": ("south", "T_oa")},
+    ...     solar=rooms, measured=rooms, disturbed=rooms, heated=rooms,
+    ... )
+    >>> flat.inputs(["T_oa", "q_sol_north", "q_sol_south", "u_heat_north", "Q_south"])
+    ('T_oa', 'q_sol_north', 'q_sol_south', 'u_heat_north', 'Q_south')
+    >>> flat.gain_names
+    ('heat_gain_north', 'heat_gain_south')
     """
 
     name: str
     capacitances: Mapping[str, str]
     resistors: Mapping[str, tuple[str, str]]
-    solar: Mapping[str, str | None] = field(default_factory=dict)
-    measured: str = "za"
-    disturbed: str = "za"
-    heated: str = "za"
+    solar: str | tuple[str, ...] | Mapping[str, Any] = field(default_factory=dict)
+    measured: str | tuple[str, ...] = "za"
+    disturbed: str | tuple[str, ...] = "za"
+    heated: str | tuple[str, ...] | Mapping[str, Any] = "za"
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    description: str = field(default="", compare=False)
+    reference: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        names = [*self.capacitances.values(), *self.resistors, *(f for f in self.solar.values() if f)]
-        twice = sorted({n for n in names if names.count(n) > 1})
-        if twice:
-            raise ValueError(f"network {self.name}: the parameter {twice[0]!r} is used twice.")
-        for role, node in (("measured", self.measured), ("disturbed", self.disturbed), ("heated", self.heated)):
-            if node not in self.capacitances:
-                raise ValueError(f"network {self.name}: the {role} node {node!r} has no capacitance.")
-        for name, ends in self.resistors.items():
-            for end in ends:
-                if end not in self.capacitances and not end.startswith("T_"):
-                    raise ValueError(
-                        f"network {self.name}: {name} ends at {end!r}, which has no capacitance and is no boundary "
-                        "temperature (T_...)."
-                    )
-            if ends[0] == ends[1] or not set(ends) & set(self.capacitances):
-                raise ValueError(
-                    f"network {self.name}: {name} connects {ends[0]!r} and {ends[1]!r}, which carries no heat to any "
-                    "node; give it two ends that differ, one of them a node with a capacitance."
-                )
-        left_over = [node for node, fraction in self.solar.items() if fraction is None]
-        if self.solar and (len(left_over) != 1 or any(node not in self.capacitances for node in self.solar)):
-            raise ValueError(f"network {self.name}: solar needs nodes with a capacitance, exactly one with None.")
-        self._refuse_islands()
-
-    def _refuse_islands(self) -> None:
-        reached = {end for ends in self.resistors.values() for end in ends if end not in self.capacitances}
-        for _ in self.capacitances:
-            reached |= {end for ends in self.resistors.values() if reached & set(ends) for end in ends}
-        lost = [node for node in self.capacitances if node not in reached]
-        if lost:
-            raise ValueError(f"network {self.name}: node {lost[0]!r} is connected to no boundary temperature.")
+        for role in ("measured", "disturbed", "solar", "heated"):
+            given = getattr(self, role)
+            if not isinstance(given, str | Mapping):
+                one_or_more = tuple(given)
+                object.__setattr__(self, role, one_or_more[0] if len(one_or_more) == 1 else one_or_more)
+        check(self)
 
     # ------------------------------------------------------------------------------------------------ what it has
     @property
@@ -114,24 +127,41 @@ class RCNetwork:
         return tuple(self.capacitances)
 
     @property
-    def measured_nodes(self) -> tuple[str, ...]:
-        """Nodes whose temperature is measured."""
-        return (self.measured,)
-
-    @property
-    def disturbed_nodes(self) -> tuple[str, ...]:
-        """Nodes that unmeasured heat enters."""
-        return (self.disturbed,)
-
-    @property
-    def gain_names(self) -> tuple[str, ...]:
-        """Names of the inputs of unmeasured heat, behind all others."""
-        return ("heat_gain",)
-
-    @property
     def states(self) -> tuple[str, ...]:
         """Names of the states, ``T_<node>`` [degC]."""
         return tuple(f"T_{node}" for node in self.nodes)
+
+    @property
+    def measured_nodes(self) -> tuple[str, ...]:
+        """Nodes whose temperature is measured, in the order of the outputs."""
+        return as_names(self.measured)
+
+    @property
+    def disturbed_nodes(self) -> tuple[str, ...]:
+        """Nodes that unmeasured heat enters, in the order of the last columns of B."""
+        return as_names(self.disturbed)
+
+    @property
+    def gain_names(self) -> tuple[str, ...]:
+        """Names of the last columns of B: ``heat_gain``, or ``heat_gain_<node>`` where several nodes are disturbed."""
+        nodes = self.disturbed_nodes
+        return ("heat_gain",) if len(nodes) == 1 else tuple(f"heat_gain_{node}" for node in nodes)
+
+    @property
+    def history_roles(self) -> tuple[str, ...]:
+        """Roles of the measured temperatures: ``T_za`` of the one measured node, ``T_<node>`` of several."""
+        nodes = self.measured_nodes
+        return ("T_za",) if len(nodes) == 1 else tuple(f"T_{node}" for node in nodes)
+
+    @property
+    def fractions(self) -> dict[str, str]:
+        """Fraction parameter -> the node whose share it is; of the sun first, then of heating and cooling."""
+        return {**fractions_of(self.solar, "solar"), **fractions_of(self.heated, "heated")}
+
+    @property
+    def solar_fractions(self) -> tuple[str, ...]:
+        """Fraction parameters of the sun."""
+        return tuple(fractions_of(self.solar, "solar"))
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -142,7 +172,24 @@ class RCNetwork:
     @property
     def required_roles(self) -> tuple[str, ...]:
         """Roles without which a table cannot drive the network."""
-        return (*self.boundaries, "q_sol") if self.solar else self.boundaries
+        return (*self.boundaries, *self._solar_roles)
+
+    @property
+    def usual_roles(self) -> tuple[str, ...]:
+        """Roles of a table that drives the network: what is required, and a heating and a cooling stage where any."""
+        if by_role(self.heated, "heated"):
+            return (*self.required_roles, *self.heated)
+        nodes = self.heated if isinstance(self.heated, tuple) else ()
+        stages = [f"{u}_{node}" for node in nodes for u in ("u_heat", "u_cool")] or ["u_heat", "u_cool"]
+        return (*self.required_roles, *stages)
+
+    @property
+    def _solar_roles(self) -> tuple[str, ...]:
+        if by_role(self.solar, "solar"):
+            return tuple(self.solar)
+        if isinstance(self.solar, tuple):
+            return tuple(f"q_sol_{node}" for node in self.solar)
+        return ("q_sol",) if self.solar else ()
 
     def reads(self, role: str) -> bool:
         """Whether a column of this role acts on the network; others are left unread.
@@ -167,19 +214,26 @@ class RCNetwork:
         Returns
         -------
         tuple of Source
+
+        Raises
+        ------
+        ValueError
+            If the network does not say which node a heating or cooling role acts on.
         """
-        present = sorted(set(roles), key=_role_order)
-        shares = tuple(self.solar.items())
-        heated: tuple[tuple[str, str | None], ...] = ((self.heated, None),)
         out = []
-        for role in present:
-            if role == "q_sol" or role.startswith("q_sol_"):
-                if shares:
+        for role in sorted(set(roles), key=_role_order):
+            if role.startswith("q_sol"):
+                shares = target_of(self.solar, "solar", role)
+                if shares is not None:
                     out.append(Source(role, "A_win" + role[len("q_sol") :], shares))
-            elif role.startswith("u_"):
-                out.append(Source(role, capacity_name(role), heated))
-            elif role.startswith("Q_"):
-                out.append(Source(role, None, heated))
+            elif role.startswith(("u_", "Q_")):
+                shares = target_of(self.heated, "heated", role)
+                if shares is None:
+                    raise ValueError(
+                        f"network {self.name} does not say which node {role!r} heats; name it in heated={{{role!r}: "
+                        f"node}}, or do without the column by columns={{{role!r}: None}}."
+                    )
+                out.append(Source(role, capacity_name(role) if role.startswith("u_") else None, shares))
         return tuple(out)
 
     def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
@@ -197,23 +251,26 @@ class RCNetwork:
         roles = set(roles)
         return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
 
-    def parameters(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> tuple[Parameter, ...]:
+    def parameters(self, roles: Iterable[str] | None = None) -> tuple[Parameter, ...]:
         """Parameters of the network under the given inputs, in the order of ``theta``.
 
         Parameters
         ----------
-        roles : iterable of str
-            Roles that a table has.
+        roles : iterable of str, optional
+            Roles that a table has; by default :attr:`usual_roles`.
 
         Returns
         -------
         tuple of Parameter
         """
-        sources = self.sources(roles)
+        sources = self.sources(self.usual_roles if roles is None else roles)
+        used = {fraction for source in sources for _, fraction in source.shares}
         out = [self._make(c, "C", "kWh/K", f"capacitance of node {node}") for node, c in self.capacitances.items()]
         out += [self._make(r, "R", "K/kW", f"resistance between {a} and {b}") for r, (a, b) in self.resistors.items()]
-        if any(s.parameter and s.parameter.startswith("A_win") for s in sources):
-            out += [self._make(f, "f", "-", f"share of solar heat to {n}") for n, f in self.solar.items() if f]
+        for fraction, node in self.fractions.items():
+            if fraction in used:
+                heat = "solar heat" if fraction in self.solar_fractions else "heating and cooling"
+                out.append(self._make(fraction, "f", "-", f"share of {heat} to {node}"))
         for source in sources:
             if source.parameter is None:
                 continue
@@ -232,13 +289,13 @@ class RCNetwork:
             lower, transform = -upper, "identity"
         return Parameter(name, unit, lower, upper, description, transform).bounded(self.bounds.get(name))
 
-    def parameter_table(self, roles: Iterable[str] = ("q_sol", "u_heat", "u_cool")) -> pd.DataFrame:
+    def parameter_table(self, roles: Iterable[str] | None = None) -> pd.DataFrame:
         """Name, unit, bounds and meaning of every parameter under the given inputs.
 
         Parameters
         ----------
-        roles : iterable of str
-            Roles that a table has.
+        roles : iterable of str, optional
+            Roles that a table has; by default :attr:`usual_roles`.
 
         Returns
         -------
@@ -255,7 +312,7 @@ class RCNetwork:
         ----------
         theta : mapping of parameter to value
         roles : iterable of str
-            The inputs; columns of B are in the order of :meth:`inputs`, then the heat gain of 1 kW.
+            The inputs; columns of B are in the order of :meth:`inputs`, then 1 kW of each of :attr:`gain_names`.
 
         Returns
         -------
@@ -308,11 +365,52 @@ class RCNetwork:
         c = self.matrices(theta, tuple(roles))
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
 
+    # ------------------------------------------------------------------------------------------------ how it shows
+    def equations(self, roles: Iterable[str] | None = None, *, latex: bool = False) -> str:
+        """The heat balance of every node, in the paper's form.
+
+        Parameters
+        ----------
+        roles : iterable of str, optional
+            Roles that a table has; by default :attr:`usual_roles`.
+        latex : bool
+            As the lines of an ``aligned`` environment instead of text.
+
+        Returns
+        -------
+        str
+            One line a node.
+        """
+        return equations(self, roles, latex=latex)
+
+    def to_svg(self, roles: Iterable[str] | None = None) -> str:
+        """A drawing of the network.
+
+        Parameters
+        ----------
+        roles : iterable of str, optional
+            Roles that a table has; by default :attr:`usual_roles`.
+
+        Returns
+        -------
+        str
+            An SVG element that stands alone.
+        """
+        return draw(self, roles)
+
+    def _repr_svg_(self) -> str:
+        return self.to_svg()
+
+    def _repr_html_(self) -> str:
+        title = escape(f"{self.name}: {self.description}" if self.description else self.name)
+        return (
+            f"<div><p><b>{title}</b></p>{self.to_svg()}<pre>{escape(self.equations())}</pre>"
+            f"{self.parameter_table().to_html(border=0)}</div>"
+        )
+
     def __str__(self) -> str:
-        lines = [f"{self.name}: {len(self.resistors)} resistors, {len(self.capacitances)} capacitances"]
-        lines += [f"  {c} at node {node}" for node, c in self.capacitances.items()]
-        lines += [f"  {r} between {a} and {b}" for r, (a, b) in self.resistors.items()]
-        lines += [f"  solar heat: {f or 'what is left'} to {node}" for node, f in self.solar.items()]
+        title = f"{self.name}: {len(self.resistors)} resistors, {len(self.capacitances)} capacitances"
+        lines = [title, *(text for text in (self.description, self.reference) if text), "", self.equations(), ""]
         return "\n".join([*lines, self.parameter_table().to_string()])
 
 

@@ -85,7 +85,7 @@ class Stencil:
         """
         roles = tuple(roles)
         names = tuple(p.name for p in network.parameters(roles))
-        columns = (*network.inputs(roles), "heat_gain")
+        columns = (*network.inputs(roles), *network.gain_names)
         place = {name: i for i, name in enumerate(names)}
         terms = _Terms(network.nodes, columns, len(names))
         for name, ends in network.resistors.items():
@@ -100,7 +100,8 @@ class Stencil:
                 terms.add(gain, terms.one, node, source.role, 1.0)
                 for _, other in named:  # every named share takes from what is left
                     terms.add(gain, other, node, source.role, -1.0)
-        terms.add(terms.one, terms.one, network.disturbed, "heat_gain", 1.0)
+        for node, gain_name in zip(network.disturbed_nodes, network.gain_names, strict=True):
+            terms.add(terms.one, terms.one, node, gain_name, 1.0)
         return cls(
             parameters=names,
             columns=columns,
