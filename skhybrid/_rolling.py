@@ -137,8 +137,8 @@ class RollingForecastMixin(RegressorMixin):
         float
         """
         predicted = self.predict(X)
-        measured = np.asarray(y, dtype=np.float64).reshape(-1)
-        seen = np.isfinite(measured)
+        measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
+        seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
 
