@@ -55,7 +55,9 @@ def drawn_parameters(network, seed):
     return theta
 
 
-NETWORKS = [(network, drawn_parameters(network, seed)) for network in CATALOGUE.values() for seed in (0, 1)]
+#: stiffer ones, whose differences are no truth, are held against ``expm_frechet`` in test_thermal.py
+BASIC = [CATALOGUE[name] for name in ("1R1C", "2R2C", "3R2C", "3R3C", "4R3C")]
+NETWORKS = [(network, drawn_parameters(network, seed)) for network in BASIC for seed in (0, 1)]
 NETWORKS += [
     (TWINS, {"C_a": 2.0, "C_za": 2.0, "R_a": 5.0, "R_b": 5.0, "R_ab": 1e6, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0}),
     (

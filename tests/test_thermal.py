@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm_frechet
 
 from skhybrid.thermal import CATALOGUE, Parameter, get_network
 
@@ -17,12 +18,12 @@ ALL_ROLES = ("T_oa", "q_sol", "q_sol_south", "u_heat_1", "u_heat_2", "u_cool", "
 NETWORKS = list(CATALOGUE.values())
 
 
-def drawn(network, roles, seed=0):
+def drawn(network, roles, seed=0, within=(0.7, 0.9)):
     rng = np.random.default_rng(seed)
     theta = {}
     for p in network.parameters(roles):
         low, high = p.free_bounds
-        theta[p.name] = p.from_free(low + (high - low) * rng.uniform(0.7, 0.9))
+        theta[p.name] = p.from_free(low + (high - low) * rng.uniform(*within))
     return theta
 
 
@@ -89,6 +90,23 @@ def test_derivatives_are_exact(network, roles):
         for exact, f in ((c.dA[q], [m.A for m in at]), (c.dB[q], [m.B for m in at])):
             difference = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
             np.testing.assert_allclose(exact, difference, rtol=1e-8, atol=1e-9 * np.abs(c.A).max())
+
+
+@pytest.mark.parametrize("hours", [0.25, 24.0])
+@pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)
+def test_derivatives_of_a_step_are_those_of_the_matrix_exponential(network, hours):
+    """Frechet derivatives of exp([[A, B], [0, 0]] t), also where one node is a thousand times faster than another."""
+    theta = drawn(network, PAPER_ROLES, seed=4, within=(0.05, 0.9))
+    c, d = network.matrices(theta, PAPER_ROLES), network.discrete(theta, PAPER_ROLES, hours)
+    n, m = c.B.shape
+    for q, p in enumerate(network.parameters(PAPER_ROLES)):
+        block, slope = np.zeros((2, n + m, n + m))
+        block[:n, :n], block[:n, n:], slope[:n, :n], slope[:n, n:] = c.A, c.B, c.dA[q], c.dB[q]
+        step, by = expm_frechet(block * hours, slope * hours)
+        for found, whole, truth in ((d.dA[q], d.A, by[:n, :n]), (d.dB[q], d.B, by[:n, n:])):
+            scale = 1e-11 * max(np.abs(truth).max(), np.abs(whole).max() / abs(theta[p.name]))
+            np.testing.assert_allclose(found, truth, rtol=0, atol=scale, err_msg=p.name)
+        np.testing.assert_allclose(d.A, step[:n, :n], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("roles", [("T_oa",), ALL_ROLES], ids=len)

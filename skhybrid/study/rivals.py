@@ -177,7 +177,7 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
     Parameters
     ----------
     given : mapping
-        The ``[network]`` table; in its ``solar``, ``"rest"`` is the node that gets what is left of the sun.
+        The ``[network]`` table; in its ``solar`` and ``heated``, ``"rest"`` is the node that gets what is left.
 
     Returns
     -------
@@ -187,8 +187,7 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
         if set(given) - {"name"}:
             raise ValueError("[network] declares a network without capacitances; give them, or only a name.")
         return str(given.get("name", "2R2C"))
-    declared = {k: _tupled(v) for k, v in given.items()}
-    declared["solar"] = {node: None if f == "rest" else f for node, f in given.get("solar", {}).items()}
+    declared = {k: _with_rest(_tupled(v)) if k in ("solar", "heated") else _tupled(v) for k, v in given.items()}
     return RCNetwork(**{"name": "declared", "resistors": {}, **declared})
 
 
@@ -197,6 +196,13 @@ def _tupled(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(_tupled(v) for v in value)
     return {k: _tupled(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+
+def _with_rest(declared: Any) -> Any:
+    """TOML has no None: ``"rest"`` among shares stands for it."""
+    if not isinstance(declared, dict):
+        return declared
+    return {key: None if value == "rest" else _with_rest(value) for key, value in declared.items()}
 
 
 def _refuse_unknown(table: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:
