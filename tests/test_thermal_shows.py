@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 from itertools import combinations, pairwise
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -165,3 +167,17 @@ def test_no_wire_runs_through_a_label(network):
                 x, y = x0 + t * (x1 - x0), y0 + t * (y1 - y0)
                 for name, left, top, right, bottom in boxes:
                     assert not (left < x < right and top < y < bottom), (name, x, y)
+
+
+# -------------------------------------------------------------------------------------------------------------- page
+def test_what_the_page_shows_is_what_comes():
+    page = Path(__file__).parents[1] / "docs" / "user_guide" / "networks.rst"
+    result = doctest.testfile(str(page), module_relative=False)
+    assert result.attempted > 15
+    assert result.failed == 0
+
+
+def test_what_the_docstring_shows_is_what_comes():
+    (example,) = doctest.DocTestFinder(recurse=False).find(RCNetwork)
+    assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
+    assert example.examples

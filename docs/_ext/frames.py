@@ -1,4 +1,8 @@
-"""``.. frame:: module: expression``: a DataFrame of the package as a table, so that the pages cannot drift from it."""
+"""Tables, drawings and equations that the package makes itself, so that the pages cannot drift from it.
+
+``.. frame:: module: expression`` is a DataFrame as a table, ``.. drawing:: name`` a network of the catalogue,
+``.. heat-balance:: name`` its equations.
+"""
 
 from importlib import import_module
 from typing import Any
@@ -6,6 +10,8 @@ from typing import Any
 import pandas as pd
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
+
+from skhybrid.thermal import get_network
 
 
 class Frame(SphinxDirective):
@@ -21,6 +27,27 @@ class Frame(SphinxDirective):
             frame = frame.reset_index(names=[frame.index.name or ""])
         rows = [[_shown(value) for value in row] for row in frame.itertuples(index=False)]
         return [_table([str(c) for c in frame.columns], rows)]
+
+
+class Drawing(SphinxDirective):
+    """The circuit of a network of the catalogue."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        svg = get_network(self.arguments[0]).to_svg()
+        return [nodes.raw("", f'<div class="drawing">{svg}</div>', format="html")]
+
+
+class HeatBalance(SphinxDirective):
+    """The equations of a network of the catalogue."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines = get_network(self.arguments[0]).equations(latex=True)
+        text = rf"\begin{{aligned}}{lines}\end{{aligned}}"
+        return [nodes.math_block(text, text, nowrap=False, number=None, label=None)]
 
 
 def _shown(value: Any) -> str:
@@ -43,6 +70,8 @@ def _row(cells: list[str]) -> nodes.row:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Register the directive."""
+    """Register the directives."""
     app.add_directive("frame", Frame)
+    app.add_directive("drawing", Drawing)
+    app.add_directive("heat-balance", HeatBalance)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
