@@ -310,8 +310,8 @@ class _Paper:
         width, height = right - left, bottom - top
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
-            f'viewBox="{left:g} {top:g} {width:g} {height:g}" style="max-width:100%;height:auto" role="img" font-family="sans-serif" '
-            f'font-size="{_FONT}"><title>{escape(title)}</title><defs><marker id="skhybrid-head" viewBox="0 0 10 10" '
+            f'viewBox="{left:g} {top:g} {width:g} {height:g}" style="max-width:100%;height:auto" '
+            f'role="img" font-family="sans-serif" font-size="{_FONT}"><title>{escape(title)}</title><defs><marker id="skhybrid-head" viewBox="0 0 10 10" '
             'refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto"><path d="M0,0 L10,5 L0,10 z" '
             f'fill="{_HEAT}"/></marker></defs><rect x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}" '
             f'rx="6" fill="white"/>{"".join(self.parts)}</svg>'
