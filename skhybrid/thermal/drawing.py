@@ -307,14 +307,19 @@ class _Paper:
         self.text(x + 248, y + 4.5, "boundary", "start", _QUIET)
 
     def svg(self, title: str, left: float, top: float, right: float, bottom: float) -> str:
-        width, height = right - left, bottom - top
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
-            f'viewBox="{left:g} {top:g} {width:g} {height:g}" style="max-width:100%;height:auto" '
-            f'role="img" font-family="sans-serif" font-size="{_FONT}"><title>{escape(title)}</title><defs><marker id="skhybrid-head" viewBox="0 0 10 10" '
-            'refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto"><path d="M0,0 L10,5 L0,10 z" '
-            f'fill="{_HEAT}"/></marker></defs><rect x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}" '
-            f'rx="6" fill="white"/>{"".join(self.parts)}</svg>'
+        width, height = f"{right - left:g}", f"{bottom - top:g}"
+        box = f'x="{left:g}" y="{top:g}" width="{width}" height="{height}"'
+        return "".join(
+            (
+                f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" ',
+                f'viewBox="{left:g} {top:g} {width} {height}" style="max-width:100%;height:auto" ',
+                f'role="img" font-family="sans-serif" font-size="{_FONT}"><title>{escape(title)}</title>',
+                '<defs><marker id="skhybrid-head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" ',
+                f'markerHeight="7" orient="auto"><path d="M0,0 L10,5 L0,10 z" fill="{_HEAT}"/></marker></defs>',
+                f'<rect {box} rx="6" fill="white"/>',
+                *self.parts,
+                "</svg>",
+            )
         )
 
 
