@@ -219,7 +219,7 @@ def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -
 def _inner(network: RCNetwork, table: ZoneTable, fixed: dict[str, float], bounded: set[str]) -> tuple[str, ...]:
     """Network parameters that are solved inside: free capacities, and the solar gains where nothing constrains them."""
     sources = [s for s in network.sources(table.inputs) if s.parameter is not None]
-    out = [s.parameter for s in sources if s.role.startswith("u_")]
+    out = [s.parameter for s in sources if s.role.startswith("u_") and len(s.shares) == 1]
     solar = [s.parameter for s in sources if not s.role.startswith("u_")]
     fractions = network.solar_fractions
     if len(solar) == 1 and len(fractions) <= 1 and not any(f in fixed or f in bounded for f in fractions):
