@@ -47,7 +47,9 @@ def sandwich(A, P, B, work, out):
 def propagate(A, P, Q, work, out):
     """``out = A P A' + Q``, symmetric to the bit."""
     n = A.shape[0]
-    out[:] = Q
+    for i in range(n):  # a slice assignment would take seconds to compile, for the shapes that it checks
+        for j in range(n):
+            out[i, j] = Q[i, j]
     sandwich(A, P, A, work, out)
     for i in range(n):
         for j in range(i):

@@ -276,7 +276,8 @@ def simulate_path(A, forcing, s0):
     """States of every row, (N + 1, n): ``s[0] = s0``, ``s[k+1] = A s[k] + forcing[k]``."""
     N, n = forcing.shape
     states = np.empty((N + 1, n))
-    states[0] = s0
+    for i in range(n):
+        states[0, i] = s0[i]
     for k in range(N):
         for i in range(n):
             value = forcing[k, i]
