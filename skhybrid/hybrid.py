@@ -147,13 +147,18 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            As the parts do, and if ``disturbance`` or ``adapt`` is unknown.
+            As the parts do, if ``disturbance`` or ``adapt`` is unknown, and if the network has several measured nodes.
         """
         if self.disturbance not in ("input", "output"):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
         gray_box = self._part(self.gray_box, self._default_gray_box())
+        if len(get_network(gray_box.network).measured_nodes) > 1:
+            raise ValueError(
+                f"network {get_network(gray_box.network).name} has several measured temperatures; HybridPredictor "
+                "forecasts one zone, so fit the identification itself."
+            )
         forecaster = self._part(self.forecaster, self._default_forecaster())
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import GrayBoxRC, OutputDisturbanceID, persistence
+from skhybrid import GrayBoxRC, HybridPredictor, InputDisturbanceID, OutputDisturbanceID, persistence
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "plot_two_zones.py"
 OUTPUTS = ["T_north", "T_south"]
@@ -116,3 +116,8 @@ def test_state_space_and_file(rooms, tmp_path):
 def test_loads_of_several_zones_are_refused(rooms):
     with pytest.raises(ValueError, match="several zones, whose loads depend on one another"):
         rooms["model"].predict_load(rooms["X"], 21.0)
+
+
+def test_a_hybrid_of_several_zones_is_refused(rooms):
+    with pytest.raises(ValueError, match="several measured temperatures"):
+        HybridPredictor(InputDisturbanceID(rooms["flat"])).fit(rooms["X"], rooms["X"][OUTPUTS])
