@@ -114,10 +114,10 @@ def _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc):
             S += C[j, i] * Pc[i]
         for i in range(n):
             for q in range(p):
-                value = 0.0
-                for m in range(n):
-                    value += dP[i, m, q] * C[j, m]
-                dPc[i, q] = value
+                dPc[i, q] = 0.0
+            for m in range(n):
+                for q in range(p):
+                    dPc[i, q] += dP[i, m, q] * C[j, m]
         for i in range(n):
             moved = max(moved, abs(Pc[i] / S - gain[j, i]))
             gain[j, i] = Pc[i] / S
@@ -139,7 +139,7 @@ def _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc):
 
 
 @compiled
-def _spread(A, Q, dA, dQ, P, dP, AP, work):
+def _spread(A, Q, dA, dQ, P, dP, AP, AdP, work):
     """One row's propagation of the covariance and of its derivatives, in place."""
     n, p = A.shape[0], dP.shape[2]
     for i in range(n):
@@ -148,23 +148,25 @@ def _spread(A, Q, dA, dQ, P, dP, AP, work):
             for m in range(n):
                 value += A[i, m] * P[m, j]
             AP[i, j] = value
-    # with H = dA P A' + A dP A' / 2 the derivative is H + H' + dQ
+    # A dP A' is symmetric, and dA P A' and its transpose need A P only
     for i in range(n):
         for j in range(n):
             for q in range(p):
-                value = 0.0
-                for m in range(n):
-                    value += dA[i, m, q] * P[m, j] + 0.5 * A[i, m] * dP[m, j, q]
-                work[i, j, q] = value
-    for i in range(n):
-        for j in range(n):
-            for q in range(p):
-                value = dQ[i, j, q]
-                for m in range(n):
-                    value += work[i, m, q] * A[j, m] + work[j, m, q] * A[i, m]
-                dP[i, j, q] = value
+                AdP[i, j, q] = 0.0
+                work[i, j, q] = 0.0
+            for m in range(n):
+                for q in range(p):
+                    AdP[i, j, q] += A[i, m] * dP[m, j, q]
+                    work[i, j, q] += dA[i, m, q] * AP[j, m]
     for i in range(n):
         for j in range(i + 1):
+            for q in range(p):
+                dP[i, j, q] = dQ[i, j, q] + work[i, j, q] + work[j, i, q]
+            for m in range(n):
+                for q in range(p):
+                    dP[i, j, q] += AdP[i, m, q] * A[j, m]
+            for q in range(p):
+                dP[j, i, q] = dP[i, j, q]
             value = Q[i, j]
             for m in range(n):
                 value += AP[i, m] * A[j, m]
@@ -180,7 +182,8 @@ def _advance(model, inputs, y, filtered, errors, derrors):
     s, after, ds, dafter = s0.copy(), np.empty(n), ds0.copy(), np.empty((n, p))
     P, dP = P0.copy(), np.zeros((n, n, p))
     gain, dgain, Pc, dPc = np.zeros((o, n)), np.zeros((o, n, p)), np.empty(n), np.empty((n, p))
-    AP, work, seen, de = np.empty((n, n)), np.empty((n, n, p)), np.empty(o, np.bool_), np.empty(p)
+    AP, AdP, work = np.empty((n, n)), np.empty((n, n, p)), np.empty((n, n, p))
+    seen, de = np.empty(o, np.bool_), np.empty(p)
     steady = False
     for k in range(N):
         complete = True
@@ -201,7 +204,7 @@ def _advance(model, inputs, y, filtered, errors, derrors):
             # with every row measured the gains settle; from then on they are left as they are, to rounding
             if not (steady and complete):
                 moved = _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc)
-                _spread(A, Q, dA, dQ, P, dP, AP, work)
+                _spread(A, Q, dA, dQ, P, dP, AP, AdP, work)
                 steady = complete and moved < 1e-13
             for j in range(o):
                 if not seen[j]:
