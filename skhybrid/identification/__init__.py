@@ -4,6 +4,7 @@ from .base import StateSpace
 from .identifiability import Identifiability
 from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
 from .periodic_estimator import PeriodicDisturbanceID
+from .response import frequency_response, make_state_space, step_response
 
 __all__ = [
     "GrayBoxRC",
@@ -12,4 +13,7 @@ __all__ = [
     "OutputDisturbanceID",
     "PeriodicDisturbanceID",
     "StateSpace",
+    "frequency_response",
+    "make_state_space",
+    "step_response",
 ]

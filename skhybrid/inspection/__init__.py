@@ -3,10 +3,20 @@
 Matplotlib is loaded when a picture is drawn, not when this module is imported.
 """
 
+from ._bode import BodeDisplay
 from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay
 from ._forecast import ForecastDisplay
 from ._lead import LeadErrorDisplay
+from ._step_response import StepResponseDisplay
 from ._style import blank_axes
 
-__all__ = ["DayAheadDisplay", "DisturbanceWeekDisplay", "ForecastDisplay", "LeadErrorDisplay", "blank_axes"]
+__all__ = [
+    "BodeDisplay",
+    "DayAheadDisplay",
+    "DisturbanceWeekDisplay",
+    "ForecastDisplay",
+    "LeadErrorDisplay",
+    "StepResponseDisplay",
+    "blank_axes",
+]

@@ -95,3 +95,49 @@ def time_axis(ax: Any, time: pd.Index) -> None:
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
     ax.set_xlim(time.min(), time.max())
     ax.set_xlabel("local time" if time.tz is None else f"local time ({time.tz})")
+
+
+def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], share: bool = True) -> np.ndarray:
+    """The given axes, or ``n_axes`` of a new figure in ``n_cols`` columns, each of the given size [inch].
+
+    ``share``: all have the same horizontal axis.
+    """
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, dtype=object))
+        if len(given) != n_axes:
+            raise ValueError(f"ax holds {len(given)} axes, but this display draws on {n_axes}.")
+        return given
+    import matplotlib.pyplot as plt
+
+    n_cols = min(n_cols, n_axes)
+    n_rows = -(-n_axes // n_cols)
+    figure, made = plt.subplots(
+        n_rows, n_cols, sharex=share, figsize=(size[0] * n_cols, size[1] * n_rows), layout="constrained", squeeze=False
+    )
+    made = np.ravel(made)
+    for spare in made[n_axes:]:
+        figure.delaxes(spare)
+    for above in made[max(0, n_axes - n_cols) : n_axes]:  # the lowest of each column says what the axis is
+        above.tick_params(labelbottom=True)
+    return made[:n_axes]
+
+
+def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
+    """One legend above all panels, with the lines of every one of them, and a title above it."""
+    entries: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    if len({ax.figure for ax in axes}) == 1 and entries:
+        axes[0].figure.legend(
+            entries.values(),
+            entries.keys(),
+            title=title,
+            title_fontproperties={"weight": "bold"},
+            alignment="left",
+            loc="outside upper left",
+            ncols=min(len(entries), 6),
+            frameon=False,
+            fontsize="small",
+            handlelength=2.6,
+        )

@@ -1,0 +1,48 @@
+"""What the pictures of dynamic responses share: which models, which inputs, which units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from ._style import MEASURED, line_style
+
+#: label of the true system
+TRUTH = "true"
+
+
+def responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    """The response of every model by its label, that of the truth first."""
+    given = models if isinstance(models, Mapping) else {type(models).__name__: models}
+    if not given:
+        raise ValueError("there is no model to draw: pass a fitted identification, a StateSpace, or a mapping of them.")
+    if truth is not None:
+        given = {TRUTH: truth, **given}
+    return {str(label): respond(model) for label, model in given.items()}
+
+
+def inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
+    """The inputs to draw: those chosen, or all that any model has."""
+    present = list(dict.fromkeys(name for frame in responses.values() for name in frame.columns))
+    for name in chosen or ():
+        if name not in present:
+            raise ValueError(f"inputs= names {name!r}, but the models have {', '.join(present)}.")
+    return list(chosen) if chosen is not None else present
+
+
+def unit_of(name: str) -> str:
+    """Unit of the response of a temperature to an input, by the data contract."""
+    if name.startswith("T_"):
+        return "K/K"
+    if name.startswith("q_sol"):
+        return "K per kW/m2"
+    return "K per stage" if name.startswith("u_") else "K/kW"
+
+
+def style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
+    """The truth is a broad dark line below the others."""
+    if label == TRUTH:
+        return {"color": MEASURED, "linestyle": "-", "linewidth": 3.0, "alpha": 0.45, "zorder": 1.5}
+    return {"linewidth": 1.7, **line_style([name for name in responses if name != TRUTH].index(label))}

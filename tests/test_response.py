@@ -1,0 +1,159 @@
+"""Frequency and step responses agree with scipy.signal and with closed forms; their pictures show them."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import signal
+
+from skhybrid import GrayBoxRC, RCNetwork
+from skhybrid.datasets import make_office
+from skhybrid.identification import StateSpace, frequency_response, make_state_space, step_response
+from skhybrid.inspection import BodeDisplay, StepResponseDisplay
+
+OFFICE = {
+    "C_w": 14.0, "C_za": 1.0, "R_zw": 1.0, "R_zo": 8.6, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0,
+}  # fmt: skip
+
+
+@pytest.fixture
+def office():
+    return make_state_space("2R2C", OFFICE)
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    yield
+    plt.close("all")
+
+
+def _scipy(model, output=0):
+    return model.A, model.B, model.C[[output]], model.D[[output]]
+
+
+# ------------------------------------------------------------------------------------------------------- the numbers
+@pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # scipy goes by way of a transfer function
+def test_the_frequency_response_is_scipys(office):
+    periods = pd.to_timedelta([0.5, 1, 3, 24, 168, 720], unit="h")
+    found = frequency_response(office, periods)
+    assert list(found.columns) == list(office.input_names) == ["T_oa", "q_sol", "u_heat", "u_cool", "heat_gain"]
+    step = office.sampling_time / pd.Timedelta("1s")
+    w = 2 * np.pi * step / (periods / pd.Timedelta("1s")).to_numpy()
+    for j, name in enumerate(office.input_names):
+        A, B, C, D = _scipy(office)
+        transfer = signal.dlti(A, B[:, [j]], C, D[:, [j]], dt=step)
+        _, expected = signal.dfreqresp(transfer, w=w)
+        np.testing.assert_allclose(found[name], expected, rtol=1e-6)
+
+
+def test_the_step_response_is_scipys(office):
+    found = step_response(office, "12h")
+    assert found.index[-1] == pd.Timedelta("12h")
+    _, expected = signal.dstep((*_scipy(office), 1.0), n=49)
+    for name, values in zip(office.input_names, expected, strict=True):
+        np.testing.assert_allclose(found[name], values[:, 0], rtol=1e-10, atol=1e-12)
+
+
+def test_a_sinusoid_comes_out_with_the_magnitude_and_the_phase(office):
+    period, hours = 6.0, np.arange(0, 2400, 0.25)
+    gain = frequency_response(office, ["6h"])["u_heat"].iloc[0]
+    x, path = np.zeros(2), []
+    for k in range(len(hours)):
+        path.append(office.C[0] @ x)
+        x = office.A @ x + office.B[:, 2] * np.sin(2 * np.pi * hours[k] / period)
+    expected = np.abs(gain) * np.sin(2 * np.pi * hours / period + np.angle(gain))
+    np.testing.assert_allclose(path[-96:], expected[-96:], atol=1e-6)
+
+
+def test_the_slowest_response_is_the_steady_state(office):
+    slow = frequency_response(office, ["20000D"]).iloc[0]
+    # all heat leaves through R_zo, wherever it enters
+    np.testing.assert_allclose(slow.abs(), [1.0, 8.6 * 3.0, 8.6 * 6.0, 8.6 * 6.0, 8.6], rtol=1e-3)
+    np.testing.assert_allclose(step_response(office, "200D").iloc[-1], [1.0, 25.8, 51.6, -51.6, 8.6], rtol=1e-6)
+
+
+def test_the_default_periods_begin_at_two_steps_and_shorter_ones_are_refused(office):
+    assert frequency_response(office).index[0] == pd.Timedelta("30min")
+    fast = make_state_space("2R2C", OFFICE, sampling_time="1min")
+    assert frequency_response(fast).index[[0, -1]].tolist() == [pd.Timedelta("10min"), pd.Timedelta("30D")]
+    with pytest.raises(ValueError, match="shorter than two steps of the model"):
+        frequency_response(office, ["20min"])
+
+
+def test_a_second_output_has_a_response_of_its_own(office):
+    both = StateSpace(
+        office.A, office.B, np.eye(2), np.zeros((2, 5)), office.state_names, office.input_names, office.sampling_time
+    )
+    _, expected = signal.dstep((*_scipy(both, 0), 1.0), n=5)
+    np.testing.assert_allclose(step_response(both, "1h")["q_sol"], expected[1][:, 0])  # the wall
+    pd.testing.assert_frame_equal(step_response(both, output=1), step_response(office))
+    pd.testing.assert_frame_equal(frequency_response(both, output=1), frequency_response(office))
+
+
+def test_an_identification_responds_as_its_state_space():
+    data = make_office(n_days=3, random_state=0)
+    model = GrayBoxRC(known=data.theta).fit(data.X, data.y)
+    made = make_state_space("2R2C", data.theta)
+    pd.testing.assert_frame_equal(step_response(model), step_response(made))
+    pd.testing.assert_frame_equal(frequency_response(model), frequency_response(made))
+
+
+def test_what_has_no_response_is_refused():
+    with pytest.raises(ValueError, match="theta lacks R_zo, A_win"):
+        make_state_space("1R1C", {"C_za": 1.0}, roles=["T_oa", "q_sol"])
+    with pytest.raises(ValueError, match="int is neither a StateSpace nor"):
+        step_response(3)
+
+
+# ------------------------------------------------------------------------------------------------------ the pictures
+def _lines(ax):
+    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+
+
+def test_magnitudes_are_drawn_beside_the_truth(office):
+    other = make_state_space("2R2C", OFFICE | {"C_w": 3.0})
+    display = BodeDisplay.from_state_space({"small wall": other}, truth=office)
+    assert [ax.get_title(loc="left") for ax in display.ax_] == list(office.input_names)
+    units = ["K/K", "K per kW/m2", "K per stage", "K per stage", "K/kW"]
+    assert [ax.get_ylabel() for ax in display.ax_] == [f"magnitude [{unit}]" for unit in units]
+    assert display.ax_[0].get_xscale() == display.ax_[0].get_yscale() == "log"
+    for label, model in (("true", office), ("small wall", other)):
+        line = _lines(display.ax_[2])[label]
+        expected = frequency_response(model)["u_heat"]
+        np.testing.assert_allclose(line.get_xdata(), expected.index.total_seconds())
+        np.testing.assert_allclose(line.get_ydata(), np.abs(expected))
+    (legend,) = display.figure_.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["true", "small wall"]
+
+
+def test_phase_and_decibels_on_request(office):
+    display = BodeDisplay.from_state_space(office, inputs=["u_cool"], phase=True, decibel=True)
+    size, phase = display.ax_
+    found = frequency_response(office)["u_cool"]
+    np.testing.assert_allclose(_lines(size)["StateSpace"].get_ydata(), 20 * np.log10(np.abs(found)))
+    angle = _lines(phase)["StateSpace"].get_ydata()
+    np.testing.assert_allclose(np.exp(1j * np.radians(angle)), found / np.abs(found), atol=1e-9)
+    assert np.abs(np.diff(angle)).max() < 20  # no jump of a whole turn
+
+
+def test_step_responses_are_drawn_for_models_with_different_inputs(office):
+    shed = RCNetwork("shed", {"za": "C_za"}, {"R": ("za", "T_oa")})
+    bare = make_state_space(shed, {"C_za": 1.0, "R": 5.0}, roles=["T_oa"], sampling_time="1h")
+    display = StepResponseDisplay.from_state_space({"office": office, "shed": bare}, duration="6h")
+    panels = dict(zip(office.input_names, display.ax_, strict=True))
+    np.testing.assert_allclose(_lines(panels["T_oa"])["shed"].get_ydata(), 1 - np.exp(-np.arange(7) / 5.0))
+    assert set(_lines(panels["u_heat"])) == {"office"}
+    assert display.ax_[0].get_xlim() == (0, 6)
+    again = StepResponseDisplay.from_predictions(display.responses, inputs=["T_oa"])
+    assert len(again.ax_) == 1
+
+
+def test_a_display_says_what_it_cannot_draw(office):
+    with pytest.raises(ValueError, match="inputs= names 'u_hot', but the models have T_oa"):
+        BodeDisplay.from_state_space(office, inputs=["u_hot"])
+    with pytest.raises(ValueError, match="ax holds 1 axes, but this display draws on 5"):
+        StepResponseDisplay.from_state_space(office, ax=plt.figure().add_subplot())
+    with pytest.raises(ValueError, match="there is no model to draw"):
+        BodeDisplay.from_estimator({})
