@@ -1,19 +1,28 @@
 """Identification of a thermal network in spite of heat that nobody measures."""
 
 from .base import StateSpace
+from .diagnostics import Diagnostics, diagnose, diagnose_residuals
 from .identifiability import Identifiability
 from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
 from .periodic_estimator import PeriodicDisturbanceID
+from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
 from .response import frequency_response, make_state_space, step_response
 
 __all__ = [
+    "Diagnostics",
     "GrayBoxRC",
     "Identifiability",
     "InputDisturbanceID",
     "OutputDisturbanceID",
     "PeriodicDisturbanceID",
     "StateSpace",
+    "autocorrelation",
+    "cross_correlation",
+    "cumulative_periodogram",
+    "diagnose",
+    "diagnose_residuals",
     "frequency_response",
+    "ljung_box",
     "make_state_space",
     "step_response",
 ]

@@ -25,6 +25,7 @@ from .disturbance import (
 from .experiment import Experiment
 from .gauss_newton import Minimum
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
+from .innovations import Innovations, arma_innovations, scaled_innovations, simulation_errors
 from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
 from .tracked import Outlook
@@ -208,6 +209,9 @@ class GrayBoxRC(_LeastSquaresIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
         return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
 
+    def _innovations(self, table: ZoneTable) -> Innovations:
+        return simulation_errors(self, table)
+
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
         span, tracker = rows_covering(self.warmup, table.step), self._tracker
@@ -334,6 +338,9 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own
 
+    def _innovations(self, table: ZoneTable) -> Innovations:
+        return scaled_innovations(self, table)
+
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
 
@@ -457,6 +464,9 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         for i, node in enumerate(self.network_.nodes):
             state[i] = self.disturbance_.get(first_name(node, number), state[i])
         return state
+
+    def _innovations(self, table: ZoneTable) -> Innovations:
+        return arma_innovations(self, table)
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
         """The network open loop, and the output disturbance that decays by ``rho_1``."""

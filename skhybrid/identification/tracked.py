@@ -12,6 +12,7 @@ from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._rolling import RollingForecastMixin
 from .experiment import Experiment, make_experiment
+from .innovations import InnovationsMixin
 from .periodic import hour_class, profile_cell
 from .tracking import GainTracker, Start, Track
 
@@ -24,7 +25,7 @@ class Outlook(NamedTuple):
     offset: np.ndarray  # (n_origins, H, o) added to the outputs of the rows origin + 1, ... [K]
 
 
-class TrackedNetwork(RollingForecastMixin, RegressorMixin, BaseEstimator):
+class TrackedNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, BaseEstimator):
     """What an identified network does with a table; a subclass identifies it and may give ``_outlook``."""
 
     def _experiment(self, table: ZoneTable) -> Experiment:

@@ -8,6 +8,7 @@ from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay
 from ._forecast import ForecastDisplay
 from ._lead import LeadErrorDisplay
+from ._residuals import ResidualDisplay
 from ._step_response import StepResponseDisplay
 from ._style import blank_axes
 
@@ -17,6 +18,7 @@ __all__ = [
     "DisturbanceWeekDisplay",
     "ForecastDisplay",
     "LeadErrorDisplay",
+    "ResidualDisplay",
     "StepResponseDisplay",
     "blank_axes",
 ]

@@ -1,0 +1,174 @@
+"""One-step errors of a fitted identification, with the standard deviation that the model gives each."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted
+
+from .._clock import rows_covering
+from .._contract import ZoneTable
+from .._kernels import simulate_path
+from .._threads import one_blas_thread
+from .disturbance import Conventional, first_name, first_state, measurement_variance
+from .experiment import output_roles
+from .tracking import GainTracker
+
+
+class Innovations(NamedTuple):
+    """Errors of every row and measured node; NaN where nothing was measured."""
+
+    error: np.ndarray  # (N, o) [K]
+    std: np.ndarray  # (N, o) [K]
+
+
+class InnovationsMixin:
+    """``innovations`` over one hook; the default is the Kalman filter of the model's own tracker."""
+
+    @one_blas_thread
+    def innovations(self, X: Any) -> pd.DataFrame:
+        """Errors of the model's own predictor, one step ahead.
+
+        CONV predicts by simulation, so that its errors are simulation errors; OD by its ARMA model; ID and the periodic
+        model by their Kalman filters.  The standardised errors ``innovation / std`` of a right model are white and
+        N(0, 1).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            With the measured temperature as column ``T_za``.  Where X begins as the training table did (by its time
+            stamps) the predictor starts as in ``fit``; where X follows it, from its end; else cold.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            ``innovation`` and ``std`` [K] (``innovation_<node>`` and ``std_<node>`` where several nodes are measured);
+            NaN where ``T_za`` is missing, and in the warm-up from which CONV takes its first state.
+
+        Raises
+        ------
+        ValueError
+            If X has no ``T_za``.
+
+        Notes
+        -----
+        CONV, ID and OD minimise squares, which fixes the size of their errors only through the errors themselves:
+        ``std`` is scaled to the training errors (``noise_std_``).  The gain of a Kalman filter does not change with
+        that scale.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)  # type: ignore[attr-defined]
+        roles = output_roles(self.network_)  # type: ignore[attr-defined]
+        for role in roles:
+            if role not in self._read_X(X).history:  # type: ignore[attr-defined]
+                raise ValueError(f"role {role!r} is missing: innovations compare predictions with the measurements.")
+        found = self._innovations(table)
+        error = found.error[n_tail:]
+        std = np.where(np.isfinite(error), found.std[n_tail:], np.nan)
+        ends = [""] if len(roles) == 1 else [f"_{role.removeprefix('T_')}" for role in roles]
+        columns = {f"innovation{end}": error[:, j] for j, end in enumerate(ends)}
+        columns |= {f"std{end}": std[:, j] for j, end in enumerate(ends)}
+        return pd.DataFrame(columns, index=table.index[n_tail:])
+
+    def _innovations(self, table: ZoneTable) -> Innovations:
+        return kalman_innovations(self, table)
+
+
+def kalman_innovations(model: Any, table: ZoneTable) -> Innovations:
+    """Of the filter with the gain state, which starts as in ``fit`` or from the end of the training table."""
+    tracker, experiment = model._tracker, model._experiment(table)
+    C = tracker.augmented()[1]
+    cells, classes, parts, row = model._cells(table), model._classes(table), [], 0
+    for number, piece in enumerate(experiment.pieces):
+        rows = slice(row, row + len(piece.y))
+        row = rows.stop
+        known = number == 0 and model._is_tail(table)
+        start = model._start(table) if known else tracker.cold(piece.firsts)
+        means, covariances = tracker.track(piece, cells[rows], classes[rows], start).starts
+        variance = np.einsum("os,kst,ot->ko", C, covariances, C) + tracker.R
+        parts.append((piece.outputs - means @ C.T, np.sqrt(variance)))
+    return _joined(parts)
+
+
+def scaled_innovations(model: Any, table: ZoneTable) -> Innovations:
+    """Kalman innovations whose variance, in the steady state, is that of the training errors."""
+    found = kalman_innovations(model, table)
+    return Innovations(found.error, found.std * model.noise_std_ / np.sqrt(steady_variance(model._tracker)))
+
+
+def steady_variance(tracker: GainTracker, tolerance: float = 1e-9) -> float:
+    """Innovation variance of a filter that has measured every row for long, the mean of several outputs [K2]."""
+    A, C = tracker.augmented()
+    P, last, mean = tracker.cold(np.zeros(len(C))).covariance, np.inf, 0.0
+    for _ in range(5000):
+        S = C @ P @ C.T + tracker.R * np.eye(len(C))
+        mean = float(np.trace(S)) / len(C)
+        if abs(mean - last) < tolerance * mean:
+            break
+        last = mean
+        P = A @ (P - P @ C.T @ np.linalg.solve(S, C @ P)) @ A.T + tracker.Q[0]
+    return mean
+
+
+def simulation_errors(model: Any, table: ZoneTable) -> Innovations:
+    """CONV: a Kalman filter over the warm-up sets the state, then the network is simulated (paper 2.2.1)."""
+    tracker, experiment = model._tracker, model._experiment(table)
+    setting = Conventional(rows_covering(model.warmup, table.step))
+    R = measurement_variance(experiment.hours)
+    noise = setting.noise(tracker.network)
+    plain = GainTracker(tracker.network, tracker.A, tracker.B, 0.0, noise, R, g_sd=0.0)
+    parts = []
+    for piece in experiment.pieces:
+        n_rows = len(piece.y)
+        warm = setting.filtered(n_rows)
+        state = first_state(tracker.network, piece)
+        if warm:
+            none = np.zeros(warm, np.int64)
+            state = plain.track(piece.rows(slice(0, warm)), none, none, plain.cold(piece.firsts)).end.mean[: tracker.n]
+        predicted = np.full(piece.outputs.shape, np.nan)
+        path = simulate_path(tracker.A, piece.inputs[warm:] @ tracker.B.T, state)
+        predicted[warm:] = path[: n_rows - warm, tracker.measured]
+        parts.append((piece.outputs - predicted, np.full(predicted.shape, model.noise_std_)))
+    return _joined(parts)
+
+
+def arma_innovations(model: Any, table: ZoneTable) -> Innovations:
+    """OD: what the open loop leaves over, predicted by the ARMA(1,1) disturbance (paper Eq. od_pred)."""
+    tracker, experiment = model._tracker, model._experiment(table)
+    rho = [float(model.disturbance_[name]) for name in ("rho_1", "rho_2")]
+    in_training, parts = model._is_training(table) and not model._is_tail(table), []
+    for number, piece in enumerate(experiment.pieces):
+        state = first_state(tracker.network, piece)
+        if number == 0 and not in_training:
+            state = np.array(model._open_start(table), dtype=np.float64)
+        elif in_training:  # as it was searched
+            for i, node in enumerate(tracker.network.nodes):
+                state[i] = model.disturbance_.get(first_name(node, number), state[i])
+        free = piece.outputs - model._open_loop(piece, state)[:-1, tracker.measured]
+        found = [arma_errors(column, *rho) for column in free.T]
+        error, variance = (np.column_stack(values) for values in zip(*found, strict=True))
+        parts.append((error, model.noise_std_ * np.sqrt(variance)))
+    return _joined(parts)
+
+
+def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
+    """One-step errors of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``, and their variance for unit noise.
+
+    A row without a measurement leaves ``rho_2 e`` unknown, so that the rows after it are less certain.
+    """
+    error, variance = np.full(len(free), np.nan), np.empty(len(free))
+    z, P = 0.0, 0.0
+    for k, value in enumerate(free):
+        variance[k] = 1.0 + P
+        if np.isnan(value):
+            z, P = rho_1 * z, rho_1**2 * P + rho_2**2
+        else:
+            error[k] = value - z
+            z, P = rho_1 * z + rho_2 * error[k], (rho_1 - rho_2) ** 2 * P
+    return error, variance
+
+
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> Innovations:
+    return Innovations(np.concatenate([error for error, _ in parts]), np.concatenate([std for _, std in parts]))

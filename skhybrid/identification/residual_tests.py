@@ -1,0 +1,232 @@
+"""Tests of whiteness and independence for series in which rows may be missing: arrays in, tables out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+#: 95 % of a standard normal variable lies within
+_Z95 = 1.959964
+#: longest autoregression that makes an input white
+_MAX_ORDER = 32
+
+
+def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
+    """Autocorrelation over the pairs of rows that were both measured.
+
+    Parameters
+    ----------
+    errors : array-like of shape (n,)
+        NaN where missing.
+    n_lags : int
+        Lags 1 to ``n_lags``; fewer where the series is shorter.
+
+    Returns
+    -------
+    DataFrame
+        Index ``lag`` [rows]; ``acf``, the half-width ``band`` within which 95 % of white noise lies
+        (``1.96 / sqrt(n_pairs)``) and ``n_pairs``.  NaN where no pair was measured.
+
+    Raises
+    ------
+    ValueError
+        If fewer than three values were measured, or all are the same.
+    """
+    z, seen = _centred(errors)
+    variance = float(np.sum(z**2)) / int(seen.sum())
+    lags = np.arange(1, min(n_lags, len(z) - 1) + 1)
+    pairs = np.array([np.count_nonzero(seen[k:] & seen[:-k]) for k in lags])
+    products = np.array([z[k:] @ z[:-k] for k in lags])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        acf, band = products / pairs / variance, _Z95 / np.sqrt(pairs)
+    table = pd.DataFrame({"acf": acf, "band": band, "n_pairs": pairs}, index=pd.Index(lags, name="lag"))
+    return table.where(table["n_pairs"] > 0)
+
+
+def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFrame:
+    """Ljung and Box's test of whiteness, over the pairs of rows that were both measured.
+
+    Parameters
+    ----------
+    errors : array-like of shape (n,)
+        NaN where missing.
+    lags : sequence of int
+        The test takes all lags up to each of these.
+    n_fitted : int
+        Parameters of the noise model that were fitted on these rows; they take degrees of freedom.
+
+    Returns
+    -------
+    DataFrame
+        Index ``lags``; ``statistic``, ``dof`` and ``p_value``.
+
+    Notes
+    -----
+    ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2`` is the usual statistic where nothing is missing (Ljung and Box, 1978),
+    and what Stoffer and Toloi (1992) take where something is.
+    """
+    n = int(np.isfinite(np.asarray(errors, dtype=np.float64)).sum())
+    table = autocorrelation(errors, max(lags))
+    total = ((n + 2) / n * table["n_pairs"] * table["acf"] ** 2).fillna(0.0).cumsum()
+    counted = (table["n_pairs"] > 0).cumsum()
+    rows = []
+    for lag in lags:
+        last = min(int(lag), len(table))
+        dof = max(int(counted.loc[last]) - n_fitted, 1)
+        statistic = float(total.loc[last])
+        rows.append((statistic, dof, float(stats.chi2.sf(statistic, dof))))
+    return pd.DataFrame(rows, columns=["statistic", "dof", "p_value"], index=pd.Index(list(lags), name="lags"))
+
+
+def cumulative_periodogram(errors: Any) -> pd.DataFrame:
+    """Share of the variance at or below each frequency, which for white noise is a straight line (Bartlett).
+
+    Parameters
+    ----------
+    errors : array-like of shape (n,)
+        NaN where missing: such a row is set to the mean, which leaves white noise white.
+
+    Returns
+    -------
+    DataFrame
+        Index ``frequency`` [cycles per row]; ``cumulative`` [-], the ``expected`` line, and the half-width ``band`` of
+        the Kolmogorov-Smirnov test at 5 %.  ``attrs`` hold its ``statistic`` and ``p_value``.
+    """
+    z, _ = _centred(errors)
+    m = (len(z) - 1) // 2
+    power = np.abs(np.fft.rfft(z)[1 : m + 1]) ** 2
+    cumulative, expected = np.cumsum(power) / power.sum(), np.arange(1, m + 1) / m
+    statistic = float(max(np.max(cumulative - expected), np.max(expected - cumulative + 1.0 / m)))
+    root = np.sqrt(m) + 0.12 + 0.11 / np.sqrt(m)  # Stephens (1970): the limit law, for finite samples
+    table = pd.DataFrame(
+        {"cumulative": cumulative, "expected": expected, "band": float(stats.kstwobign.isf(0.05)) / root},
+        index=pd.Index(np.arange(1, m + 1) / len(z), name="frequency"),
+    )
+    table.attrs |= {"statistic": statistic, "p_value": float(stats.kstwobign.sf(root * statistic))}
+    return table
+
+
+def prewhiten(series: Any) -> np.ndarray:
+    """What an autoregression of the series, of the order that AIC chooses, leaves over.
+
+    Parameters
+    ----------
+    series : array-like of shape (n,)
+        NaN where missing.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        NaN where one of the rows that the autoregression reads is missing, and in the first rows.
+
+    Notes
+    -----
+    Two smooth series look correlated at many lags by chance.  Once each is white, the correlation at every lag has the
+    standard error of white noise (Haugh, 1976).
+    """
+    x, seen = _centred(series)
+    n, highest = int(seen.sum()), min(_MAX_ORDER, max(len(x) // 10, 1))
+    pairs = np.array([np.count_nonzero(seen[k:] & seen[: len(x) - k]) for k in range(highest + 1)])
+    # divided by n at lags without gaps, which keeps the autoregression stable
+    covariance = np.array([x[k:] @ x[: len(x) - k] * (len(x) - k) for k in range(highest + 1)])
+    covariance = covariance / np.maximum(pairs, 1) / len(x)
+    covariance[0] *= 1.0 + 1e-9  # a piecewise constant series has a singular Toeplitz matrix
+    weights = _autoregression(covariance, n)
+    out = lfilter(np.concatenate([[1.0], -weights]), [1.0], x)
+    read = np.convolve(~seen, np.ones(len(weights) + 1))[: len(x)] > 0
+    out[read] = np.nan
+    out[: len(weights)] = np.nan
+    return np.asarray(out)
+
+
+def _autoregression(covariance: np.ndarray, n: int) -> np.ndarray:
+    """Weights by Yule and Walker, of the order with the least AIC."""
+    best: tuple[float, np.ndarray] = (n * np.log(covariance[0]), np.zeros(0))
+    for order in range(1, len(covariance)):
+        weights = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+        left = covariance[0] - weights @ covariance[1 : order + 1]
+        score = n * np.log(max(left, 1e-12 * covariance[0])) + 2.0 * order
+        if score < best[0]:
+            best = (score, weights)
+    return best[1]
+
+
+def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataFrame:
+    """Correlation of the errors with an input, both prewhitened, over the rows that were measured.
+
+    Parameters
+    ----------
+    errors : array-like of shape (n,)
+        NaN where missing.
+    series : array-like of shape (n,)
+        The input, without gaps.
+    lags : sequence of int
+        Rows by which the input is earlier than the error; a negative lag is an error that is earlier than the input.
+
+    Returns
+    -------
+    DataFrame
+        Index ``lag`` [rows]; ``ccf``, the half-width ``band`` within which 95 % of the values of an independent input
+        lie, and the standardised value ``t``.
+
+    Notes
+    -----
+    The band is ``1.96 sqrt(sum x^2 e^2) / (n sd(x) sd(e))``, White's: right where both are larger by day than by night.
+    """
+    white = prewhiten(errors)
+    measured = np.isfinite(np.asarray(errors, dtype=np.float64)).sum()
+    # scattered gaps leave no row whose past is whole: then the errors stay as they are, and the test is weaker
+    z, seen = _centred(white if np.isfinite(white).sum() > measured // 2 else errors)
+    x, known = _centred(prewhiten(series))
+    scale = np.sqrt(np.sum(z**2) / seen.sum() * np.sum(x**2) / known.sum())
+    rows = []
+    for lag in lags:
+        later, earlier = (z[lag:], x[: len(x) - lag]) if lag >= 0 else (z[:lag], x[-lag:])
+        pair = (seen[lag:] & known[: len(x) - lag]) if lag >= 0 else (seen[:lag] & known[-lag:])
+        n, product = int(pair.sum()), later * earlier
+        spread = float(np.sqrt(np.sum(product**2)))
+        total = float(np.sum(product))
+        if n < 3 or spread == 0.0:
+            rows.append((np.nan, np.nan, np.nan))
+        else:
+            rows.append((total / n / scale, _Z95 * spread / n / scale, total / spread))
+    return pd.DataFrame(rows, columns=["ccf", "band", "t"], index=pd.Index(list(lags), name="lag"))
+
+
+def independence(t: Any) -> float:
+    """p-value of standardised correlations at several lags: their largest, and their sum of squares.
+
+    Parameters
+    ----------
+    t : array-like of shape (n_lags,)
+        NaN is left out.
+
+    Returns
+    -------
+    float
+        Bonferroni's of the two tests.
+    """
+    known = np.asarray(t, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return np.nan
+    largest = -np.expm1(len(known) * np.log1p(-2.0 * stats.norm.sf(np.abs(known).max())))
+    return float(min(1.0, 2.0 * min(largest, stats.chi2.sf(np.sum(known**2), len(known)))))
+
+
+def _centred(errors: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Errors less their mean, 0 where missing; and which were measured."""
+    values = np.asarray(errors, dtype=np.float64).reshape(-1)
+    seen = np.isfinite(values)
+    if seen.sum() < 3 or np.ptp(values[seen]) == 0.0:
+        raise ValueError(
+            f"{int(seen.sum())} values, {'all the same' if seen.sum() > 2 else 'too few'}, say nothing of correlation; "
+            "pass more measured rows."
+        )
+    return np.where(seen, values - values[seen].mean(), 0.0), seen

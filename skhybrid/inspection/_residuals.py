@@ -1,0 +1,159 @@
+"""The errors of a fitted identification: over time, against themselves, against the inputs, against the normal law."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ..identification import Diagnostics, diagnose
+from ._style import COLORS, MEASURED, grid_or_new, tidy, time_axis
+
+_BAND = {"color": "#999999", "alpha": 0.25, "linewidth": 0}
+_OUTSIDE = COLORS[1]
+
+
+class ResidualDisplay:
+    """Standardised one-step errors over time, their autocorrelation, cumulative periodogram and quantiles, and their
+    correlation with every input.
+
+    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+
+    Parameters
+    ----------
+    diagnostics : Diagnostics
+        As :func:`skhybrid.identification.diagnose` gives them.
+
+    Attributes
+    ----------
+    ax_ : ndarray of matplotlib Axes
+        One a panel, after :meth:`plot`.
+    figure_ : matplotlib Figure
+        The figure that holds them.
+    """
+
+    ax_: Any
+    figure_: Any
+
+    def __init__(self, diagnostics: Diagnostics) -> None:
+        self.diagnostics = diagnostics
+
+    @classmethod
+    def from_estimator(
+        cls, estimator: Any, X: Any, *, max_lag: Any = "1D", ax: Any = None, **kwargs: Any
+    ) -> ResidualDisplay:
+        """Diagnose a fitted identification and draw it.
+
+        Parameters
+        ----------
+        estimator : fitted identification
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            With the measured temperature as column ``T_za``.
+        max_lag : timedelta-like, default="1D"
+            Longest lag of the correlations.
+        ax : array of matplotlib Axes, optional
+            Where to draw: four and one an input; default is a new figure.
+        **kwargs
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        ResidualDisplay
+        """
+        return cls(diagnose(estimator, X, max_lag=max_lag)).plot(ax, **kwargs)
+
+    @classmethod
+    def from_predictions(cls, diagnostics: Diagnostics, *, ax: Any = None, **kwargs: Any) -> ResidualDisplay:
+        """Draw diagnostics that were made already.
+
+        Parameters
+        ----------
+        diagnostics : Diagnostics
+            Of :func:`skhybrid.identification.diagnose` or :func:`skhybrid.identification.diagnose_residuals`.
+        ax : array of matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        **kwargs
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        ResidualDisplay
+        """
+        return cls(diagnostics).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, *, title: str | None = None) -> ResidualDisplay:
+        """Draw four panels and one an input.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        title : str, optional
+            Above the picture; default is the name of the model.
+
+        Returns
+        -------
+        ResidualDisplay
+            With ``ax_`` and ``figure_``.
+        """
+        found = self.diagnostics
+        inputs = list(found.cross_correlation.columns.unique("input"))
+        n_panels = 4 + len(inputs)
+        axes = grid_or_new(ax, n_panels, 4 if n_panels in (4, 7, 8) else 3, (3.5, 2.5), share=False)
+        _draw_time(axes[0], found.standardised)
+        _draw_quantiles(axes[1], found.standardised.dropna().to_numpy())
+        _draw_correlation(axes[2], found.autocorrelation["acf"], found.autocorrelation["band"], "autocorrelation")
+        _draw_periodogram(axes[3], found.cumulative_periodogram)
+        for panel, name in zip(axes[4:], inputs, strict=True):
+            part = found.cross_correlation[name]
+            _draw_correlation(panel, part["ccf"], part["band"], f"correlation with {name}")
+            panel.axvline(0.0, color="#999999", linewidth=0.8)
+            panel.set_xlabel("lag of the error behind the input [h]")
+        if ax is None:
+            axes[0].figure.suptitle(title or found.name, x=0.01, ha="left", fontsize="medium", fontweight="bold")
+        self.ax_, self.figure_ = axes, axes[0].figure
+        return self
+
+
+def _draw_time(ax: Any, z: pd.Series) -> None:
+    place = z.index if isinstance(z.index, pd.DatetimeIndex) else np.arange(len(z))
+    ax.axhspan(-1.96, 1.96, **_BAND)
+    ax.plot(place, z.to_numpy(), color=MEASURED, linewidth=0.6)
+    tidy(ax, ylabel="error / its std [-]", title="standardised one-step errors")
+    time_axis(ax, z.index)
+
+
+def _draw_quantiles(ax: Any, z: np.ndarray) -> None:
+    expected = stats.norm.ppf((np.arange(1, len(z) + 1) - 0.5) / len(z))
+    ends = expected[[0, -1]]
+    ax.plot(ends, ends, color=COLORS[0], linewidth=1.0)
+    ax.plot(expected, np.sort(z), ".", color=MEASURED, markersize=2.5)
+    tidy(ax, ylabel="error / its std [-]", xlabel="standard normal quantile [-]", title="quantiles")
+
+
+def _draw_correlation(ax: Any, values: pd.Series, band: pd.Series, title: str) -> None:
+    """Bars; those outside the 95 % band stand out."""
+    hours = (pd.TimedeltaIndex(values.index) / pd.Timedelta("1h")).to_numpy()
+    outside = values.abs().to_numpy() > band.to_numpy()
+    ax.fill_between(hours, -band, band, **_BAND)
+    for chosen, color in ((~outside, MEASURED), (outside, _OUTSIDE)):
+        ax.vlines(hours[chosen], 0.0, values.to_numpy()[chosen], color=color, linewidth=1.2)
+    ax.axhline(0.0, color="#999999", linewidth=0.8)
+    ax.margins(x=0.01)
+    tidy(ax, ylabel="correlation [-]", xlabel="lag [h]", title=title)
+    if hours.max() % 6 == 0 and hours.max() <= 48:
+        ax.set_xticks(np.arange(np.ceil(hours.min() / 6), hours.max() / 6 + 0.01) * 6)
+
+
+def _draw_periodogram(ax: Any, table: pd.DataFrame) -> None:
+    frequency = table.index.to_numpy()
+    low, high = table["expected"] - table["band"], table["expected"] + table["band"]
+    ax.fill_between(frequency, low, high, **_BAND)
+    ax.plot(frequency, table["expected"], color="#999999", linewidth=0.8)
+    inside = ((table["cumulative"] - table["expected"]).abs() <= table["band"]).all()
+    ax.plot(frequency, table["cumulative"], color=MEASURED if inside else _OUTSIDE, linewidth=1.4)
+    ax.set_xlim(0.0, frequency[-1])
+    ax.set_ylim(0.0, 1.0)
+    tidy(ax, ylabel="share of the variance [-]", xlabel="frequency [1/h]", title="cumulative periodogram")
