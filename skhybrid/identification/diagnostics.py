@@ -101,7 +101,7 @@ class Diagnostics:
         return f"<h4>Diagnostics of {escape(self.name)}</h4>{table}<ul>{items}</ul>"
 
 
-def diagnose(estimator: Any, X: Any, *, max_lag: Any = "1D", level: float = 0.01) -> Diagnostics:
+def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", level: float = 0.01) -> Diagnostics:
     """Test the one-step errors of a fitted identification.
 
     Parameters
@@ -110,6 +110,8 @@ def diagnose(estimator: Any, X: Any, *, max_lag: Any = "1D", level: float = 0.01
         With ``innovations(X)``.
     X : DataFrame or array-like of shape (n_samples, n_features)
         With the measured temperature as column ``T_za``: the training table, or new rows.
+    output : int, default=0
+        Which measured temperature, for a network with several.
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
@@ -136,7 +138,9 @@ def diagnose(estimator: Any, X: Any, *, max_lag: Any = "1D", level: float = 0.01
     False
     """
     check_is_fitted(estimator)
-    errors = estimator.innovations(X)
+    found = estimator.innovations(X)
+    half = found.shape[1] // 2  # a column an output, then their standard deviations
+    errors = found.iloc[:, [output, half + output]].set_axis(["innovation", "std"], axis=1)
     table = estimator._read_X(X)
     roles = estimator.network_.inputs(tuple(sorted(table.inputs)))
     inputs = pd.DataFrame({role: table.inputs[role] for role in roles}, index=errors.index)
@@ -168,7 +172,8 @@ def diagnose_residuals(
     Parameters
     ----------
     innovations : DataFrame
-        Columns ``innovation`` and ``std`` [K], one row a step; NaN where nothing was measured.
+        Columns ``innovation`` and ``std`` [K], one row a step; NaN where nothing was measured.  Stamps that are absent
+        count as rows without a measurement.
     inputs : DataFrame, optional
         Inputs of the same rows, by name; one that never changes is left out.
     sampling_time : timedelta-like, optional
@@ -192,6 +197,10 @@ def diagnose_residuals(
         If there is no step, or too few rows were measured.
     """
     step = _step_of(innovations.index, sampling_time)
+    if isinstance(innovations.index, pd.DatetimeIndex):
+        grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
+        innovations = innovations.reindex(grid)
+        inputs = None if inputs is None else inputs.reindex(grid)
     hours = step / pd.Timedelta("1h")
     z = (innovations["innovation"] / innovations["std"]).to_numpy(dtype=np.float64)
     n_lags = min(rows_covering(max_lag, step, "max_lag"), max(2, len(z) // 4))
@@ -219,7 +228,7 @@ def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.
     """Lags from half a ``max_lag`` before the input to half a ``max_lag`` after it."""
     half = max(1, n_lags // 2)
     lags = list(range(-half, half + 1))
-    moving = [] if inputs is None else [name for name in inputs if np.ptp(inputs[name].to_numpy()) > 0]
+    moving = [] if inputs is None else [name for name in inputs if inputs[name].max() > inputs[name].min()]
     parts = {name: cross_correlation(z, inputs[name], lags) for name in moving if inputs is not None}
     if not parts:
         empty = pd.MultiIndex.from_arrays([[], []], names=["input", "value"])

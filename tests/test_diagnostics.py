@@ -1,0 +1,355 @@
+"""One-step errors are those of each predictor as a plain loop; their tests keep their level and say what is wrong."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid.datasets import make_office
+from skhybrid.identification import (
+    autocorrelation,
+    cross_correlation,
+    cumulative_periodogram,
+    diagnose,
+    diagnose_residuals,
+    ljung_box,
+    make_state_space,
+)
+from skhybrid.identification.innovations import arma_errors
+from skhybrid.inspection import ResidualDisplay
+
+STEP_H = 0.25
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=5, random_state=3)
+
+
+@pytest.fixture(scope="module")
+def gappy(office):
+    y = office.y.copy()
+    y.iloc[150:170] = np.nan
+    y.iloc[300::7] = np.nan
+    return office.X.assign(T_za=y), y
+
+
+@pytest.fixture(scope="module")
+def fitted(office, gappy):
+    X, y = gappy
+    known = office.theta
+    return {
+        "CONV": GrayBoxRC(known=known).fit(X, y),
+        "OD": OutputDisturbanceID(known=known, n_starts=2, random_state=0).fit(X, y),
+        "ID": InputDisturbanceID(known=known, n_starts=2, random_state=0).fit(X, y),
+        "periodic": PeriodicDisturbanceID(
+            known=known | {"tau": 4.0, "sigma_profile": 0.3, "sigma_y": 0.05}, n_starts=1, random_state=0
+        ).fit(X, y),
+    }
+
+
+def _network(office):
+    model = make_state_space("2R2C", office.theta)
+    return model.A, model.B, office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy() @ model.B[:, :4].T
+
+
+# ---------------------------------------------------------------------------------------------------------- innovations
+def test_errors_are_missing_where_the_measurement_is(fitted, gappy):
+    X, y = gappy
+    for name, model in fitted.items():
+        found = model.innovations(X)
+        assert list(found.columns) == ["innovation", "std"]
+        expected = y.isna().to_numpy(copy=True)
+        expected[: 96 if name == "CONV" else 0] = True
+        np.testing.assert_array_equal(found["innovation"].isna(), expected)
+        np.testing.assert_array_equal(found["std"].isna(), expected)
+        assert (found["std"].dropna() > 0).all()
+
+
+def test_the_squares_of_the_training_errors_are_the_loss(fitted, gappy):
+    for name in ("CONV", "OD", "ID"):
+        errors = fitted[name].innovations(gappy[0])["innovation"]
+        assert (errors**2).sum() == pytest.approx(fitted[name].loss_, rel=1e-9)
+
+
+def test_conv_simulates_after_a_day_of_filtering(fitted, office, gappy):
+    A, _, forcing = _network(office)
+    y = gappy[1].to_numpy()
+    s, P, R = np.full(2, y[0]), np.diag([2.0, 0.5]) ** 2, 0.25**2 / 900
+    predicted = np.empty(len(y))
+    for k in range(len(y)):
+        predicted[k] = s[1]
+        if k < 96:
+            gain = P[:, 1] / (P[1, 1] + R)
+            s, P = s + gain * (y[k] - s[1]), P - np.outer(gain, P[1])
+            P = A @ P @ A.T + 0.05**2 * np.eye(2)
+        s = A @ s + forcing[k]
+    errors = fitted["CONV"].innovations(gappy[0])["innovation"].to_numpy()
+    np.testing.assert_allclose(errors[96:], (y - predicted)[96:], atol=1e-9)
+
+
+def test_od_predicts_by_its_arma_model(fitted, office, gappy):
+    A, _, forcing = _network(office)
+    model, y = fitted["OD"], gappy[1].to_numpy()
+    own = model.disturbance_
+    s, z, errors = np.array([own["T0_w"], y[0]]), 0.0, np.full(len(y), np.nan)
+    for k in range(len(y)):
+        e = y[k] - s[1] - z
+        errors[k] = e
+        z = own["rho_1"] * z + own["rho_2"] * (0.0 if np.isnan(e) else e)
+        s = A @ s + forcing[k]
+    np.testing.assert_allclose(model.innovations(gappy[0])["innovation"], errors, atol=1e-9)
+
+
+def test_id_filters_with_covariances_in_the_ratio_of_its_errors(fitted, office, gappy):
+    A, B, forcing = _network(office)
+    model, y = fitted["ID"], gappy[1].to_numpy()
+    big = np.block([[A, B[:, 4:]], [np.zeros((1, 2)), np.eye(1)]])
+    Q = np.diag(model.disturbance_[["sigma_x", "sigma_x", "sigma_zeta"]].to_numpy() ** 2)
+    s, P, R = np.array([y[0], y[0], 0.0]), np.diag([2.0, 0.5, 1.0]) ** 2, 0.25**2 / 900
+    errors, S = np.full(len(y), np.nan), np.empty(len(y))
+    for k in range(len(y)):
+        S[k] = P[1, 1] + R
+        if np.isfinite(y[k]):
+            errors[k] = y[k] - s[1]
+            gain = P[:, 1] / S[k]
+            s, P = s + gain * errors[k], P - np.outer(gain, P[1])
+        s, P = big @ s + np.append(forcing[k], 0.0), big @ P @ big.T + Q
+    found = model.innovations(gappy[0])
+    np.testing.assert_allclose(found["innovation"], errors, atol=1e-8)
+    scale = (found["std"] / np.sqrt(S)).dropna()
+    np.testing.assert_allclose(scale, scale.iloc[0], rtol=1e-6)
+    steady = found["std"].iloc[140]  # many rows after the start, before the first gap
+    assert steady == pytest.approx(model.noise_std_, rel=1e-3)
+    assert found["std"].iloc[170] > 1.5 * steady  # behind twenty missing rows
+
+
+def test_rows_after_the_training_table_begin_where_it_ended(office):
+    model = OutputDisturbanceID(known=office.theta, n_starts=2, random_state=0).fit(office.X[:384], office.y[:384])
+    after = model.innovations(office.X[384:])["innovation"]
+    assert len(after) == 96
+    assert abs(after.iloc[0]) < 5 * model.noise_std_
+    whole = model.innovations(office.X)["innovation"].iloc[384:]
+    np.testing.assert_allclose(after, whole, atol=0.02)  # the training's first row and its end are both estimates
+    bare = office.X.drop(columns="T_za")
+    with pytest.raises(ValueError, match="role 'T_za' is missing: innovations compare"):
+        GrayBoxRC(known=office.theta).fit(bare, office.y).innovations(bare)
+
+
+def test_the_variance_behind_a_gap_is_that_of_the_predictor():
+    """Both the process and the predictor are linear in white noise: their matrices give the variance."""
+    rho_1, rho_2, n = 0.95, 0.7, 12
+    seen = np.ones(n, dtype=bool)
+    seen[[3, 4, 8]] = False
+    process = np.eye(n)
+    for k in range(1, n):
+        for i in range(k):
+            process[k, i] = rho_1 ** (k - 1 - i) * rho_2
+    predictor = np.column_stack([arma_errors(np.where(seen, unit, np.nan), rho_1, rho_2)[0] for unit in np.eye(n)])
+    turned = np.nan_to_num(predictor) @ process
+    expected = np.sum(turned**2, axis=1)
+    _, variance = arma_errors(np.where(seen, 0.0, np.nan), rho_1, rho_2)
+    np.testing.assert_allclose(variance[seen], expected[seen])
+    assert variance[5] > 1.2
+
+
+def test_the_errors_of_the_right_model_are_white_and_standard_normal():
+    rng, office = np.random.default_rng(1), make_office(n_days=10, random_state=4)
+    model = make_state_space("2R2C", office.theta)
+    s, heat, y = np.array([22.0, 22.0]), 0.0, []
+    for row in office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy():
+        y.append(s[1] + 0.02 * rng.normal())
+        s = model.A @ s + model.B @ np.append(row, heat)
+        heat += 0.1 * rng.normal()
+    X = office.X.assign(T_za=y)
+    known = office.theta | {"sigma_x": 1e-6, "sigma_zeta": 0.1}
+    right = InputDisturbanceID(known=known, measurement_sd=0.02).fit(X, X["T_za"])
+    found = diagnose(right, X)
+    assert found.tests.drop(index="normal (Jarque-Bera)")["passed"].all()
+    assert found.standardised.std() == pytest.approx(1.0, abs=0.05)
+    assert found.whiteness > 0.01
+    assert found.findings[0].startswith("the errors are white")
+    wrong = diagnose(GrayBoxRC(known=office.theta).fit(X, X["T_za"]), X)
+    assert not wrong.tests.loc["white (Ljung-Box)", "passed"]
+    assert "that the model does not carry" in wrong.findings[0]
+
+
+# --------------------------------------------------------------------------------------------------------- statistics
+@pytest.fixture
+def series():
+    z = np.random.default_rng(0).normal(size=60)
+    z[[5, 6, 30, 44]] = np.nan
+    return z
+
+
+def test_autocorrelation_counts_pairs_of_measured_rows(series):
+    mean = np.nanmean(series)
+    variance = np.nanmean((series - mean) ** 2)
+    found = autocorrelation(series, 10)
+    for lag in range(1, 11):
+        products = [(series[t] - mean) * (series[t - lag] - mean) for t in range(lag, 60)]
+        products = [p for p in products if np.isfinite(p)]
+        assert found.loc[lag, "n_pairs"] == len(products)
+        assert found.loc[lag, "acf"] == pytest.approx(np.mean(products) / variance)
+        assert found.loc[lag, "band"] == pytest.approx(stats.norm.ppf(0.975) / np.sqrt(len(products)))
+
+
+def test_every_other_row_leaves_the_odd_lags_open(series):
+    series[::2] = np.nan
+    found = autocorrelation(series, 4)
+    assert found["acf"].isna().tolist() == [True, False, True, False]
+    assert ljung_box(series, [4]).loc[4, "dof"] == 2
+
+
+def test_without_gaps_it_is_the_textbook_ljung_box():
+    z, n = np.random.default_rng(2).normal(size=80), 80
+    centred = z - z.mean()
+    r = [centred[k:] @ centred[:-k] / (centred @ centred) for k in range(1, 7)]
+    statistic = n * (n + 2) * sum(r[k - 1] ** 2 / (n - k) for k in range(1, 7))
+    found = ljung_box(z, [6], n_fitted=2).loc[6]
+    assert found["statistic"] == pytest.approx(statistic)
+    assert found["p_value"] == pytest.approx(stats.chi2.sf(statistic, 4))
+
+
+def test_the_cumulative_periodogram_is_that_of_a_plain_sum():
+    z = np.random.default_rng(3).normal(size=21)
+    t, power = np.arange(21), []
+    for j in range(1, 11):
+        angle = 2 * np.pi * j * t / 21
+        power.append((z @ np.cos(angle)) ** 2 + (z @ np.sin(angle)) ** 2)
+    found = cumulative_periodogram(z)
+    np.testing.assert_allclose(found["cumulative"], np.cumsum(power) / np.sum(power))
+    np.testing.assert_allclose(found.index, np.arange(1, 11) / 21)
+    uniform = stats.kstest(np.cumsum(power)[:-1] / np.sum(power), "uniform").statistic
+    assert found.attrs["statistic"] == pytest.approx(uniform, abs=0.1)
+
+
+@pytest.mark.parametrize("share_missing", [0.0, 0.3])
+def test_white_noise_is_refused_as_often_as_said(share_missing):
+    rng, n = np.random.default_rng(4), 250
+    box, spectrum = [], []
+    for _ in range(200):
+        z = np.where(rng.uniform(size=n) < share_missing, np.nan, rng.normal(size=n))
+        box.append(ljung_box(z, [20])["p_value"].iloc[0])
+        spectrum.append(cumulative_periodogram(z).attrs["p_value"])
+    # 5 % of 200 within about 2.6 standard errors
+    assert 0.01 < np.mean(np.array(box) < 0.05) < 0.09
+    assert 0.01 < np.mean(np.array(spectrum) < 0.05) < 0.09
+
+
+def _coloured(rng, n, root):
+    x = np.zeros(n)
+    for k in range(1, n):
+        x[k] = root * x[k - 1] + rng.normal()
+    return x
+
+
+@pytest.mark.parametrize("missing", [None, slice(100, 140), slice(None, None, 3)])
+def test_two_slow_series_are_not_taken_for_related(missing):
+    rng, outside = np.random.default_rng(5), []
+    for _ in range(60):
+        errors, other = _coloured(rng, 500, 0.97), _coloured(rng, 500, 0.97)
+        if missing is not None:
+            errors[missing] = np.nan
+        found = cross_correlation(errors, other, range(13))
+        outside.append((found["ccf"].abs() > found["band"]).mean())
+        np.testing.assert_allclose(found["t"], 1.959964 * found["ccf"] / found["band"])
+    assert 0.02 < np.mean(outside) < 0.10  # 0.05; without whitening it is above 0.5
+
+
+def test_a_lagged_effect_is_found_at_its_lag_and_side():
+    rng = np.random.default_rng(6)
+    cause = _coloured(rng, 2000, 0.9)
+    shock = np.append(0.0, np.diff(cause))
+    errors = rng.normal(size=2000) + 0.5 * np.roll(shock, 3)
+    errors[400:420] = np.nan
+    found = cross_correlation(errors, cause, range(-6, 7))
+    assert found["t"].abs().idxmax() == 3
+    assert found.loc[3, "ccf"] == pytest.approx(0.5 / np.sqrt(1.25), abs=0.06)
+
+
+# --------------------------------------------------------------------------------------------------------------- words
+def _white(n=1344, seed=7):
+    index = pd.date_range("2023-07-01", periods=n, freq="15min", tz="Europe/Berlin")
+    z = np.random.default_rng(seed).normal(size=n)
+    return pd.DataFrame({"innovation": 0.1 * z, "std": 0.1}, index=index)
+
+
+def test_an_input_that_is_badly_described_is_named_with_its_lags(office):
+    frame = _white(len(office.X))
+    frame.index = office.X.index
+    sun = office.X["q_sol"].diff().fillna(0.0)
+    frame["innovation"] += 0.1 * sum(6.0 * sun.shift(k).fillna(0.0) for k in (1, 2, 3, 4))
+    found = diagnose_residuals(frame, office.X[["T_oa", "q_sol"]], name="test")
+    assert not found.tests.loc["independent of q_sol", "passed"]
+    assert found.tests.loc["independent of T_oa", "passed"]
+    (said,) = [text for text in found.findings if "q_sol" in text]
+    assert "correlated with q_sol at lags of 15 min to" in said
+    assert "solar gain" in said
+
+
+def test_what_comes_again_every_day_and_what_is_larger_by_day_is_said():
+    frame = _white()
+    hour = frame.index.hour
+    frame["innovation"] += np.where(hour == 8, 0.15, 0.0)
+    frame["innovation"] *= np.where((hour >= 12) & (hour < 18), 3.0, 1.0)
+    found = diagnose_residuals(frame)
+    text = str(found)
+    assert "repeat from day to day" in text
+    assert "from 12 to 18 h" in text
+    assert "times as large as the model says" in text
+
+
+def test_noise_taken_for_disturbance_shows_as_opposed_errors():
+    frame = _white()
+    frame["innovation"] -= 0.5 * frame["innovation"].shift().fillna(0.0)
+    assert "follow one another are opposed" in diagnose_residuals(frame).findings[0]
+
+
+def test_absent_stamps_are_rows_without_a_measurement():
+    frame = _white()
+    whole = frame.copy()
+    whole.iloc[200:300] = np.nan
+    pd.testing.assert_frame_equal(
+        diagnose_residuals(frame.drop(index=frame.index[200:300])).autocorrelation,
+        diagnose_residuals(whole).autocorrelation,
+    )
+
+
+def test_diagnostics_print_one_screen_and_html(fitted, gappy):
+    found = diagnose(fitted["CONV"], gappy[0])
+    lines = str(found).splitlines()
+    assert len(lines) < 30
+    assert lines[0].startswith("GrayBoxRC: ")
+    assert "independent of u_cool" in str(found)
+    html = found._repr_html_()
+    assert "<table" in html
+    assert "<b>no</b>" in html
+    assert 0.5 < found.share_outside <= 1.0
+
+
+def test_too_little_is_refused():
+    with pytest.raises(ValueError, match="2 values, too few, say nothing"):
+        autocorrelation([1.0, 2.0, np.nan], 1)
+    with pytest.raises(ValueError, match="the rows have no time stamps"):
+        diagnose_residuals(_white().reset_index(drop=True))
+
+
+# ------------------------------------------------------------------------------------------------------------- picture
+def test_the_panels_show_the_tables(fitted, gappy):
+    display = ResidualDisplay.from_estimator(fitted["OD"], gappy[0], max_lag="12h")
+    found = display.diagnostics
+    titles = [ax.get_title(loc="left") for ax in display.ax_]
+    assert titles[:4] == ["standardised one-step errors", "quantiles", "autocorrelation", "cumulative periodogram"]
+    assert titles[4:] == [f"correlation with {name}" for name in ("T_oa", "q_sol", "u_heat", "u_cool")]
+    bars = np.sort(np.concatenate([c.get_segments() for c in display.ax_[2].collections[1:]])[:, 1, 1])
+    np.testing.assert_allclose(bars, np.sort(found.autocorrelation["acf"]))
+    np.testing.assert_allclose(display.ax_[0].get_lines()[0].get_ydata(), found.standardised)
+    np.testing.assert_allclose(display.ax_[3].get_lines()[1].get_ydata(), found.cumulative_periodogram["cumulative"])
+    again = ResidualDisplay.from_predictions(diagnose_residuals(_white()))
+    assert len(again.ax_) == 4
+    plt.close("all")
