@@ -76,6 +76,18 @@ def test_the_squares_of_the_training_errors_are_the_loss(fitted, gappy):
         assert (errors**2).sum() == pytest.approx(fitted[name].loss_, rel=1e-9)
 
 
+@pytest.mark.parametrize("estimator", [GrayBoxRC, OutputDisturbanceID, InputDisturbanceID])
+def test_a_table_with_a_gap_is_predicted_stretch_by_stretch(estimator, office):
+    keep = np.r_[0:200, 300:480]
+    X, y = office.X.iloc[keep], office.y.iloc[keep]
+    settings = {} if estimator is GrayBoxRC else {"n_starts": 2, "random_state": 0}
+    model = estimator(known=office.theta, **settings).fit(X, y)
+    errors = model.innovations(X)
+    assert (errors["innovation"] ** 2).sum() == pytest.approx(model.loss_, rel=1e-9)
+    assert errors.index.equals(X.index)
+    assert len(diagnose(model, X).standardised) == 480  # the gap counts as rows without a measurement
+
+
 def test_conv_simulates_after_a_day_of_filtering(fitted, office, gappy):
     A, _, forcing = _network(office)
     y = gappy[1].to_numpy()

@@ -13,7 +13,6 @@ from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._threads import one_blas_thread
 from .disturbance import Conventional, first_name, first_state, measurement_variance
-from .experiment import output_roles
 from .tracking import GainTracker
 
 
@@ -59,42 +58,43 @@ class InnovationsMixin:
         that scale.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)  # type: ignore[attr-defined]
-        roles = output_roles(self.network_)  # type: ignore[attr-defined]
+        table = self._read_X(X)  # type: ignore[attr-defined]
+        roles = self.network_.history_roles  # type: ignore[attr-defined]
         for role in roles:
-            if role not in self._read_X(X).history:  # type: ignore[attr-defined]
+            if role not in table.history:
                 raise ValueError(f"role {role!r} is missing: innovations compare predictions with the measurements.")
-        found = self._innovations(table)
-        error = found.error[n_tail:]
-        std = np.where(np.isfinite(error), found.std[n_tail:], np.nan)
+        in_training, errors, spreads = self._is_training(table), [], []  # type: ignore[attr-defined]
+        for number, piece in enumerate(table.pieces):
+            longer, n_tail = self._behind_tail(piece) if number == 0 else (piece, 0)  # type: ignore[attr-defined]
+            found = self._innovations(longer, number if in_training else None)
+            errors.append(found.error[n_tail:])
+            spreads.append(found.std[n_tail:])
+        error = np.concatenate(errors)
+        std = np.where(np.isfinite(error), np.concatenate(spreads), np.nan)
         ends = [""] if len(roles) == 1 else [f"_{role.removeprefix('T_')}" for role in roles]
         columns = {f"innovation{end}": error[:, j] for j, end in enumerate(ends)}
         columns |= {f"std{end}": std[:, j] for j, end in enumerate(ends)}
-        return pd.DataFrame(columns, index=table.index[n_tail:])
+        return pd.DataFrame(columns, index=table.index)
 
-    def _innovations(self, table: ZoneTable) -> Innovations:
-        return kalman_innovations(self, table)
+    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
+        """Of one stretch of rows; ``stretch`` is its number in the training table, None where it is not from there."""
+        return kalman_innovations(self, table, stretch)
 
 
-def kalman_innovations(model: Any, table: ZoneTable) -> Innovations:
+def kalman_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
     """Of the filter with the gain state, which starts as in ``fit`` or from the end of the training table."""
     tracker, experiment = model._tracker, model._experiment(table)
     C = tracker.augmented()[1]
-    cells, classes, parts, row = model._cells(table), model._classes(table), [], 0
-    for number, piece in enumerate(experiment.pieces):
-        rows = slice(row, row + len(piece.y))
-        row = rows.stop
-        known = number == 0 and model._is_tail(table)
-        start = model._start(table) if known else tracker.cold(piece.firsts)
-        means, covariances = tracker.track(piece, cells[rows], classes[rows], start).starts
-        variance = np.einsum("os,kst,ot->ko", C, covariances, C) + tracker.R
-        parts.append((piece.outputs - means @ C.T, np.sqrt(variance)))
-    return _joined(parts)
+    follows = stretch is None and model._is_tail(table)
+    start = model._start(table) if follows else tracker.cold(experiment.firsts)
+    means, covariances = tracker.track(experiment, model._cells(table), model._classes(table), start).starts
+    variance = np.einsum("os,kst,ot->ko", C, covariances, C) + tracker.R
+    return Innovations(experiment.outputs - means @ C.T, np.sqrt(variance))
 
 
-def scaled_innovations(model: Any, table: ZoneTable) -> Innovations:
+def scaled_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
     """Kalman innovations whose variance, in the steady state, is that of the training errors."""
-    found = kalman_innovations(model, table)
+    found = kalman_innovations(model, table, stretch)
     return Innovations(found.error, found.std * model.noise_std_ / np.sqrt(steady_variance(model._tracker)))
 
 
@@ -115,42 +115,33 @@ def steady_variance(tracker: GainTracker, tolerance: float = 1e-9) -> float:
 def simulation_errors(model: Any, table: ZoneTable) -> Innovations:
     """CONV: a Kalman filter over the warm-up sets the state, then the network is simulated (paper 2.2.1)."""
     tracker, experiment = model._tracker, model._experiment(table)
-    setting = Conventional(rows_covering(model.warmup, table.step))
-    R = measurement_variance(experiment.hours)
-    noise = setting.noise(tracker.network)
+    setting, n_rows = Conventional(rows_covering(model.warmup, table.step)), len(experiment.y)
+    R, noise = measurement_variance(experiment.hours), setting.noise(tracker.network)
     plain = GainTracker(tracker.network, tracker.A, tracker.B, 0.0, noise, R, g_sd=0.0)
-    parts = []
-    for piece in experiment.pieces:
-        n_rows = len(piece.y)
-        warm = setting.filtered(n_rows)
-        state = first_state(tracker.network, piece)
-        if warm:
-            none = np.zeros(warm, np.int64)
-            state = plain.track(piece.rows(slice(0, warm)), none, none, plain.cold(piece.firsts)).end.mean[: tracker.n]
-        predicted = np.full(piece.outputs.shape, np.nan)
-        path = simulate_path(tracker.A, piece.inputs[warm:] @ tracker.B.T, state)
-        predicted[warm:] = path[: n_rows - warm, tracker.measured]
-        parts.append((piece.outputs - predicted, np.full(predicted.shape, model.noise_std_)))
-    return _joined(parts)
+    warm, state = setting.filtered(n_rows), first_state(tracker.network, experiment)
+    if warm:
+        none, early = np.zeros(warm, np.int64), experiment.rows(slice(0, warm))
+        state = plain.track(early, none, none, plain.cold(experiment.firsts)).end.mean[: tracker.n]
+    predicted = np.full(experiment.outputs.shape, np.nan)
+    path = simulate_path(tracker.A, experiment.inputs[warm:] @ tracker.B.T, state)
+    predicted[warm:] = path[: n_rows - warm, tracker.measured]
+    return Innovations(experiment.outputs - predicted, np.full(predicted.shape, model.noise_std_))
 
 
-def arma_innovations(model: Any, table: ZoneTable) -> Innovations:
+def arma_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
     """OD: what the open loop leaves over, predicted by the ARMA(1,1) disturbance (paper Eq. od_pred)."""
     tracker, experiment = model._tracker, model._experiment(table)
+    if stretch is None:
+        state = np.array(model._open_start(table), dtype=np.float64)
+    else:  # as it was searched
+        state = first_state(tracker.network, experiment)
+        for i, node in enumerate(tracker.network.nodes):
+            state[i] = model.disturbance_.get(first_name(node, stretch), state[i])
+    free = experiment.outputs - model._open_loop(experiment, state)[:-1, tracker.measured]
     rho = [float(model.disturbance_[name]) for name in ("rho_1", "rho_2")]
-    in_training, parts = model._is_training(table) and not model._is_tail(table), []
-    for number, piece in enumerate(experiment.pieces):
-        state = first_state(tracker.network, piece)
-        if number == 0 and not in_training:
-            state = np.array(model._open_start(table), dtype=np.float64)
-        elif in_training:  # as it was searched
-            for i, node in enumerate(tracker.network.nodes):
-                state[i] = model.disturbance_.get(first_name(node, number), state[i])
-        free = piece.outputs - model._open_loop(piece, state)[:-1, tracker.measured]
-        found = [arma_errors(column, *rho) for column in free.T]
-        error, variance = (np.column_stack(values) for values in zip(*found, strict=True))
-        parts.append((error, model.noise_std_ * np.sqrt(variance)))
-    return _joined(parts)
+    found = [arma_errors(column, *rho) for column in free.T]
+    error, variance = (np.column_stack(values) for values in zip(*found, strict=True))
+    return Innovations(error, model.noise_std_ * np.sqrt(variance))
 
 
 def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +159,3 @@ def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarra
             error[k] = value - z
             z, P = rho_1 * z + rho_2 * error[k], (rho_1 - rho_2) ** 2 * P
     return error, variance
-
-
-def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> Innovations:
-    return Innovations(np.concatenate([error for error, _ in parts]), np.concatenate([std for _, std in parts]))

@@ -209,7 +209,7 @@ class GrayBoxRC(_LeastSquaresIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
         return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
 
-    def _innovations(self, table: ZoneTable) -> Innovations:
+    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
         return simulation_errors(self, table)
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
@@ -338,8 +338,8 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own
 
-    def _innovations(self, table: ZoneTable) -> Innovations:
-        return scaled_innovations(self, table)
+    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
+        return scaled_innovations(self, table, stretch)
 
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
@@ -465,8 +465,8 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
             state[i] = self.disturbance_.get(first_name(node, number), state[i])
         return state
 
-    def _innovations(self, table: ZoneTable) -> Innovations:
-        return arma_innovations(self, table)
+    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
+        return arma_innovations(self, table, stretch)
 
     def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
         """The network open loop, and the output disturbance that decays by ``rho_1``."""

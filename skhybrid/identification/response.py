@@ -59,11 +59,8 @@ def make_state_space(
         raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
     values = {p.name: float(theta[p.name]) for p in network.parameters(roles)}
     d = network.discrete(values, roles, step / pd.Timedelta("1h"))
-    measured = [network.measured] if isinstance(network.measured, str) else list(network.measured)
-    C = np.eye(len(network.nodes))[[network.nodes.index(node) for node in measured]]
-    gains = 1 if isinstance(network.disturbed, str) else len(network.disturbed)
-    names = network.inputs(roles)
-    names += ("heat_gain",) if gains == 1 else tuple(f"heat_gain_{node}" for node in network.disturbed)
+    C = np.eye(len(network.nodes))[[network.nodes.index(node) for node in network.measured_nodes]]
+    names = (*network.inputs(roles), *network.gain_names)
     return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
 
 
