@@ -150,3 +150,15 @@ def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int
     if least == 0 and pd.Timedelta(length) == pd.Timedelta(0):
         return 0
     return rows_of(length, sampling, name)
+
+
+def default_blocks(X: Any, horizon: Any) -> tuple[int, int] | None:
+    """Rows of a training and of each of two test blocks behind it: each a sixth of the table, in whole days.
+
+    None where a test block would not hold a whole day and a horizon, or nothing of use is left to train on.
+    """
+    sampling, n_rows = _sampling_time(X, "15min"), _num_samples(X)
+    day = rows_of("1D", sampling, "a day")
+    n_test = max(n_rows // 6 // day * day, day + rows_of(horizon, sampling))
+    n_train = n_rows - 2 * n_test
+    return (n_train, n_test) if n_train >= 2 * day else None
