@@ -168,6 +168,8 @@ def fitted(office):
         "3R3C": fit(OutputDisturbanceID, "3R3C"),
         "paper": fit(OutputDisturbanceID, "3R2C", rho_box="paper"),
         "ID": fit(InputDisturbanceID, "3R2C"),
+        "wide R_wo": fit(OutputDisturbanceID, "3R2C", bounds={"R_wo": (0.1, 1e4)}),
+        "wide R_zo": fit(OutputDisturbanceID, "3R2C", bounds={"R_zo": (0.1, 1e4)}),
     }
 
 
@@ -182,6 +184,8 @@ def fitted(office):
         ("3R2C", "3R3C", None),
         ("2R2C", "paper", None),
         ("2R2C", "ID", None),
+        ("2R2C", "wide R_wo", (("R_wo",), ())),
+        ("2R2C", "wide R_zo", None),
     ],
 )
 def test_nestedness_is_read_from_the_networks(fitted, small, large, expected):

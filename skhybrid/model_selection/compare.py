@@ -49,7 +49,7 @@ class ModelComparison:
         ``not_excited`` parameters; ``seconds`` of the fit.
     tests : DataFrame
         One row a nested pair: ``smaller``, ``larger``, ``extra`` parameters, ``statistic``, ``distribution`` and
-        ``p_value`` of the likelihood ratio, and whether the errors of the larger are ``white``, which it presumes.
+        ``p_value`` of the likelihood ratio, and whether the errors of either are ``white``, which it presumes.
     recommended : str or None
         Name of the recommended model; None where all failed.
     reason : str
@@ -161,7 +161,8 @@ def compare_models(
     *Likelihood ratio.*  For pairs of one class and settings where the smaller network is the larger one without some
     resistors (a resistance of infinity), or the smaller one has more parameters ``known``.  A resistance at infinity
     is at the edge of what it can be, so that the statistic of one is 0 half of the time: a mixture of chi-squares
-    (Self and Liang, 1987), binomial for several.  It presumes white errors.
+    (Self and Liang, 1987), binomial for several.  It presumes white errors, and is conservative where the upper bound
+    of the resistance (``bounds=``) lies well short of infinity.
 
     *Held out.*  A model that is fitted on a training block predicts the rows behind it, one step ahead or from origins
     within the test block, and reads no measurement after the row or the origin from which it predicts.
@@ -349,7 +350,7 @@ def _tests(fitted: Mapping[str, _Assessed], table: pd.DataFrame) -> pd.DataFrame
                 continue
             gain = _number(table, large, "log_likelihood") - _number(table, small, "log_likelihood")
             statistic, distribution, p_value = likelihood_ratio(gain, len(extra.at_edge), len(extra.inside))
-            white = _number(table, large, "whiteness_p") > 0.01
+            white = max(_number(table, name, "whiteness_p") for name in (small, large)) > 0.01
             names = ", ".join((*extra.at_edge, *extra.inside))
             rows.append((small, large, names, statistic, distribution, p_value, white))
     columns = ["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"]
@@ -377,7 +378,7 @@ def _recommend(
         loser = test["smaller"] if larger else test["larger"]
         if loser in left and len(left) > 1:
             left.remove(loser)
-        doubt = "" if test["white"] or not larger else ", overstated since its errors are not white"
+        doubt = "" if test["white"] or not larger else ", overstated since their errors are not white"
         what = f"need {test['extra']}" if larger else f"do not need {test['extra']}"
         said.append(f"The data {what} ({test['larger']} against {test['smaller']}, p = {test['p_value']:.2g}{doubt}).")
     column, rising = _decisive(table, purpose)

@@ -19,8 +19,11 @@ def nesting(smaller: Any, larger: Any) -> Nesting | None:
     if type(smaller) is not type(larger):
         return None
     first, second = (model.get_params(deep=False) for model in (smaller, larger))
-    free = {"network", "known", "n_starts", "n_jobs", "random_state", "verbose"}
+    free = {"network", "known", "bounds", "n_starts", "n_jobs", "random_state", "verbose"}
     if any(repr(first[name]) != repr(second[name]) for name in first if name not in free):
+        return None
+    within, also_within = (dict(model.bounds or {}) for model in (smaller, larger))
+    if any(within.get(name) != also_within.get(name) for name in (*smaller.theta_.index, *smaller.disturbance_.index)):
         return None
     resistors = _without_resistors(smaller.network_, larger.network_)
     known, also = (dict(model.known or {}) for model in (smaller, larger))
