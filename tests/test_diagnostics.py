@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office
 from skhybrid.identification import (
     autocorrelation,
@@ -86,6 +86,36 @@ def test_a_table_with_a_gap_is_predicted_stretch_by_stretch(estimator, office):
     assert (errors["innovation"] ** 2).sum() == pytest.approx(model.loss_, rel=1e-9)
     assert errors.index.equals(X.index)
     assert len(diagnose(model, X).standardised) == 480  # the gap counts as rows without a measurement
+
+
+def test_two_rooms_have_errors_of_their_own():
+    rooms = ("north", "south")
+    flat = RCNetwork(
+        "flat",
+        {"north": "C_n", "south": "C_s"},
+        {"R_ns": ("north", "south"), "R_no": ("north", "T_oa"), "R_so": ("south", "T_oa")},
+        measured=rooms,
+        disturbed=rooms,
+        heated=rooms,
+    )
+    truth = {"C_n": 2.0, "C_s": 3.0, "R_ns": 4.0, "R_no": 8.0, "R_so": 6.0, "Q_h_north": 3.0}
+    rng, index = np.random.default_rng(0), pd.date_range("2024-01-01", periods=240, freq="1h")
+    X = pd.DataFrame({"T_oa": 5 + 3 * rng.normal(size=240), "u_heat_north": rng.uniform(size=240)}, index=index)
+    model = make_state_space(flat, truth, roles=X.columns, sampling_time="1h")
+    assert model.input_names == ("T_oa", "u_heat_north", "heat_gain_north", "heat_gain_south")
+    s, path = np.array([20.0, 18.0]), []
+    for row in X.to_numpy():
+        path.append(s)
+        s = model.A @ s + model.B @ np.append(row, [0.0, 0.0])
+    X[["T_north", "T_south"]] = np.array(path) + [0.02, 0.1] * rng.normal(size=(240, 2))
+    fitted = GrayBoxRC(flat, known=truth).fit(X, X[["T_north", "T_south"]])
+    found = fitted.innovations(X)
+    assert list(found.columns) == ["innovation_north", "innovation_south", "std_north", "std_south"]
+    spread = found[["innovation_north", "innovation_south"]].std()
+    assert spread["innovation_south"] == pytest.approx(0.1, rel=0.2)
+    for output, room in enumerate(rooms):
+        part = diagnose(fitted, X, output=output)
+        np.testing.assert_array_equal(part.innovations["innovation"], found[f"innovation_{room}"])
 
 
 def test_conv_simulates_after_a_day_of_filtering(fitted, office, gappy):
