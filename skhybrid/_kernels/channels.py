@@ -248,9 +248,7 @@ def filter_channels_adjoint(A, series, klass, C, y, n_classes, result, errors_ba
     A_bar, columns_bar, known_bar = np.zeros((n, n)), np.zeros((n, J)), np.empty((N, n))
     gains_bar, Q_bar, R_bar = np.zeros((N, o, n)), np.zeros((n_classes, n, n)), np.zeros(o)
     errors, S, states, gains, covariances = result
-    _state_pass_back(
-        A, series, C, y, errors, states, gains, errors_bar, A_bar, columns_bar, known_bar, gains_bar
-    )
+    _state_pass_back(A, series, C, y, errors, states, gains, errors_bar, A_bar, columns_bar, known_bar, gains_bar)
     P_bar = np.zeros((n, n))
     _covariance_pass_back(A, klass, C, y, S, gains, covariances, S_bar, gains_bar, A_bar, Q_bar, R_bar, P_bar)
     columns_bar[:, 0] = 0.0

@@ -25,7 +25,8 @@ _HYSTERESIS = 0.3  # [K] beyond the set-point on either side before the thermost
 
 _DESCR = """The office of Ham & Kim, section 2.1: a synthetic thermostat log whose true parameters are known.
 
-{n_days} days from {start}, unmeasured gains: {pattern}, weather: {weather}, set-point perturbation: {excitation}, step {step}.
+{n_days} days from {start}, unmeasured gains: {pattern}, weather: {weather}, set-point perturbation: {excitation},
+step {step}.
 X: T_oa [degC], q_sol [kW/m2], u_heat, u_cool [-] are means over [t, t + step); T_za [degC] is the value at t, with
 measurement noise of {noise_std} K, and equals y.  heat_gain [kW] is the unmeasured mean heat into the zone over the
 step (truth, never an input); states are the noise-free T_w and T_za at t; theta the true parameters; theta_effective
@@ -79,9 +80,9 @@ def make_office(
     -------
     Bunch
         ``X`` DataFrame [T_oa, q_sol, u_heat, u_cool, T_za]; ``y`` Series T_za [degC], with noise; ``heat_gain``
-        Series [kW]; ``states`` DataFrame [T_w, T_za], noise-free at the stamps; ``theta`` dict; ``theta_effective`` dict, see Notes;
-        ``setpoints`` DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs, lights, air] [kW], whose sum is
-        ``heat_gain``; ``DESCR``.  The index has no time zone.
+        Series [kW]; ``states`` DataFrame [T_w, T_za], noise-free at the stamps; ``theta`` dict; ``theta_effective``
+        dict, see Notes; ``setpoints`` DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs,
+        lights, air] [kW], whose sum is ``heat_gain``; ``DESCR``.  The index has no time zone.
 
     Raises
     ------

@@ -82,9 +82,7 @@ class VarianceModel:
         together = -(-count // MOST_DAYS)
         days = [day // together for day in days]
         n_days = int(days[-1][-1]) + 1
-        keys = [
-            day * len(CLASSES) + hour_class(p.hour_of_day, p.weekend) for day, p in zip(days, pieces, strict=True)
-        ]
+        keys = [day * len(CLASSES) + hour_class(p.hour_of_day, p.weekend) for day, p in zip(days, pieces, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
         variance = np.hstack([np.eye(len(CLASSES))[used % len(CLASSES)], np.eye(n_days)[used // len(CLASSES)]])
         where = np.concatenate([np.arange(len(p.y)) for p in pieces])

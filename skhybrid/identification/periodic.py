@@ -202,7 +202,7 @@ class PeriodicProblem:
         names = [p.name for p in self.searched]
         gain = self.channels[self.n_plain :]
         which = np.array([names.index(c.times) if c.times in names else -1 for c in gain])
-        fixed = [self.fixed[c.times] if c.times in self.fixed else 1.0 for c in gain]
+        fixed = [self.fixed.get(c.times or "", 1.0) for c in gain]
         return np.array([c.sd for c in gain]) * np.array(fixed) * self.heat_scale, which
 
     @cached_property
