@@ -44,9 +44,7 @@ class GainTracker:
     Q: np.ndarray  # (n_classes, n + d, n + d)
     R: float
     g_sd: float = ZETA_SD
-    profile: np.ndarray = field(
-        default_factory=lambda: np.zeros((48, 1))
-    )  # (48, d) or (48, 1) [kW] by cell of the week
+    profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
 
     @property
     def n(self) -> int:
@@ -81,10 +79,8 @@ class GainTracker:
 
     def forcing(self, experiment: Experiment, cells: np.ndarray) -> np.ndarray:
         """(N, n) effect of all known inputs and of the profile over each step."""
-        return (
-            experiment.inputs @ self.B.T
-            + np.broadcast_to(self.profile[cells], (len(cells), self.n_gains)) @ self.heat.T
-        )
+        profile = np.broadcast_to(self.profile[cells], (len(cells), self.n_gains))
+        return experiment.inputs @ self.B.T + profile @ self.heat.T
 
     def track(
         self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: Start, smooth: bool = False
