@@ -247,3 +247,63 @@ def test_prbs_levels_step_and_phase():
 def test_prbs_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         make_prbs(**arguments)
+
+
+# --------------------------------------------------------------------------------------------------------- patterns
+def test_no_gain_is_no_gain():
+    log = make_office(7, pattern="none", random_state=0)
+    assert (log.heat_gain == 0).all()
+    assert (log.gain_parts == 0).all(axis=None)
+    assert log.theta_effective == log.theta
+
+
+@pytest.mark.parametrize("pattern", ["office", "home", "shop"])
+def test_a_pattern_changes_nothing_but_the_gain(pattern):
+    log, office = make_office(7, pattern=pattern, random_state=1), make_office(7, random_state=1)
+    for role in ("T_oa", "q_sol"):
+        pd.testing.assert_series_equal(log.X[role], office.X[role])
+    pd.testing.assert_frame_equal(log.setpoints, office.setpoints)
+    sensible = log.gain_parts[["people", "plugs", "lights"]]
+    assert (sensible >= 0).all(axis=None)
+    np.testing.assert_allclose(log.gain_parts.sum(axis=1), log.heat_gain)
+    assert pattern in log.DESCR
+
+
+def test_infiltration_lies_in_parallel_with_the_direct_conductance():
+    """At night and at weekends the office's air is infiltration alone: its mean conductance is what is stated."""
+    log = make_office(56, noise_std=0.0, sampling_time="5min", random_state=2)
+    quiet = (log.X.index.day_of_week >= 5) | (log.X.index.hour < 6) | (log.X.index.hour >= 19)
+    air = log.gain_parts["air"] / (log.X["T_oa"] - log.states["T_za"])
+    extra = 1 / log.theta_effective["R_zo"] - 1 / log.theta["R_zo"]
+    assert air[quiet].mean() == pytest.approx(extra, rel=0.1)
+    assert {k: v for k, v in log.theta_effective.items() if k != "R_zo"} == {
+        k: v for k, v in log.theta.items() if k != "R_zo"
+    }
+
+
+def test_a_home_is_lived_in_when_the_office_is_empty():
+    log = make_office(84, pattern="home", random_state=3)
+    people = log.gain_parts["people"]
+    hour, weekday = log.X.index.hour, log.X.index.day_of_week < 5
+    assert people[weekday & (hour == 21)].mean() > 2 * people[weekday & (hour == 14)].mean()
+    assert people[~weekday & (hour == 10)].mean() > 2 * people[weekday & (hour == 10)].mean()
+    plugs = log.gain_parts["plugs"]
+    assert plugs[hour == 19].mean() > 2 * plugs[hour == 15].mean()  # somebody cooks
+    by_day = people.groupby(people.index.date).sum()
+    assert 0.01 < (by_day == 0).mean() < 0.2  # nobody is there now and then
+
+
+def test_a_shop_is_open_on_saturdays_and_closed_on_sundays():
+    log = make_office(28, pattern="shop", random_state=3)
+    hour, day = log.X.index.hour, log.X.index.day_of_week
+    lights, people = log.gain_parts["lights"], log.gain_parts["people"]
+    assert (people[day == 6] == 0).all()
+    assert (lights[day == 6] == 0).all()
+    assert (people[(hour < 7) | (hour >= 22)] == 0).all()
+    assert lights[(day == 5) & (hour == 12)].min() > 1.0
+    assert people[(day == 5) & (hour == 12)].mean() > people[(day == 2) & (hour == 15)].mean()
+
+
+def test_an_unknown_pattern_is_refused():
+    with pytest.raises(ValueError, match="pattern='factory'"):
+        make_office(7, pattern="factory")

@@ -46,9 +46,9 @@ def fitted(office, gappy):
         "CONV": GrayBoxRC(known=known).fit(X, y),
         "OD": OutputDisturbanceID(known=known, n_starts=2, random_state=0).fit(X, y),
         "ID": InputDisturbanceID(known=known, n_starts=2, random_state=0).fit(X, y),
-        "periodic": PeriodicDisturbanceID(
-            known=known | {"tau": 4.0, "sigma_profile": 0.3, "sigma_y": 0.05}, n_starts=1, random_state=0
-        ).fit(X, y),
+        "periodic": PeriodicDisturbanceID(known=known | {"tau": 4.0, "sigma_y": 0.05}, n_starts=1, random_state=0).fit(
+            X, y
+        ),
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 from skhybrid.identification.disturbance import (
     HIDDEN_SD,
@@ -15,17 +15,21 @@ from skhybrid.identification.disturbance import (
     OutputARMA,
 )
 from skhybrid.identification.experiment import Experiment
-from skhybrid.identification.periodic import (
+from skhybrid.identification.gain_model import (
     CLASSES,
+    DAY_PRIOR,
+    DAY_TYPES,
     LEVEL_SD,
-    PRIOR_LOG_SD,
-    PeriodicProblem,
-    hour_class,
+    N_HARMONICS,
+    SIGMA_PRIOR,
+    VENTILATION_SD,
+    VarianceModel,
     own_parameters,
-    profile_cell,
+    profile_basis,
 )
+from skhybrid.identification.periodic import PRIOR_LOG_SD, PeriodicProblem
 from skhybrid.identification.prediction_error import PredictionErrorProblem
-from skhybrid.thermal import get_network
+from skhybrid.thermal import RCNetwork, get_network
 
 ROLES = ("T_oa", "q_sol", "u_cool", "u_heat")
 NETWORKS = ("1R1C", "2R2C", "4R3C")
@@ -33,8 +37,9 @@ VALUES = {
     "C_w": 4.0, "C_m": 3.0, "C_za": 1.0, "R_zw": 1.2, "R_zm": 1.0, "R_wo": 5.0, "R_zo": 9.0, "f": 0.3, "A_win": 3.0,
     "Q_h": 6.0, "Q_c": -5.0,
     "sigma_x": 0.02, "sigma_zeta": 0.3, "rho_1": 0.95, "rho_gap": -0.2, "rho_2": 0.9, "T0_w": 21.0, "T0_m": 22.0,
-    "tau": 4.0, "sigma_weekday_day": 0.5, "sigma_weekday_night": 0.2, "sigma_weekend": 0.3, "sigma_y": 0.05,
-    "sigma_profile": 0.3,
+    "tau": 4.0, "sigma_y": 0.05, "sigma_profile_weekday": 0.3, "sigma_profile_weekend": 0.2,
+    **{f"sigma_{c}": 0.2 + 0.03 * i for i, c in enumerate(CLASSES)},
+    **{f"day_{d}": 0.3 - 0.2 * d for d in range(6)},
 }  # fmt: skip
 
 
@@ -57,7 +62,7 @@ def drawn_experiment(name, n_rows, step, start="2023-07-07 12:00", seed=0):
     for k in range(n_rows):
         y[k] = x[network.nodes.index("za")] + 0.03 * rng.normal()
         x = d.A @ x + d.B @ inputs[k] + d.B[:, -1] * gain[k]
-    y[[1, n_rows // 2, n_rows // 2 + 1, n_rows - 3]] = np.nan
+    y[[1, n_rows // 3, n_rows // 3 + 1, n_rows - 3]] = np.nan
     return Experiment(y, inputs, ROLES, hours, time.hour.to_numpy(np.int64), np.asarray(time.day_of_week >= 5))
 
 
@@ -120,19 +125,73 @@ def periodic_problem(name, e, setting, heat_scale=1.3):
     network = get_network(name)
     fixed, inner = SETTINGS[setting]
     solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
-    searched = tuple(p for p in (*network.parameters(ROLES), *own_parameters()) if p.name not in solved)
+    own = own_parameters(len(VarianceModel.of(e.pieces).first_rows))
+    searched = tuple(p for p in (*network.parameters(ROLES), *own) if p.name not in solved)
     problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale)
     return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
+
+
+def assert_exact_gradient(problem, x):
+    found, expected = problem.evaluate(x)[1], differences(lambda v: problem.evaluate(v)[0], x)
+    moved = np.abs(expected) > 1e-4
+    assert moved[[p.name[0] in "CRf" or p.name in ("tau", "sigma_y") for p in problem.searched]].all()
+    assert moved.mean() > 0.9  # else there would be little to compare
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_periodic_gradient_is_exact(setting, experiment):
     name, e = experiment
-    assert set(hour_class(e.hour_of_day, e.weekend)) == {0, 1, 2}
-    problem, x = periodic_problem(name, e, setting)
-    found, expected = problem.evaluate(x)[1], differences(lambda v: problem.evaluate(v)[0], x)
-    assert (np.abs(expected) > 1e-4).all()
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+    assert_exact_gradient(*periodic_problem(name, e, setting))
+
+
+def test_periodic_gradient_is_exact_over_stretches():
+    e = drawn_experiment("2R2C", 150, "30min")._replace(breaks=(0, 50, 90))
+    assert_exact_gradient(*periodic_problem("2R2C", e, "all inside"))
+
+
+def test_stretches_forget_each_other():
+    """What is behind a gap starts anew: with all else known, the objective of two stretches is the sum of theirs."""
+    e = drawn_experiment("2R2C", 144, "30min", start="2023-07-06")  # three days, cut at a midnight
+    split = e._replace(breaks=(0, 48))
+    # hardly any profile, so that nothing but the searched parameters is shared
+    tiny = 1e-6
+    losses = []
+    for piece, days in ((split, (0, 1, 2)), (e.rows(slice(0, 48)), (0,)), (e.rows(slice(48, 144)), (1, 2))):
+        names = {f"day_{d}": VALUES[f"day_{day}"] for d, day in enumerate(days)}
+        problem, _ = periodic_problem("2R2C", piece, "none inside", heat_scale=tiny)
+        values = {p.name: names.get(p.name, VALUES[p.name]) for p in problem.searched}
+        x = np.array([p.to_free(values[p.name]) for p in problem.searched])
+        prior = 0.5 * float((((x - problem.centre) / problem.spread) ** 2).sum())
+        losses.append(problem.evaluate(x)[0] - prior)
+    assert losses[0] == pytest.approx(losses[1] + losses[2], rel=1e-6)
+
+
+def test_periodic_gradient_is_exact_for_two_rooms():
+    """Two measured temperatures, two disturbed nodes, each with a gain state and a profile of its own."""
+    rooms = ("a", "b")
+    network = RCNetwork(
+        "rooms",
+        {"a": "C_a", "b": "C_b"},
+        {"R_ab": rooms, "R_a": ("a", "T_oa"), "R_b": ("b", "T_oa")},
+        measured=rooms,
+        disturbed=rooms,
+        heated="a",
+    )
+    one = drawn_experiment("2R2C", 100, "1h")
+    rng = np.random.default_rng(3)
+    y = np.column_stack([one.y, 21.0 + np.cumsum(0.1 * rng.normal(size=100))])
+    y[10:14, 1] = np.nan
+    columns = [one.inputs[:, 0], one.inputs[:, 2], np.zeros(100), np.zeros(100)]
+    e = one._replace(y=y, inputs=np.column_stack(columns), roles=("T_oa", "u_heat"))
+    values = VALUES | {f"day_{d}": 0.1 * d for d in range(6)} | {"C_a": 1.0, "C_b": 1.5, "R_ab": 2.0, "R_a": 6.0}
+    values |= {"R_b": 8.0}
+    own = own_parameters(len(VarianceModel.of(e.pieces).first_rows))
+    searched = tuple(p for p in (*network.parameters(e.roles), *own) if p.name != "Q_h")
+    problem = PeriodicProblem(network, e, searched, {"Q_h": 6.0}, ())
+    x = np.array([p.to_free(values[p.name]) for p in searched])
+    assert problem.evaluate(x)[2].beta.shape == (2 * (2 * (1 + 2 * N_HARMONICS) + 1),)
+    assert_exact_gradient(problem, x)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -194,14 +253,26 @@ def dense_objective(name, e, values, inner, heat_scale):
             mean += full[parameter] * sum(share * response(node, column[role]) for node, share in shares)
     plain = np.array(plain).reshape(-1, N).T
 
-    cell = profile_cell(e.hour_of_day, e.weekend)
+    cell = e.hour_of_day + 24 * e.weekend
     cells = np.array([response(za, (cell == j).astype(float)) for j in range(48)]).T
-    difference = np.eye(24) - np.roll(np.eye(24), 1, axis=0)
-    walk = (full["sigma_profile"] * heat_scale) ** 2 * np.linalg.pinv(difference.T @ difference)
-    profile = np.kron(np.eye(2), (LEVEL_SD * heat_scale) ** 2 + walk)
+    # a cyclic walk of unit steps, of which the slow waves are kept: their variance in closed form
+    lag = 2 * np.pi * np.subtract.outer(np.arange(24), np.arange(24)) / 24
+    waves = range(1, N_HARMONICS + 1)
+    walk = sum(np.cos(k * lag) / 24 / (1 - np.cos(2 * np.pi * k / 24)) for k in waves)
+    steps = np.array([full[f"sigma_profile_{kind}"] for kind in DAY_TYPES]) * heat_scale
+    profile = np.kron(np.eye(2), np.full((24, 24), (LEVEL_SD * heat_scale) ** 2)) + np.kron(np.diag(steps**2), walk)
+    last = pd.Series(e.y).ffill().to_numpy()
+    busy = (e.hour_of_day >= 6) & (e.hour_of_day < 21) & ~e.weekend
+    air = response(za, np.where(busy, column["T_oa"] - last, 0.0))
+    cells = np.column_stack([cells, air])
+    profile = block_diag(profile, (VENTILATION_SD * heat_scale) ** 2)
 
-    klass = hour_class(e.hour_of_day, e.weekend)
-    sigma = np.array([full[f"sigma_{c}"] for c in CLASSES])[klass] * heat_scale
+    day = np.cumsum(np.append(0, np.diff(e.hour_of_day) < 0))
+    own = [
+        full[f"sigma_{'weekend' if w else 'weekday'}_{3 * (h // 3):02d}"] * np.exp(full[f"day_{d}"])
+        for h, w, d in zip(e.hour_of_day, e.weekend, day, strict=True)
+    ]
+    sigma = np.array(own) * heat_scale
     phi = np.exp(-e.hours / full["tau"])
     shocks = np.append(sigma[0] ** 2, sigma[:-1] ** 2 * (1 - phi**2))  # of g in row 0, then of every step
     lags = np.subtract.outer(np.arange(N), np.arange(N))
@@ -229,17 +300,24 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
     e = drawn_experiment(name, 45, "1h", start="2023-07-07 10:00")  # the end of a Friday, and most of the weekend
     problem, x = periodic_problem(name, e, setting)
     loss, _, linear = problem.evaluate(x)
-    assert set(hour_class(e.hour_of_day, e.weekend)) == {0, 1, 2}
     expected, beta, covariance, profile = dense_objective(name, e, problem.values(x), problem.inner, 1.3)
     signs = np.array([c.sign for c in problem.channels[: problem.n_plain]])
     assert (beta * signs >= 0).all()  # else the two would solve different problems
-    # a log-normal prior at the middle of the bounds holds what the data do not
-    logs = [(v, p) for v, p in zip(x, problem.searched, strict=True) if p.transform == "log"]
-    assert len(logs) == len(x)
-    prior = sum((v - np.log(np.sqrt(p.lower * p.upper))) ** 2 for v, p in logs) / (2 * PRIOR_LOG_SD**2)
+    # a normal prior of the logarithms holds what the data do not: in the middle of the bounds, or a stated one
+    prior = 0.0
+    for v, p in zip(x, problem.searched, strict=True):
+        middle, sd = np.log(np.sqrt(p.lower * p.upper)) if p.transform == "log" else 0.0, PRIOR_LOG_SD
+        if p.name.startswith("day_"):
+            middle, sd = DAY_PRIOR
+        elif p.name.removeprefix("sigma_") in CLASSES:
+            middle, sd = SIGMA_PRIOR
+        elif p.unit in ("-", "m2", "kW"):
+            continue
+        prior += ((v - middle) / sd) ** 2 / 2
     assert loss == pytest.approx(expected + prior, rel=1e-9)
     k = problem.n_plain
     np.testing.assert_allclose(linear.beta[:k], beta, rtol=1e-6)
     rounding = 1e-6 * np.abs(covariance).max(initial=0)
     np.testing.assert_allclose(linear.covariance[:k, :k], covariance, rtol=1e-5, atol=rounding)
-    np.testing.assert_allclose(linear.beta[k:], profile, rtol=1e-6, atol=1e-7)
+    hours = profile_basis()[0] @ linear.beta[k:-1]
+    np.testing.assert_allclose(np.append(hours, linear.beta[-1]), profile, rtol=1e-6, atol=1e-7)

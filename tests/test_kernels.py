@@ -246,11 +246,13 @@ class Channels(NamedTuple):
 
 def drawn_channels(m, J=4, seed=5):
     rng = np.random.default_rng(seed)
-    return Channels(rng.normal(size=(J, len(m.A))), rng.normal(size=(len(m.y), J)))
+    return Channels(rng.normal(size=(len(m.A), J)), rng.normal(size=(len(m.y), J)))
 
 
 def run_channels(m, ch):
-    return filter_channels(m.A, ch.columns, ch.series, m.forcing, m.Q, m.klass, m.c, m.R, m.y, m.s0, m.P0)
+    return filter_channels(
+        m.A, ch.columns, ch.series, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0
+    )
 
 
 @pytest.mark.parametrize("m", MODELS)
@@ -260,19 +262,76 @@ def test_channels_are_filters_of_their_own(m):
     found = run_channels(m, ch)
     silent = np.where(m.seen, 0.0, np.nan)
     models = [m] + [
-        m._replace(forcing=np.outer(ch.series[:, j], ch.columns[j]), y=silent, s0=np.zeros(len(m.A)))
-        for j in range(1, len(ch.columns))
+        m._replace(forcing=np.outer(ch.series[:, j], ch.columns[:, j]), y=silent, s0=np.zeros(len(m.A)))
+        for j in range(1, ch.columns.shape[1])
     ]
     for j, one in enumerate(models):
         prior = dense_prior(one)
         for k in range(len(m.y)):
             mean, covariance = condition(one, prior, k, range(k))
             expected = one.y[k] - m.c @ mean if m.seen[k] else 0.0
-            assert found.errors[k, j] == pytest.approx(expected, rel=1e-9, abs=1e-9)
-            assert found.S[k] == pytest.approx(m.c @ covariance @ m.c + m.R if m.seen[k] else 1.0, rel=1e-9)
+            assert found.errors[k, 0, j] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+            assert found.S[k, 0] == pytest.approx(m.c @ covariance @ m.c + m.R if m.seen[k] else 1.0, rel=1e-9)
             after, spread = condition(one, prior, k, range(k + 1))
-            assert_close(found.states[k, j], after, 1e-9)
+            assert_close(found.states[k, :, j], after, 1e-9)
             assert_close(found.covariances[k], spread, 1e-9)
+
+
+class Pair(NamedTuple):
+    """A model with two outputs, the second of which is often missing."""
+
+    m: Model
+    C: np.ndarray
+    R: np.ndarray
+    y: np.ndarray
+
+
+def drawn_pair(seed=40):
+    m, rng = drawn_model(seed=seed), np.random.default_rng(seed)
+    y = np.column_stack([m.y, rng.normal(size=len(m.y))])
+    y[::3, 1] = np.nan
+    return Pair(m, np.vstack([m.c, rng.normal(size=len(m.A))]), np.array([m.R, 0.3]), y)
+
+
+def run_pair(p, ch):
+    return filter_channels(p.m.A, ch.columns, ch.series, p.m.forcing, p.m.Q, p.m.klass, p.C, p.R, p.y, p.m.s0, p.m.P0)
+
+
+def test_two_outputs_are_taken_in_together():
+    """The sum of squares, the determinant and the states are those of the joint update by matrices."""
+    p = drawn_pair()
+    m, ch = p.m, drawn_channels(p.m)
+    found = run_pair(p, ch)
+    x, P = m.s0.copy(), m.P0.copy()
+    for k, y in enumerate(p.y):
+        seen = np.isfinite(y)
+        C = p.C[seen]
+        S = C @ P @ C.T + np.diag(p.R[seen])
+        e = y[seen] - C @ x
+        one_by_one = found.errors[k, seen, 0] ** 2 / found.S[k, seen]
+        assert one_by_one.sum() == pytest.approx(e @ np.linalg.solve(S, e), rel=1e-9, abs=1e-12)
+        assert np.log(found.S[k]).sum() == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-9, abs=1e-9)
+        gain = P @ C.T @ np.linalg.inv(S)
+        x, P = x + gain @ e, P - gain @ C @ P
+        assert_close(found.states[k, :, 0], x, 1e-9)
+        assert_close(found.covariances[k], P, 1e-9)
+        x, P = m.A @ x + m.forcing[k], m.A @ P @ m.A.T + m.Q[m.klass[k]]
+
+
+def test_adjoint_of_two_outputs():
+    p = drawn_pair()
+    m, ch, rng = p.m, drawn_channels(p.m), np.random.default_rng(41)
+    result = run_pair(p, ch)
+    errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=result.S.shape)
+    adjoint = filter_channels_adjoint(m.A, ch.series, m.klass, p.C, p.y, len(m.Q), result, errors_bar, S_bar)
+    d, dR = drawn_direction(m, 42), rng.uniform(0.1, 0.2, 2)
+    along = np.sum(adjoint.A * d.A) + np.sum(adjoint.Q * d.Q) + np.sum(adjoint.P0 * d.P0) + adjoint.R @ dR
+
+    def scalar(t):
+        r = run_pair(p._replace(m=moved(m, d, t, "A", "Q", "P0"), R=p.R + t * dR), ch)
+        return float((r.errors * errors_bar).sum() + (r.S * S_bar).sum())
+
+    assert along == pytest.approx(slope(scalar, 1e-4), rel=1e-6)
 
 
 # ---------------------------------------------------------------------------------------------- derivatives of filters
@@ -321,8 +380,10 @@ def test_adjoint_has_the_derivatives_of_any_scalar(m):
     ch = drawn_channels(m)
     result = run_channels(m, ch)
     rng = np.random.default_rng(30)
-    errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=len(m.y))
-    adjoint = filter_channels_adjoint(m.A, ch.series, m.klass, m.c, m.y, len(m.Q), result, errors_bar, S_bar)
+    errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=result.S.shape)
+    adjoint = filter_channels_adjoint(
+        m.A, ch.series, m.klass, m.c[None], m.y[:, None], len(m.Q), result, errors_bar, S_bar
+    )
 
     def scalar(one, channels=ch):
         r = run_channels(one, channels)
@@ -334,13 +395,13 @@ def test_adjoint_has_the_derivatives_of_any_scalar(m):
         "A": np.sum(adjoint.A * d.A),
         "forcing": np.sum(adjoint.known * d.forcing),
         "Q": np.sum(adjoint.Q * d.Q),
-        "R": adjoint.R * d.R,
+        "R": adjoint.R[0] * d.R,
         "P0": np.sum(adjoint.P0 * d.P0),
     }
     for field, value in along.items():
         assert value == pytest.approx(slope(lambda t, f=field: scalar(moved(m, d, t, f)), 1e-4), rel=1e-7)
     by_columns = slope(lambda t: scalar(m, ch._replace(columns=ch.columns + t * d_columns)), 1e-2)
-    assert np.sum(adjoint.columns[1:] * d_columns[1:]) == pytest.approx(by_columns, rel=1e-8)
+    assert np.sum(adjoint.columns[:, 1:] * d_columns[:, 1:]) == pytest.approx(by_columns, rel=1e-8)
 
 
 # ---------------------------------------------------------------------------------------------------------- plain loops
@@ -387,7 +448,8 @@ def test_kernels_leave_their_arguments_alone():
     m, ch = drawn_model(), drawn_channels(drawn_model())
     copies = [np.copy(v) for v in (*m, *ch)]
     result = run_channels(m, ch)
-    filter_channels_adjoint(m.A, ch.series, m.klass, m.c, m.y, 3, result, np.ones_like(result.errors), np.ones(12))
+    ones = np.ones_like(result.errors), np.ones_like(result.S)
+    filter_channels_adjoint(m.A, ch.series, m.klass, m.c[None], m.y[:, None], 3, result, *ones)
     smooth_states(m.A, *run_track(m))
     K = run_gains(m).K
     run_errors(m, K)

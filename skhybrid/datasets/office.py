@@ -14,7 +14,7 @@ from .._clock import rows_of
 from ._random import spawn_generators
 from ._weather_table import resample_weather
 from .excitation import plan_setpoints
-from .gains import Gains, draw_gains
+from .gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
 from .weather import make_weather
 
 #: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
@@ -25,10 +25,12 @@ _HYSTERESIS = 0.3  # [K] beyond the set-point on either side before the thermost
 
 _DESCR = """The office of Ham & Kim, section 2.1: a synthetic thermostat log whose true parameters are known.
 
-{n_days} days from {start}, weather: {weather}, set-point perturbation: {excitation}, step {step}.
+{n_days} days from {start}, unmeasured gains: {pattern}, weather: {weather}, set-point perturbation: {excitation},
+step {step}.
 X: T_oa [degC], q_sol [kW/m2], u_heat, u_cool [-] are means over [t, t + step); T_za [degC] is the value at t, with
 measurement noise of {noise_std} K, and equals y.  heat_gain [kW] is the unmeasured mean heat into the zone over the
-step (truth, never an input); states are the noise-free T_w and T_za at t; theta the true parameters.
+step (truth, never an input); states are the noise-free T_w and T_za at t; theta the true parameters; theta_effective
+the same with the mean infiltration taken into R_zo, from which nothing that is measured can tell it apart.
 """
 
 
@@ -37,6 +39,7 @@ def make_office(
     climate: str = "oakland",
     *,
     start: Any = "2023-07-08",
+    pattern: str = "office",
     excitation: str | None = "weekend_prbs",
     noise_std: float = 0.03,
     sampling_time: Any = "15min",
@@ -56,6 +59,10 @@ def make_office(
         Climate of the embedded weather generator.
     start : timestamp-like
         First day, of any year; begins at 00:00 local standard time.
+    pattern : {"office", "home", "shop", "none"}
+        Who uses the room: ten desks, five days a week; a family of three, out on weekdays, with meals, nights and days
+        on which nobody is there; a shop with bright lights, open six days a week; or no unmeasured heat at all.  The
+        set-points are those of the office in every case.
     excitation : {"weekend_prbs", "none"} or None
         Whether the set-point of the first weekend follows a PRBS of order 4 and scale 2 h between 18 and 25 degC,
         tracked by heating and cooling both.
@@ -73,9 +80,9 @@ def make_office(
     -------
     Bunch
         ``X`` DataFrame [T_oa, q_sol, u_heat, u_cool, T_za]; ``y`` Series T_za [degC], with noise; ``heat_gain``
-        Series [kW]; ``states`` DataFrame [T_w, T_za], noise-free at the stamps; ``theta`` dict; ``setpoints``
-        DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs, lights, air] [kW], whose sum is
-        ``heat_gain``; ``DESCR``.  The index has no time zone.
+        Series [kW]; ``states`` DataFrame [T_w, T_za], noise-free at the stamps; ``theta`` dict; ``theta_effective``
+        dict, see Notes; ``setpoints`` DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs,
+        lights, air] [kW], whose sum is ``heat_gain``; ``DESCR``.  The index has no time zone.
 
     Raises
     ------
@@ -86,6 +93,11 @@ def make_office(
     -----
     With ``sampling_time="5min"`` every input is constant over a step, so that the exact zero-order hold with ``X``
     and ``heat_gain`` reproduces ``states``.
+
+    Infiltration is a conductance of 0.008 kW/K on average, at all hours, from the room to the outdoor air, and so lies
+    in parallel with ``R_zo``: no measurement can tell the two apart.  ``theta_effective`` is ``theta`` with
+    ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), which is what an exact identification that is not given
+    ``heat_gain`` finds; with ``pattern="none"`` there is no infiltration and both are equal.
 
     References
     ----------
@@ -98,7 +110,7 @@ def make_office(
     >>> list(office.X.columns)
     ['T_oa', 'q_sol', 'u_heat', 'u_cool', 'T_za']
     """
-    per_step = _check(n_days, excitation, noise_std, sampling_time)
+    per_step = _check(n_days, pattern, excitation, noise_std, sampling_time)
     weather_rng, gain_rng, plan_rng, prbs_rng, noise_rng = spawn_generators(random_state, 5)
     first = pd.Timestamp(start).normalize()
     if first.tzinfo is not None:
@@ -109,24 +121,30 @@ def make_office(
     else:
         outside = resample_weather(weather, time)
     setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
-    gains = draw_gains(time, gain_rng)
+    gains = draw_gains(time, gain_rng, pattern)
     fine = _run(outside, setpoints, gains)
     origin = "as given" if weather is not None else climate
     described = _DESCR.format(
         n_days=n_days,
+        pattern=pattern,
         start=first.date(),
         weather=origin,
         excitation=excitation,
         step=sampling_time,
         noise_std=noise_std,
     )
-    return _log(fine, setpoints, per_step, noise_std * noise_rng.standard_normal(len(time) // per_step), described)
+    noise = noise_std * noise_rng.standard_normal(len(time) // per_step)
+    infiltration = 0.0 if pattern == "none" else INFILTRATION_KW_K
+    theta_effective = TRUE_THETA | {"R_zo": 1.0 / (1.0 / TRUE_THETA["R_zo"] + infiltration)}
+    return _log(fine, setpoints, per_step, noise, theta_effective, described)
 
 
-def _check(n_days: int, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
+def _check(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
     """Refuse arguments out of range; the number of simulation steps in a step of the log."""
     if not isinstance(n_days, int | np.integer) or n_days < 1:
         raise ValueError(f"n_days={n_days!r} must be a positive whole number of days.")
+    if pattern not in PATTERNS:
+        raise ValueError(f"pattern={pattern!r} is unknown; choose one of {', '.join(map(repr, PATTERNS))}.")
     if excitation not in ("weekend_prbs", "none", None):
         raise ValueError(f"excitation={excitation!r} is unknown; choose 'weekend_prbs' or None.")
     if not (np.isfinite(noise_std) and noise_std >= 0):
@@ -211,7 +229,14 @@ def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hyst
     return states, heat, cool, gain
 
 
-def _log(fine: pd.DataFrame, setpoints: pd.DataFrame, per_step: int, noise: np.ndarray, described: str) -> Bunch:
+def _log(
+    fine: pd.DataFrame,
+    setpoints: pd.DataFrame,
+    per_step: int,
+    noise: np.ndarray,
+    theta_effective: dict[str, float],
+    described: str,
+) -> Bunch:
     """The run averaged to the log's step: means of inputs, values at the stamp of temperatures."""
     index = pd.DatetimeIndex(fine.index.to_numpy()[::per_step])
 
@@ -227,6 +252,7 @@ def _log(fine: pd.DataFrame, setpoints: pd.DataFrame, per_step: int, noise: np.n
         heat_gain=pd.Series(mean(fine["heat_gain"]), index=index, name="heat_gain"),
         states=states,
         theta=dict(TRUE_THETA),
+        theta_effective=theta_effective,
         setpoints=pd.DataFrame({name: mean(setpoints[name]) for name in setpoints}, index=index),
         gain_parts=pd.DataFrame({n: mean(fine[n]) for n in ("people", "plugs", "lights", "air")}, index=index),
         DESCR=described,

@@ -1,17 +1,15 @@
 """Periodic disturbance: a gain inside the filter whose variance changes with time, and a smooth weekly profile.
 
-The unmeasured gain is ``p(t) + g(t)`` [kW] on the disturbed node: ``p`` a smooth profile by hour and day type, ``g`` an
-Ornstein-Uhlenbeck state whose variance depends on the class of the hour.  The quiet hours then carry the information
-that they have about the building, which a single variance would drown.
-
-Everything that enters the output linearly (capacities, solar areas, the profile) is solved inside by ridge regression
-on the filtered channels; only R, C, the time constant and the standard deviations are searched, with exact derivatives.
+The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
+enters the output linearly (capacities, solar areas, the profile, the ventilation) is solved inside by ridge regression
+on the filtered channels; only R, C, the time constant and the standard deviations are searched, with exact
+derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,80 +17,78 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from .._kernels import Discrete, discretize, filter_channels, filter_channels_adjoint
+from .._kernels import ChannelAdjoint, ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
 from ..thermal import Parameter, RCNetwork
 from ..thermal.network import Source
-from .disturbance import first_covariance
+from .disturbance import first_covariance, first_state, measured_rows
 from .experiment import Experiment
+from .gain_model import VENTILATION_SD, VarianceModel, own_priors, profile_basis, profile_cell, ventilation_series
 from .gauss_newton import Minimum
 
-#: classes of hours that have a variance of their own
-CLASSES = ("weekday_day", "weekday_night", "weekend")
-#: the weekday hours of the first class
-DAY_HOURS = (6, 21)
 #: standard deviation of a log parameter's prior; the data dominate it wherever they say anything
 PRIOR_LOG_SD = 1.2
-#: prior standard deviation of the profile's level, for a plant of 6 kW [kW]
-LEVEL_SD = 3.0
-_HOURS = 24
-
-
-def hour_class(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
-    """Class of every row, (N,) int, in the order of :data:`CLASSES`."""
-    day = (hour >= DAY_HOURS[0]) & (hour < DAY_HOURS[1])
-    return np.where(weekend, 2, np.where(day, 0, 1)).astype(np.int64)
-
-
-def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
-    """Cell of the weekly profile of every row: the hour on weekdays, 24 + the hour on weekends."""
-    return hour + _HOURS * weekend
-
-
-def cyclic_walk_root() -> np.ndarray:
-    """(24, 23) root of the covariance of a cyclic first-order random walk with unit steps and zero mean."""
-    steps = np.eye(_HOURS) - np.roll(np.eye(_HOURS), 1, axis=1)
-    values, vectors = np.linalg.eigh(steps.T @ steps)
-    return vectors[:, 1:] / np.sqrt(values[1:])
+#: units of what enters linearly: a weak prior in the middle of its bounds would pull it
+_NO_PRIOR = ("-", "m2", "kW")
+#: how far a parameter typically lies from where the data have it, on the searched scale: the search steps in these
+_TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 
 
 @dataclass(frozen=True)
 class Linear:
     """The coefficients that are solved inside, at the optimum: a ridge regression on standardised columns."""
 
-    gamma: np.ndarray  # (J - 1,) capacities and areas, then the standard normal numbers behind the profile
+    gamma: np.ndarray  # (J - 1,) capacities and areas, then the standard normal numbers behind the gain's coefficients
     free: np.ndarray  # (J - 1,) bool, False where a sign bound holds a coefficient at 0
-    design: np.ndarray  # (N, J - 1)
-    ridge: np.ndarray  # (J - 1,)
-    root: np.ndarray  # (48, 48) of the profile's prior covariance
-
-    @cached_property
-    def _turn(self) -> np.ndarray:
-        turn, k = np.eye(len(self.gamma)), len(self.gamma) - len(self.root)
-        turn[k:, k:] = self.root
-        return turn
+    normal: np.ndarray  # (J - 1, J - 1) of the normal equations, ridge included
+    scale: np.ndarray  # (J - 1,) prior standard deviations, 1 for capacities and areas
 
     @cached_property
     def beta(self) -> np.ndarray:
-        """(J - 1,) capacities and areas, then the profile [kW]."""
-        return self._turn @ self.gamma
+        """(J - 1,) capacities and areas, then the coefficients of the gain's channels [kW]."""
+        return self.gamma * self.scale
 
     @cached_property
     def covariance(self) -> np.ndarray:
         """(J - 1, J - 1) covariance of ``beta`` given the searched parameters."""
-        columns = self.design[:, self.free]
-        inverse = np.zeros((len(self.gamma), len(self.gamma)))
-        normal = columns.T @ columns + np.diag(self.ridge[self.free])
-        inverse[np.ix_(self.free, self.free)] = np.linalg.pinv(normal)
-        return self._turn @ inverse @ self._turn.T
+        inverse, chosen = np.zeros_like(self.normal), np.ix_(self.free, self.free)
+        inverse[chosen] = np.linalg.pinv(self.normal[chosen])
+        return inverse * np.outer(self.scale, self.scale)
 
 
-class _Channel(NamedTuple):
-    """One input with an unknown coefficient: ``series`` heats ``node`` by ``coefficient`` kW per unit."""
+class Channel(NamedTuple):
+    """One input with an unknown coefficient, which heats ``node`` by ``coefficient`` kW per unit."""
 
     name: str
-    series: np.ndarray
     node: int
-    sign: float  # +1: the coefficient is not negative, -1: not positive, 0: free
+    sign: float = 0.0  # +1: the coefficient is not negative, -1: not positive, 0: free
+    sd: float = np.inf  # prior standard deviation for a plant of 6 kW
+    times: str | None = None  # the parameter that multiplies ``sd``
+
+
+class _Piece(NamedTuple):
+    """One stretch of rows, ready for the filter."""
+
+    y: np.ndarray  # (N, o)
+    series: np.ndarray  # (N, J) of every channel; column 0 is that of the measurement
+    boundary: np.ndarray  # (N, k) boundary temperatures
+    inputs: np.ndarray  # (N, m)
+    klass: np.ndarray  # (N,)
+    s0: np.ndarray  # (n + d,)
+
+
+class _Model(NamedTuple):
+    """Matrices of one evaluation."""
+
+    values: dict[str, float]
+    discrete: Discrete
+    heat: np.ndarray  # (n, n) effect of 1 kW on each node
+    phi: float
+    sigma: np.ndarray  # (n_classes,) [kW]
+    A: np.ndarray  # (n + d, n + d)
+    columns: np.ndarray  # (n + d, J)
+    Q: np.ndarray  # (n_classes, n + d, n + d)
+    C: np.ndarray  # (o, n + d)
+    R: np.ndarray  # (o,)
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,8 @@ class PeriodicProblem:
     """Negative log marginal likelihood of the periodic model, as a function of the searched parameters.
 
     ``inner`` names the network parameters that are solved inside; ``searched`` are all others that are free, the
-    disturbance's own among them; ``fixed`` holds the values of those that are known.
+    disturbance's own among them; ``fixed`` holds the values of those that are known.  ``priors`` are mean and standard
+    deviation on the searched scale, in place of those that every parameter has.
     """
 
     network: RCNetwork
@@ -109,31 +106,34 @@ class PeriodicProblem:
     fixed: Mapping[str, float]
     inner: tuple[str, ...]
     heat_scale: float = 1.0
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     # ------------------------------------------------------------------------------------------------- fixed parts
     @cached_property
-    def measured(self) -> int:
-        return self.network.nodes.index(self.network.measured)
+    def _place(self) -> dict[str, int]:
+        return {node: i for i, node in enumerate(self.network.nodes)}
 
     @cached_property
-    def disturbed(self) -> int:
-        return self.network.nodes.index(self.network.disturbed)
+    def disturbed(self) -> list[int]:
+        """Places of the disturbed nodes; each has a gain state and a profile."""
+        return [self._place[node] for node in self.network.disturbed_nodes]
 
     @cached_property
-    def klass(self) -> np.ndarray:
-        return hour_class(self.experiment.hour_of_day, self.experiment.weekend)
+    def variance(self) -> VarianceModel:
+        """Classes of variance of the rows."""
+        return VarianceModel.of(self.experiment.pieces)
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
         return self.network.sources(self.experiment.roles)
 
-    def _series(self, role: str) -> np.ndarray:
-        return self.experiment.inputs[:, self.network.inputs(self.experiment.roles).index(role)]
+    @cached_property
+    def _columns(self) -> dict[str, int]:
+        return {role: j for j, role in enumerate(self.network.inputs(self.experiment.roles))}
 
     @cached_property
-    def channels(self) -> tuple[_Channel, ...]:
-        """Inputs with a coefficient that is solved inside: capacities and areas, then the profile's cells."""
-        place = {node: i for i, node in enumerate(self.network.nodes)}
+    def plain(self) -> tuple[tuple[Channel, str], ...]:
+        """Capacities and areas that are solved inside, with the role of each."""
         out = []
         for source in self.sources:
             if source.parameter not in self.inner:
@@ -142,29 +142,81 @@ class PeriodicProblem:
                 sign = -1.0 if source.parameter.startswith("Q_c") else 1.0
                 sign = sign if source.parameter.startswith(("A_win", "Q_h", "Q_c")) else 0.0
                 name = f"{source.parameter}:{fraction or ''}" if len(source.shares) > 1 else source.parameter
-                out.append(_Channel(name, self._series(source.role), place[node], sign))
-        cell = profile_cell(self.experiment.hour_of_day, self.experiment.weekend)
-        for j in range(2 * _HOURS):
-            out.append(_Channel(f"profile_{j}", (cell == j).astype(np.float64), self.disturbed, 0.0))
+                out.append((Channel(name, self._place[node], sign), source.role))
         return tuple(out)
 
     @cached_property
-    def _series_matrix(self) -> np.ndarray:
-        columns = [np.zeros(len(self.experiment.y)), *(c.series for c in self.channels)]
-        return np.ascontiguousarray(np.array(columns).T)
+    def channels(self) -> tuple[Channel, ...]:
+        """Inputs with a coefficient that is solved inside: :attr:`plain`, then the gain of every disturbed node."""
+        basis, sd, times = profile_basis()
+        out = [channel for channel, _ in self.plain]
+        for node in self.disturbed:
+            out += [Channel(f"profile_{j}", node, 0.0, sd[j], times[j]) for j in range(basis.shape[1])]
+            if self.ventilated:
+                out.append(Channel("ventilation", node, 0.0, VENTILATION_SD))
+        return tuple(out)
 
-    @cached_property
-    def _nodes_of_channels(self) -> np.ndarray:
-        return np.array([c.node for c in self.channels])
+    @property
+    def ventilated(self) -> bool:
+        """Whether an outdoor temperature is there to let in."""
+        return "T_oa" in self._columns
+
+    @property
+    def ventilation(self) -> np.ndarray:
+        """(N, d) outdoor less room temperature of the rows in which air may be let in, of every disturbed node [K]."""
+        places = [j + 1 for j, c in enumerate(self.channels) if c.name == "ventilation"]
+        return np.concatenate([piece.series[:, places] for piece in self._pieces])
+
+    def day_factors(self, values: Mapping[str, float]) -> np.ndarray:
+        """Factors of the days by which their gain varies more or less."""
+        return np.exp([values[f"day_{d}"] for d in range(len(self.variance.first_rows))])
 
     @property
     def n_plain(self) -> int:
-        """Coefficients without the profile."""
-        return len(self.channels) - 2 * _HOURS
+        """Coefficients without those of the gain."""
+        return len(self.plain)
 
     @cached_property
-    def _walk(self) -> np.ndarray:
-        return cyclic_walk_root()
+    def _pieces(self) -> tuple[_Piece, ...]:
+        return tuple(
+            self._piece(p, klass) for p, klass in zip(self.experiment.pieces, self.variance.klass, strict=True)
+        )
+
+    def _piece(self, piece: Experiment, klass: np.ndarray) -> _Piece:
+        cells = profile_basis()[0][profile_cell(piece.hour_of_day, piece.weekend)]
+        columns = [np.zeros(len(cells)), *(piece.inputs[:, self._columns[role]] for _, role in self.plain)]
+        outputs = list(measured_rows(self.network))
+        for node in self.disturbed:
+            columns += list(cells.T)
+            if self.ventilated:
+                output = outputs.index(node) if node in outputs else 0
+                columns.append(ventilation_series(piece, piece.inputs[:, self._columns["T_oa"]], output))
+        boundary = np.ascontiguousarray(piece.inputs[:, : len(self.network.boundaries)])
+        series = np.ascontiguousarray(np.array(columns).T)
+        s0 = first_state(self.network, piece, len(self.disturbed))
+        return _Piece(np.ascontiguousarray(piece.outputs), series, boundary, piece.inputs, klass, s0)
+
+    @cached_property
+    def _sd(self) -> tuple[np.ndarray, np.ndarray]:
+        """Prior standard deviations of the gain's coefficients, and which searched parameter multiplies each."""
+        names = [p.name for p in self.searched]
+        gain = self.channels[self.n_plain :]
+        which = np.array([names.index(c.times) if c.times in names else -1 for c in gain])
+        fixed = [self.fixed.get(c.times or "", 1.0) for c in gain]
+        return np.array([c.sd for c in gain]) * np.array(fixed) * self.heat_scale, which
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(p,) means of the priors on the searched scale."""
+        priors = own_priors(len(self.variance.first_rows)) | dict(self.priors)
+        return np.array([priors.get(p.name, (sum(p.free_bounds) / 2.0, 0.0))[0] for p in self.searched])
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """(p,) standard deviations of the priors on the searched scale; infinite where there is none."""
+        priors = own_priors(len(self.variance.first_rows)) | dict(self.priors)
+        weak = [PRIOR_LOG_SD if p.transform == "log" and p.unit not in _NO_PRIOR else np.inf for p in self.searched]
+        return np.array([priors.get(p.name, (0.0, sd))[1] for p, sd in zip(self.searched, weak, strict=True)])
 
     # ------------------------------------------------------------------------------------------------ one evaluation
     def values(self, free: np.ndarray) -> dict[str, float]:
@@ -174,7 +226,7 @@ class PeriodicProblem:
     def _discrete(self, values: Mapping[str, float]) -> Discrete:
         """The network's zero-order hold with one heat input a node, and derivatives by R and C."""
         net = self.network
-        full = {**values, **{p.name: 1.0 for p in net.parameters(net.boundaries) if p.name not in values}}
+        full = {**{p.name: 1.0 for p in net.parameters(net.boundaries)}, **values}
         c = net.matrices(full, net.boundaries)
         n, k = len(net.nodes), len(net.boundaries)
         B, dB = np.zeros((n, k + n)), np.zeros((len(c.dA), n, k + n))
@@ -185,10 +237,27 @@ class PeriodicProblem:
             dB[names.index(name), i, k + i] = -1.0 / c.capacitance[i] ** 2
         return discretize(c.A, B, c.dA, dB, c.capacitance, self.experiment.hours)
 
-    def _known_heat(self, values: Mapping[str, float]) -> np.ndarray:
+    def _log_sigma(self, values: Mapping[str, float]) -> np.ndarray:
+        """(k,) logarithms behind the standard deviations: of the hours, then of the days."""
+        return np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
+
+    def _model(self, values: dict[str, float]) -> _Model:
+        d, (n, k, m) = self._discrete(values), (len(self._place), len(self.network.boundaries), len(self.disturbed))
+        heat = d.B[:, k:]
+        phi = float(np.exp(-self.experiment.hours / values["tau"]))
+        sigma = np.exp(self.variance.variance @ self._log_sigma(values)) * self.heat_scale
+        A, Q = np.zeros((n + m, n + m)), np.zeros((len(sigma), n + m, n + m))
+        A[:n, :n], A[:n, n:], A[n:, n:] = d.A, heat[:, self.disturbed], phi * np.eye(m)
+        for i in range(n, n + m):
+            Q[:, i, i] = sigma**2 * (1.0 - phi**2)
+        columns = np.zeros((n + m, len(self.channels) + 1))
+        columns[:n, 1:] = heat[:, [c.node for c in self.channels]]
+        C = np.eye(n + m)[measured_rows(self.network)]
+        return _Model(values, d, heat, phi, sigma, A, columns, Q, C, np.full(len(C), values["sigma_y"] ** 2))
+
+    def _known_heat(self, piece: _Piece, values: Mapping[str, float]) -> np.ndarray:
         """(N, n) heat into every node by inputs whose coefficient is not solved inside [kW]."""
-        place = {node: i for i, node in enumerate(self.network.nodes)}
-        heat = np.zeros((len(self.experiment.y), len(place)))
+        heat = np.zeros((len(piece.y), len(self._place)))
         for source in self.sources:
             if source.parameter in self.inner:
                 continue
@@ -196,135 +265,103 @@ class PeriodicProblem:
             left = 1.0 - sum(values[f] for _, f in source.shares if f)
             for node, fraction in source.shares:
                 share = values[fraction] if fraction else left
-                heat[:, place[node]] += gain * share * self._series(source.role)
+                heat[:, self._place[node]] += gain * share * piece.inputs[:, self._columns[source.role]]
         return heat
 
-    def _root(self, values: Mapping[str, float]) -> np.ndarray:
-        """(48, 48) root L of the profile's prior covariance: a level and a cyclic walk for each day type."""
-        one = np.column_stack(
-            [np.full(_HOURS, LEVEL_SD * self.heat_scale), values["sigma_profile"] * self.heat_scale * self._walk]
+    def _filter(self, piece: _Piece, model: _Model) -> tuple[ChannelFilter, np.ndarray]:
+        """The filtered channels of a stretch, and the known heat (N, n) that drove its first."""
+        n, k = len(self._place), len(self.network.boundaries)
+        known_heat = self._known_heat(piece, model.values)
+        known = np.zeros((len(piece.y), len(model.A)))
+        known[:, :n] = piece.boundary @ model.discrete.B[:, :k].T + known_heat @ model.heat.T
+        P0 = first_covariance(self.network, float(model.sigma[piece.klass[0]]))
+        run = filter_channels(
+            model.A, model.columns, piece.series, known, model.Q, piece.klass, model.C, model.R, piece.y, piece.s0, P0
         )
-        return np.kron(np.eye(2), one)
+        return run, known_heat
 
     def evaluate(self, free: np.ndarray) -> tuple[float, np.ndarray, Linear]:
         """Objective, its exact gradient and the inner coefficients."""
         values = self.values(free)
-        d, e = self._discrete(values), self.experiment
-        n, k = len(self.network.nodes), len(self.network.boundaries)
-        heat_columns = d.B[:, k:]
-        phi = float(np.exp(-e.hours / values["tau"]))
-        A = np.zeros((n + 1, n + 1))
-        A[:n, :n], A[:n, n], A[n, n] = d.A, heat_columns[:, self.disturbed], phi
-        columns = np.zeros((len(self.channels) + 1, n + 1))
-        columns[1:, :n] = heat_columns[:, self._nodes_of_channels].T
-        known_heat = self._known_heat(values)
-        known = np.zeros((len(e.y), n + 1))
-        known[:, :n] = self._boundary_inputs @ d.B[:, :k].T + known_heat @ heat_columns.T
-        sigma = np.array([values[f"sigma_{c}"] for c in CLASSES]) * self.heat_scale
-        Q = np.zeros((len(CLASSES), n + 1, n + 1))
-        Q[:, n, n] = sigma**2 * (1.0 - phi**2)
-        P0 = first_covariance(self.network, float(sigma[self.klass[0]]))
-        c, R = np.eye(n + 1)[self.measured], values["sigma_y"] ** 2
-        s0 = np.append(np.full(n, e.first), 0.0)
-        r = filter_channels(A, columns, self._series_matrix, known, Q, self.klass, c, R, e.y, s0, P0)
-
-        loss, linear, errors_bar, S_bar, profile_slope = self._solve_inner(r.errors, r.S, self._root(values))
-        adjoint = filter_channels_adjoint(
-            A, self._series_matrix, self.klass, c, e.y, len(CLASSES), r, errors_bar, S_bar
-        )
-
-        by_value = dict.fromkeys(values, 0.0)
-        heat_bar = np.zeros((n, n))
-        for j, node in enumerate(self._nodes_of_channels):
-            heat_bar[:, node] += adjoint.columns[j + 1, :n]
-        heat_bar += adjoint.known[:, :n].T @ known_heat
-        heat_bar[:, self.disturbed] += adjoint.A[:n, n]
-        B_bar = np.hstack([adjoint.known[:, :n].T @ self._boundary_inputs, heat_bar])
-        for q, p in enumerate(self.network.parameters(self.network.boundaries)):
-            by_value[p.name] = float(np.sum(adjoint.A[:n, :n] * d.dA[q]) + np.sum(B_bar * d.dB[q]))
-        self._add_known_slopes(by_value, values, adjoint.known[:, :n] @ heat_columns)
-        Q_bar = adjoint.Q[:, n, n]
-        phi_bar = adjoint.A[n, n] - 2.0 * phi * float(Q_bar @ sigma**2)
-        by_value["tau"] = phi_bar * phi * e.hours / values["tau"] ** 2
-        sigma_bar = 2.0 * sigma * (1.0 - phi**2) * Q_bar
-        sigma_bar[self.klass[0]] += 2.0 * sigma[self.klass[0]] * adjoint.P0[n, n]
-        for i, name in enumerate(CLASSES):
-            by_value[f"sigma_{name}"] = float(sigma_bar[i]) * self.heat_scale
-        by_value["sigma_y"] = 2.0 * values["sigma_y"] * adjoint.R
-        by_value["sigma_profile"] = profile_slope / values["sigma_profile"]
-        gradient = np.array([by_value[p.name] * p.slope(values[p.name]) for p in self.searched])
-        pull = (free - self._centre) / PRIOR_LOG_SD**2 * self._has_prior
-        return loss + 0.5 * float(pull @ (free - self._centre)), gradient + pull, linear
-
-    @cached_property
-    def _boundary_inputs(self) -> np.ndarray:
-        return np.ascontiguousarray(self.experiment.inputs[:, : len(self.network.boundaries)])
-
-    @cached_property
-    def _centre(self) -> np.ndarray:
-        return np.array([sum(p.free_bounds) / 2.0 for p in self.searched])
-
-    @cached_property
-    def _has_prior(self) -> np.ndarray:
-        return np.array([float(p.transform == "log") for p in self.searched])
-
-    def _add_known_slopes(self, by_value: dict[str, float], values: Mapping[str, float], heat_by: np.ndarray) -> None:
-        """Derivatives by searched capacities, areas and fractions that act through the known heat."""
-        place = {node: i for i, node in enumerate(self.network.nodes)}
-        for source in self.sources:
-            if source.parameter in self.inner or source.parameter is None:
-                continue
-            left = 1.0 - sum(values[f] for _, f in source.shares if f)
-            series, gain = self._series(source.role), values[source.parameter]
-            rest = next(node for node, fraction in source.shares if fraction is None)
-            for node, fraction in source.shares:
-                flow = float(heat_by[:, place[node]] @ series)
-                by_value[source.parameter] += flow * (values[fraction] if fraction else left)
-                if fraction:
-                    by_value[fraction] += gain * (flow - float(heat_by[:, place[rest]] @ series))
+        model = self._model(values)
+        runs = [self._filter(piece, model) for piece in self._pieces]
+        J = len(self.channels) + 1
+        errors = np.concatenate([run.errors.reshape(-1, J) for run, _ in runs])
+        S = np.concatenate([run.S.ravel() for run, _ in runs])
+        loss, linear, errors_bar, S_bar, sd_bar = self._solve_inner(errors, S, free)
+        slopes = _Slopes(self, model)
+        begin = 0
+        for piece, (run, known_heat) in zip(self._pieces, runs, strict=True):
+            rows = slice(begin, begin + run.S.size)
+            begin = rows.stop
+            adjoint = filter_channels_adjoint(
+                model.A,
+                piece.series,
+                piece.klass,
+                model.C,
+                piece.y,
+                len(model.Q),
+                run,
+                errors_bar[rows].reshape(run.errors.shape),
+                S_bar[rows].reshape(run.S.shape),
+            )
+            slopes.add(piece, adjoint, known_heat)
+        gradient = slopes.by_free() + sd_bar
+        pull = (free - self.centre) / self.spread**2
+        return loss + 0.5 * float(pull @ (free - self.centre)), gradient + pull, linear
 
     def _solve_inner(
-        self, errors: np.ndarray, S: np.ndarray, root: np.ndarray
-    ) -> tuple[float, Linear, np.ndarray, np.ndarray, float]:
-        """Ridge solution of the linear coefficients, the objective, its derivatives by innovations and variances."""
+        self, errors: np.ndarray, S: np.ndarray, free: np.ndarray
+    ) -> tuple[float, Linear, np.ndarray, np.ndarray, np.ndarray]:
+        """Ridge solution of the linear coefficients, the objective, its derivatives by innovations, variances, sd."""
         # a response enters the innovation with the sign of a prediction: e = e_y + sum_j beta_j e_j
-        weight = np.outer(1.0 / np.sqrt(S), np.append(1.0, np.full(len(self.channels), -1.0)))
-        scaled = errors * weight
-        y, plain, cells = scaled[:, 0], scaled[:, 1 : 1 + self.n_plain], scaled[:, 1 + self.n_plain :]
-        Z = cells @ root  # the profile as a linear map of standard normal numbers
-        design = np.hstack([plain, Z])
-        ridge = np.concatenate([np.full(self.n_plain, 1e-9), np.ones(Z.shape[1])])
-        signs = np.array([c.sign for c in self.channels[: self.n_plain]])
-        gamma, free = _signed_ridge(design, y, ridge, signs)
-        residual = y - design @ gamma
-        H = cho_factor(np.eye(Z.shape[1]) + Z.T @ Z, lower=True)
+        k = self.n_plain
+        fixed, which = self._sd
+        sd = np.where(which >= 0, np.exp(free[which]), 1.0) * fixed if len(free) else fixed
+        scale = np.concatenate([np.ones(k), sd])
+        scaled = errors / np.sqrt(S)[:, None]
+        M = scaled.T @ scaled
+        normal = M[1:, 1:] * np.outer(scale, scale)
+        normal[np.diag_indices(len(scale))] += np.concatenate([np.full(k, 1e-9), np.ones(len(sd))])
+        signs = np.array([c.sign for c in self.channels[:k]])
+        gamma, unbound = _signed_ridge(normal, -M[1:, 0] * scale, signs)
+        u, z = np.append(1.0, gamma * scale), gamma[k:]
+        H = cho_factor(normal[k:, k:], lower=True)
+        inverse = cho_solve(H, np.eye(len(z)))
         logdet = 2.0 * float(np.log(np.diag(H[0])).sum())
-        z = gamma[self.n_plain :]
-        seen = float(np.log(S).sum())
-        loss = 0.5 * (seen + float(residual @ residual) + float(z @ z) + logdet)
+        loss = 0.5 * (float(np.log(S).sum()) + float(u @ M @ u) + float(z @ z) + logdet)
 
-        # envelope theorem: the coefficients are at their optimum; the log-determinant depends on the design itself
-        Z_bar = -np.outer(residual, z) + cho_solve(H, Z.T).T
-        root_bar = cells.T @ Z_bar
-        scaled_bar = np.hstack([residual[:, None], -np.outer(residual, gamma[: self.n_plain]), Z_bar @ root.T])
-        S_bar = 0.5 / S - 0.5 * (scaled_bar * scaled).sum(axis=1) / S
-        is_walk = np.tile(np.arange(_HOURS) > 0, 2)
-        profile_slope = float((root_bar * root)[:, is_walk].sum())
-        linear = Linear(gamma, free, design, ridge, root)
-        return loss, linear, scaled_bar * weight, S_bar, profile_slope
+        # envelope theorem: the coefficients are at their optimum; the log-determinant depends on M and sd themselves
+        M_bar = np.outer(u, u)
+        M_bar[1 + k :, 1 + k :] += inverse * np.outer(sd, sd)
+        scaled_bar = scaled @ M_bar
+        S_bar = 0.5 / S - 0.5 * np.einsum("kj,kj->k", scaled_bar, scaled) / S
+        sd_bar = np.zeros(len(free))
+        np.add.at(sd_bar, which[which >= 0], (1.0 - np.diag(inverse) - z**2)[which >= 0])
+        return loss, Linear(gamma, unbound, normal, scale), scaled_bar / np.sqrt(S)[:, None], S_bar, sd_bar
 
     # -------------------------------------------------------------------------------------------------------- search
+    @cached_property
+    def _typical(self) -> np.ndarray:
+        return np.array([_TYPICAL.get(p.unit, 0.3) for p in self.searched])
+
     def minimise(self, start: np.ndarray) -> Minimum:
-        """Bounded quasi-Newton from one start."""
+        """Bounded quasi-Newton from one start, in steps that are about as large for every parameter."""
+        scale = self._typical
+
+        def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
+            loss, gradient, _ = self.evaluate(x * scale)
+            return loss, gradient * scale
+
         found = minimize(
-            lambda x: self.evaluate(x)[:2],
-            start,
+            objective,
+            start / scale,
             jac=True,
             method="L-BFGS-B",
-            bounds=[p.free_bounds for p in self.searched],
-            options={"maxiter": 300, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-3},
+            bounds=np.array([p.free_bounds for p in self.searched]) / scale[:, None],
+            options={"maxiter": 400, "maxcor": 40, "ftol": 1e-9, "gtol": 1e-3},
         )
-        return Minimum(found.x, float(found.fun), int(found.nfev), bool(found.success))
+        return Minimum(found.x * scale, float(found.fun), int(found.nfev), bool(found.success))
 
     def drop(self, loss: float, best: float) -> float:
         """By how much the log-likelihood of one loss lies below that of the best."""
@@ -343,11 +380,71 @@ class PeriodicProblem:
         return 0.5 * (H + H.T), dbeta
 
 
-def _signed_ridge(
-    design: np.ndarray, y: np.ndarray, ridge: np.ndarray, signs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+class _Slopes:
+    """Derivatives of the objective by every parameter, gathered over the stretches."""
+
+    def __init__(self, problem: PeriodicProblem, model: _Model) -> None:
+        self.problem, self.model = problem, model
+        n = len(model.heat)
+        self.A, self.Q = np.zeros_like(model.A), np.zeros(len(model.sigma))
+        self.boundary = np.zeros((n, len(problem.network.boundaries)))
+        self.heat = np.zeros((n, n))
+        self.log_sigma, self.R = np.zeros(len(model.sigma)), 0.0
+        self.by_value = dict.fromkeys(model.values, 0.0)
+
+    def add(self, piece: _Piece, adjoint: ChannelAdjoint, known_heat: np.ndarray) -> None:
+        """Add a stretch's share."""
+        model, n = self.model, len(self.model.heat)
+        known = adjoint.known[:, :n]
+        self.A += adjoint.A
+        self.boundary += known.T @ piece.boundary
+        self.heat += known.T @ known_heat
+        for j, channel in enumerate(self.problem.channels):
+            self.heat[:, channel.node] += adjoint.columns[:n, j + 1]
+        self.Q += np.trace(adjoint.Q[:, n:, n:], axis1=1, axis2=2)
+        first = piece.klass[0]
+        self.log_sigma[first] += 2.0 * model.sigma[first] ** 2 * np.trace(adjoint.P0[n:, n:])
+        self.R += float(adjoint.R.sum())
+        self._add_known(piece, known @ model.heat)
+
+    def _add_known(self, piece: _Piece, heat_by: np.ndarray) -> None:
+        """Searched capacities, areas and fractions that act through the known heat."""
+        problem, values, by_value = self.problem, self.model.values, self.by_value
+        for source in problem.sources:
+            if source.parameter in problem.inner or source.parameter is None:
+                continue
+            left = 1.0 - sum(values[f] for _, f in source.shares if f)
+            flows = heat_by.T @ piece.inputs[:, problem._columns[source.role]]
+            gain = values[source.parameter]
+            rest = next(flows[problem._place[node]] for node, fraction in source.shares if fraction is None)
+            for node, fraction in source.shares:
+                flow = float(flows[problem._place[node]])
+                by_value[source.parameter] += flow * (values[fraction] if fraction else left)
+                if fraction:
+                    by_value[fraction] += gain * (flow - float(rest))
+
+    def by_free(self) -> np.ndarray:
+        """(p,) derivatives on the searched scale."""
+        problem, (values, d, _, phi, sigma, *_) = self.problem, self.model
+        n, by_value = len(self.heat), self.by_value
+        heat = self.heat.copy()
+        for i, node in enumerate(problem.disturbed):
+            heat[:, node] += self.A[:n, n + i]
+        B = np.hstack([self.boundary, heat])
+        for q, p in enumerate(problem.network.parameters(problem.network.boundaries)):
+            by_value[p.name] = float(np.sum(self.A[:n, :n] * d.dA[q]) + np.sum(B * d.dB[q]))
+        hours = problem.experiment.hours
+        phi_bar = float(np.trace(self.A[n:, n:])) - 2.0 * phi * float(self.Q @ sigma**2)
+        by_value["tau"] = phi_bar * phi * hours / values["tau"] ** 2
+        by_value["sigma_y"] = 2.0 * values["sigma_y"] * self.R
+        logs = (self.log_sigma + 2.0 * sigma**2 * (1.0 - phi**2) * self.Q) @ problem.variance.variance
+        by_log = dict(zip(problem.variance.names, logs, strict=True))
+        out = [by_log.get(p.name, by_value[p.name] * p.slope(values[p.name])) for p in problem.searched]
+        return np.array(out, dtype=np.float64)
+
+
+def _signed_ridge(normal: np.ndarray, right: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ridge solution whose first coefficients have the given signs (0: free), by an active set; and who is free."""
-    normal, right = design.T @ design + np.diag(ridge), design.T @ y
     free = np.ones(len(right), dtype=bool)
     gamma = np.zeros(len(right))
     for _ in range(2 * len(signs) + 1):
@@ -363,12 +460,3 @@ def _signed_ridge(
             break
         free[inward[np.argmax(pull[inward])]] = True
     return gamma, free
-
-
-def own_parameters() -> tuple[Parameter, ...]:
-    """Parameters of the disturbance: time constant, noise, and standard deviations in units of a 6 kW plant."""
-    out = [Parameter("tau", "h", 0.2, 120.0, "time constant of the gain state")]
-    out += [Parameter(f"sigma_{c}", "6 kW plant", 0.002, 12.0, f"standard deviation, {c}") for c in CLASSES]
-    out += [Parameter("sigma_y", "K", 1e-3, 1.0, "measurement noise")]
-    out += [Parameter("sigma_profile", "6 kW plant", 0.005, 5.0, "hourly step of the weekly profile")]
-    return tuple(out)

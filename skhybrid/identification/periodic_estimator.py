@@ -10,11 +10,12 @@ from .._contract import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier
 from .experiment import Experiment
+from .gain_model import CLASSES, DAY_TYPES, VarianceModel, own_parameters, profile_basis, profile_cell
 from .gauss_newton import Minimum
 from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
 from .least_squares import named_covariance
 from .multi_start import search, starts_table
-from .periodic import CLASSES, PeriodicProblem, own_parameters
+from .periodic import PeriodicProblem
 from .tracking import GainTracker
 
 #: how much wider than the paper's box the search is; a prior holds it together
@@ -24,9 +25,10 @@ _WIDER = 10.0
 class PeriodicDisturbanceID(NetworkIdentifier):
     """Identification with a gain state of time-varying variance and a smooth weekly gain profile.
 
-    The unmeasured heat is a weekly profile (an hour of a weekday or weekend day) plus an Ornstein-Uhlenbeck state whose
-    variance differs between weekday hours, weekday nights and weekends.  Capacities, solar areas and the profile are
-    solved inside; the negative log marginal likelihood is minimised over the rest with exact derivatives.
+    The unmeasured heat is a weekly profile (an hour of a weekday or weekend day), the heat of a ventilation by day,
+    and an Ornstein-Uhlenbeck state whose standard deviation is that of the hours (three of a day type at a time) times
+    a factor of the day.  Capacities, solar areas, the profile and the ventilation are solved inside; the negative log
+    marginal likelihood is minimised over the rest with exact derivatives.
 
     Parameters
     ----------
@@ -37,7 +39,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     bounds : dict of parameter to (lower, upper), optional
         Overrides the bounds, which are ten times wider than the paper's on either side.
     n_starts : int, default=4
-        Starts: the middle of the prior, then random draws from it.
+        Most starts: the middle of the prior, then random draws from it.  Two that end at the same best minimum spare
+        the others.
     horizon : timedelta-like, optional
         How far ahead ``predict`` looks; None simulates from the first row on.
     warmup : timedelta-like, default="1D"
@@ -64,9 +67,15 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     theta_cov_ : DataFrame
         Covariance of the parameters.
     disturbance_ : Series
-        ``tau`` [h], ``sigma_<class>`` [kW], ``sigma_y`` [K], ``sigma_profile`` [kW].
+        ``tau`` [h]; ``sigma_<day type>_<first hour>`` [kW] of the gain around its profile, on a middling day;
+        ``sigma_y`` [K]; ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
+    day_factors_ : Series
+        By how much every day's gain varies more than on a middling day [-]; the index is the row where each begins.
+    ventilation_ : float or Series
+        Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed.
     profile_ : DataFrame of shape (24, 2)
-        Weekly gain profile [kW], columns ``weekday`` and ``weekend``.
+        Weekly gain profile [kW], ventilation included at its mean; columns ``weekday`` and ``weekend``, with the node
+        above them where several are disturbed.
     identifiability_ : Identifiability
         Flat directions, parameters at a bound, parameters that nothing moved.
     loss_ : float
@@ -84,6 +93,9 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     Notes
     -----
     It is not in the paper; it extends the input-disturbance model (2.2.2).
+
+    Air that comes in at all hours (infiltration) cannot be told from the conductance ``1 / R_zo``, of which it becomes
+    a part.
     """
 
     def __init__(
@@ -130,7 +142,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return tuple(widen(p) for p in parameters)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
-        return own_parameters()
+        return own_parameters(0)
 
     # --------------------------------------------------------------------------------------------------------- fit
     def _identify(
@@ -143,13 +155,21 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         scale = _heat_scale(network, table, known)
         fixed = {p.name: p.default for p in parameters if p.name in idle} | {k: float(v) for k, v in known.items()}
         inner = _inner(network, table, fixed, set(dict(self.bounds or {})))
-        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in own_parameters())
+        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in self._all_own(experiment))
         searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
         searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
         problem = PeriodicProblem(network, experiment, searched, fixed, inner, scale)
         minima = self._minima(problem)
         best = min(minima, key=lambda m: m.loss)
+        begins = np.cumsum([0, *(len(piece.y) for piece in experiment.pieces)])
+        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
+        factors = problem.day_factors(problem.values(best.free))
+        self.day_factors_ = pd.Series(factors, index=table.index[rows], name="day_factor")
         self._store(problem, best, minima, parameters, idle)
+
+    @staticmethod
+    def _all_own(experiment: Experiment) -> tuple[Parameter, ...]:
+        return own_parameters(len(VarianceModel.of(experiment.pieces).first_rows))
 
     def _minima(self, problem: PeriodicProblem) -> list[Minimum]:
         if not problem.searched:
@@ -180,30 +200,45 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         names = [p.name for p in parameters]
         self.network_, self.parameters_ = problem.network, parameters
         self.theta_ = pd.Series({n: theta[n] for n in names}, name="theta")
-        own = {p.name: values[p.name] for p in own_parameters()}
+        own = {p.name: values[p.name] for p in own_parameters(0)}
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
         self.disturbance_ = pd.Series({**own, **in_kw})
         self.loss_, self.noise_std_ = best.loss, float(values["sigma_y"])
         self.starts_ = starts_table(minima, problem.searched, problem.drop)
-        self.profile_ = pd.DataFrame(
-            linear.beta[problem.n_plain :].reshape(2, 24).T,
-            index=pd.RangeIndex(24, name="hour"),
-            columns=["weekday", "weekend"],
-        )
+        self._store_gain(problem, linear.beta[problem.n_plain :])
         covariance, singular, flat = _laplace(problem, best, linear.covariance, turn, names, values)
         self.theta_cov_ = named_covariance(covariance, names, names, idle)
         self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
         self.identifiability_ = Identifiability(singular, flat, at_bounds(best.free, problem.searched), idle)
         self._tracker = self._make_tracker(problem)
 
+    def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
+        """The weekly profile and the ventilation of every disturbed node."""
+        nodes = problem.network.disturbed_nodes
+        basis, parts = profile_basis()[0], beta.reshape(len(nodes), -1)
+        profiles = [basis @ part[: basis.shape[1]] for part in parts]
+        if problem.ventilated:
+            cells = np.concatenate([profile_cell(p.hour_of_day, p.weekend) for p in problem.experiment.pieces])
+            for profile, part, series in zip(profiles, parts, problem.ventilation.T, strict=True):
+                total = np.bincount(cells, weights=series, minlength=len(profile))
+                profile += part[-1] * total / np.maximum(np.bincount(cells, minlength=len(profile)), 1)
+        tables = [pd.DataFrame(profile.reshape(2, 24).T, columns=list(DAY_TYPES)) for profile in profiles]
+        self.profile_ = tables[0] if len(nodes) == 1 else pd.concat(dict(zip(nodes, tables, strict=True)), axis=1)
+        self.profile_.index = pd.RangeIndex(24, name="hour")
+        air = [float(part[-1]) if problem.ventilated else 0.0 for part in parts]
+        self.ventilation_ = air[0] if len(nodes) == 1 else pd.Series(air, index=nodes, name="ventilation")
+
     def _make_tracker(self, problem: PeriodicProblem) -> GainTracker:
+        """The filter of a middling day: a day to come has no factor yet."""
         d = problem.network.discrete(self._theta, problem.experiment.roles, problem.experiment.hours)
-        n, own = len(d.A), self.disturbance_
+        n, m, own = len(d.A), len(problem.disturbed), self.disturbance_
         phi = float(np.exp(-problem.experiment.hours / own["tau"]))
-        Q = np.zeros((len(CLASSES), n + 1, n + 1))
-        sigma = own[[f"sigma_{c}" for c in CLASSES]].to_numpy(copy=True)
-        Q[:, n, n] = sigma**2 * (1.0 - phi**2)
-        profile = self.profile_.to_numpy().T.ravel().copy()
+        middling = float(np.sqrt(np.mean(self.day_factors_**2)))
+        sigma = middling * own[[f"sigma_{c}" for c in CLASSES]].to_numpy(copy=True)
+        Q = np.zeros((len(CLASSES), n + m, n + m))
+        for i in range(n, n + m):
+            Q[:, i, i] = sigma**2 * (1.0 - phi**2)
+        profile = self.profile_.to_numpy().reshape(24, m, 2).transpose(2, 0, 1).reshape(48, m).copy()
         return GainTracker(problem.network, d.A, d.B, phi, Q, float(own["sigma_y"] ** 2), float(sigma.max()), profile)
 
 
@@ -233,8 +268,8 @@ def _solved_fractions(network: RCNetwork, inner: tuple[str, ...]) -> set[str]:
 
 def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.RandomState) -> np.ndarray:
     """(n_starts, p): a small-building guess, then draws around it."""
-    guess = {"tau": 4.0, "sigma_weekday_day": 0.6, "sigma_weekday_night": 0.15, "sigma_weekend": 0.15}
-    guess |= {"sigma_y": 0.05, "sigma_profile": 0.3}
+    guess = {"tau": 4.0, "sigma_y": 0.05} | {f"sigma_{c}": 0.3 for c in CLASSES}
+    guess |= {f"sigma_profile_{kind}": 0.3 for kind in DAY_TYPES}
     scale = problem.heat_scale
     centre = []
     for p in problem.searched:
@@ -247,7 +282,9 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
         elif p.unit == "K/kW":
             start = np.log((6.0 if p.name.endswith("o") else 1.2) / scale)
         centre.append(min(max(start, low), high))
-    draws = rng.normal(size=(n_starts, len(centre)))
+    # a draw far out in what is not the building only takes longer
+    spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
+    draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0
     bounds = np.array([p.free_bounds for p in problem.searched]).T
     return np.clip(np.array(centre) + draws, *bounds)

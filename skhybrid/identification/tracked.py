@@ -12,8 +12,8 @@ from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._rolling import RollingForecastMixin
 from .experiment import Experiment, make_experiment
+from .gain_model import hour_class, profile_cell
 from .innovations import InnovationsMixin
-from .periodic import hour_class, profile_cell
 from .tracking import GainTracker, Start, Track
 
 
@@ -83,10 +83,10 @@ class TrackedNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Bas
         """The filter's own expectation: the gain state decays towards the profile."""
         track, cells = self._track(table), self._cells(table)
         tracker: GainTracker = self._tracker
-        g = track.gain[origins] - tracker.profile[cells[origins]][:, None]
+        g = track.gain[origins] - tracker.profile[cells[origins]]
         rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
         decay = tracker.phi ** np.arange(n)
-        heat = g[:, None] * decay[:, None] + tracker.profile[cells[rows]][..., None]
+        heat = g[:, None] * decay[:, None] + tracker.profile[cells[rows]]
         return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n, len(tracker.measured))))
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:

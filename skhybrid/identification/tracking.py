@@ -44,7 +44,7 @@ class GainTracker:
     Q: np.ndarray  # (n_classes, n + d, n + d)
     R: float
     g_sd: float = ZETA_SD
-    profile: np.ndarray = field(default_factory=lambda: np.zeros(48))  # [kW] by cell of the week, of every gain
+    profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
 
     @property
     def n(self) -> int:
@@ -79,7 +79,8 @@ class GainTracker:
 
     def forcing(self, experiment: Experiment, cells: np.ndarray) -> np.ndarray:
         """(N, n) effect of all known inputs and of the profile over each step."""
-        return experiment.inputs @ self.B.T + np.outer(self.profile[cells], self.heat.sum(axis=1))
+        profile = np.broadcast_to(self.profile[cells], (len(cells), self.n_gains))
+        return experiment.inputs @ self.B.T + profile @ self.heat.T
 
     def track(
         self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: Start, smooth: bool = False
@@ -93,7 +94,7 @@ class GainTracker:
         filtered, covariances, predicted, before = run
         states = smooth_states(A, filtered, covariances, predicted, before).states if smooth else filtered
         end = Start(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[klass[-1]])
-        gain = states[:, self.n :] + self.profile[cells][:, None]
+        gain = states[:, self.n :] + self.profile[cells]
         return Track(states[:, : self.n].copy(), gain, end, (predicted, before))
 
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:

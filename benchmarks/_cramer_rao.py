@@ -1,0 +1,178 @@
+"""Cramer-Rao bound of the office's parameters where the gain is not measured and its statistics are estimated too.
+
+The measurements are jointly Gaussian: the mean follows from the parameters and the inputs, the covariance from the
+gain (a weekly profile of unknown level and shape, an unknown ventilation, and a remainder whose variance depends on the
+hour and whose memory is a mixture of time constants), the unknown first state and the thermometer.  The bound is taken
+where the statistics are those of the TRUE gains of many other draws, and allows for their being unknown: a standard
+deviation for each class of hours, the profile's two steps, one factor of all time constants, and the thermometer's.
+Dense matrices and SciPy only: nothing of the estimator is used.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.optimize import nnls
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+from skhybrid.datasets import make_office
+from skhybrid.datasets.gains import INFILTRATION_KW_K, VENTILATION_KW_K
+
+NAMES = ("C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c")
+FIRST_SD = np.array([2.0, 0.5])  # of the wall and of the room [K]
+LEVEL_SD, VENTILATION_SD = 3.0, 0.03  # [kW], [kW/K]
+_BLOCK = 3  # hours that share a standard deviation
+
+
+_TAUS = np.array([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])  # [h]
+_LAGS = np.unique(np.round(np.geomspace(1, 192, 30)).astype(int))  # rows
+
+
+class GainStatistics(NamedTuple):
+    """What is known of a gain before the measurements."""
+
+    sigma: np.ndarray  # (16,) by three hours of a weekday, then of a weekend day [kW]
+    busy: np.ndarray  # (16,) bool, classes whose remainder is of the large kind
+    shares: np.ndarray  # (2, 9) of every time constant in the variance of a quiet and of a busy hour
+    steps: np.ndarray  # (2,) of the hourly profile [kW]
+
+
+def _split(office) -> tuple[np.ndarray, np.ndarray]:
+    """The gain without mean infiltration and ventilation [kW], and the outdoor-room difference by day [K]."""
+    time = office.X.index
+    difference = (office.X["T_oa"] - office.states["T_za"]).to_numpy()
+    busy = np.asarray((time.day_of_week < 5) & (time.hour >= 6) & (time.hour < 19))
+    air = INFILTRATION_KW_K + VENTILATION_KW_K * busy
+    by_day = np.asarray((time.day_of_week < 5) & (time.hour >= 6) & (time.hour < 21))
+    return office.heat_gain.to_numpy() - air * difference, difference * by_day
+
+
+def statistics(seeds: range, **settings) -> GainStatistics:
+    """Of the gains of many draws, around the mean that all of them have at that hour of the week."""
+    offices = [make_office(random_state=seed, **settings) for seed in seeds]
+    time = offices[0].X.index
+    gains = np.array([_split(office)[0] for office in offices])
+    cell = np.asarray(time.hour + 24 * (time.day_of_week >= 5))
+    mean = pd.Series(gains.mean(axis=0)).groupby(cell).mean().to_numpy()
+    rest, klass = gains - mean[cell], _classes(time)
+    sigma = np.sqrt([np.mean(rest[:, klass == k] ** 2) for k in range(16)])
+    busy = sigma > 0.3 * sigma.max()
+    scaled = rest / sigma[klass]
+    shares = np.array([_memory(scaled, busy[klass] == kind, time) for kind in (False, True)])
+    days = mean.reshape(2, 24)
+    return GainStatistics(sigma, busy, shares, np.sqrt(np.mean((days - np.roll(days, 1, axis=1)) ** 2, axis=1)))
+
+
+def _classes(time: pd.DatetimeIndex) -> np.ndarray:
+    return np.asarray(time.hour // _BLOCK + 8 * (time.day_of_week >= 5))
+
+
+def _memory(scaled: np.ndarray, rows: np.ndarray, time: pd.DatetimeIndex) -> np.ndarray:
+    """Shares of the time constants that explain the autocorrelation of the chosen rows."""
+    if not rows.any():
+        return np.zeros(len(_TAUS))
+    hours = (time[1] - time[0]) / pd.Timedelta("1h")
+    left, right = [np.ones(len(_TAUS)) * 10.0], [10.0]  # they sum to 1
+    for lag in _LAGS:
+        both = rows[lag:] & rows[:-lag]
+        if both.any():
+            left.append(np.exp(-lag * hours / _TAUS))
+            right.append(float(np.mean(scaled[:, lag:][:, both] * scaled[:, :-lag][:, both])))
+    return nnls(np.array(left), np.array(right))[0]
+
+
+def gain_covariance(
+    time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics, slower: float = 1.0
+) -> np.ndarray:
+    """(N, N) covariance of the gain before the measurements [kW2]; all time constants ``slower`` times as long."""
+    weekend = np.asarray(time.day_of_week >= 5)
+    klass = _classes(time)
+    lags = (time[1] - time[0]) / pd.Timedelta("1h") * np.arange(len(time))
+    out = np.zeros((len(time), len(time)))
+    for kind, shares in enumerate(known.shares):
+        sigma = np.where(known.busy[klass] == kind, known.sigma[klass], 0.0)
+        out += np.outer(sigma, sigma) * toeplitz(np.exp(-lags[:, None] / (slower * _TAUS)) @ shares)
+    difference = np.eye(24) - np.roll(np.eye(24), 1, axis=0)
+    walk = np.linalg.pinv(difference.T @ difference)
+    cell = np.asarray(time.hour) + 24 * weekend
+    profile = np.kron(np.eye(2), np.full((24, 24), LEVEL_SD**2)) + np.kron(np.diag(known.steps**2), walk)
+    return out + profile[np.ix_(cell, cell)] + VENTILATION_SD**2 * np.outer(by_day, by_day)
+
+
+def _system(theta: dict[str, float], hours: float) -> tuple[np.ndarray, np.ndarray]:
+    """Discrete (A, B): states T_w, T_za; inputs T_oa, q_sol, u_heat, u_cool, heat gain."""
+    p = theta
+    a = np.array([[-1 / p["R_zw"], 1 / p["R_zw"]], [1 / p["R_zw"], -1 / p["R_zw"] - 1 / p["R_zo"]]])
+    b = np.zeros((2, 5))
+    b[0, 1] = (1 - p["f"]) * p["A_win"]
+    b[1] = 1 / p["R_zo"], p["f"] * p["A_win"], p["Q_h"], p["Q_c"], 1.0
+    C = np.array([[p["C_w"]], [p["C_za"]]])
+    return cont2discrete((a / C, b / C, np.eye(2), np.zeros((2, 5))), hours, method="zoh")[:2]
+
+
+def _through(theta: dict[str, float], gain: np.ndarray, hours: float) -> np.ndarray:
+    """Covariance of the room temperature by that of the gain."""
+    A, B = _system(theta, hours)
+    top, bottom = ss2tf(A, B[:, 4:], np.array([[0.0, 1.0]]), np.zeros((1, 1)))
+    out = lfilter(top[0], bottom, lfilter(top[0], bottom, gain, axis=0).T, axis=0)
+    return 0.5 * (out + out.T)
+
+
+def _moments(theta: dict[str, float], inputs: np.ndarray, gain: np.ndarray, first: float, hours: float):
+    """Mean and covariance of the room temperature at all rows."""
+    A, B = _system(theta, hours)
+    mean, free = np.empty(len(inputs)), np.empty((len(inputs), 2))
+    x, power = np.full(2, first), np.eye(2)
+    for k, row in enumerate(inputs):
+        mean[k], free[k] = x[1], power[1]
+        x, power = A @ x + B[:, :4] @ row, A @ power
+    return mean, _through(theta, gain, hours) + (free * FIRST_SD**2) @ free.T
+
+
+def _gain_slopes(time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics, step: float) -> list[np.ndarray]:
+    """Derivatives of the gain's covariance by the logarithms of its statistics."""
+
+    def slope(up: dict, down: dict) -> np.ndarray:
+        one = gain_covariance(time, by_day, known._replace(**up.get("known", {})), up.get("slower", 1.0))
+        return (
+            one - gain_covariance(time, by_day, known._replace(**down.get("known", {})), down.get("slower", 1.0))
+        ) / (2 * step)
+
+    def along(name: str, place: int, by: float) -> dict:
+        value = getattr(known, name).copy()
+        value[place] *= np.exp(by)
+        return {"known": {name: value}}
+
+    out = [slope({"slower": np.exp(step)}, {"slower": np.exp(-step)})]
+    for name, n in (("sigma", 16), ("steps", 2)):
+        out += [slope(along(name, i, step), along(name, i, -step)) for i in range(n)]
+    return out
+
+
+def bound(office, known: GainStatistics, noise: float = 0.03, step: float = 1e-3) -> pd.Series:
+    """Standard deviations of the relative errors [%] below which no unbiased estimate can come."""
+    time = office.X.index
+    hours = (time[1] - time[0]) / pd.Timedelta("1h")
+    inputs = office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy()
+    by_day = _split(office)[1]
+    gain = gain_covariance(time, by_day, known)
+    first, theta, unit = float(office.states["T_za"].iloc[0]), office.theta_effective, np.eye(len(time))
+    factor = cho_factor(_moments(theta, inputs, gain, first, hours)[1] + noise**2 * unit, lower=True)
+    slopes, turned = [], []
+    for name in NAMES:
+        up, down = ({**theta, name: theta[name] * np.exp(s)} for s in (step, -step))
+        (m1, V1), (m0, V0) = (_moments(t, inputs, gain, first, hours) for t in (up, down))
+        slopes.append((m1 - m0) / (2 * step))
+        turned.append(cho_solve(factor, (V1 - V0) / (2 * step)))
+    for by in _gain_slopes(time, by_day, known, step):
+        turned.append(cho_solve(factor, _through(theta, by, hours)))
+    turned.append(cho_solve(factor, 2 * noise**2 * unit))
+    information = 0.5 * np.array([[np.vdot(a, b.T) for b in turned] for a in turned])
+    D = np.array(slopes).T
+    information[: len(NAMES), : len(NAMES)] += D.T @ cho_solve(factor, D)
+    # where a class of hours has no remainder, its logarithm says nothing: hold it
+    information[np.diag_indices(len(turned))] += np.append(np.zeros(len(NAMES)), np.full(len(turned) - len(NAMES), 0.1))
+    return pd.Series(100.0 * np.sqrt(np.diag(np.linalg.inv(information))[: len(NAMES)]), index=list(NAMES))
