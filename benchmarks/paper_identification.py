@@ -286,12 +286,12 @@ def why_note(offices: list[object], runs: list[pd.DataFrame], truth: dict[str, f
     spelled = "; ".join(f"{m}: {text}" for m, text in moved.items())
     return (
         f"**What differs.** The unmeasured heat here is that of `make_office`: {np.mean(busy):.2f} kW on average in "
-        f"occupied hours, {np.mean(empty):.2f} kW otherwise; the paper's is that of FLEXLAB, which it does not list, so "
-        "its Table 1 cannot be met number by number. How far gains and set-points alone move an estimate shows in the "
-        f"spread over seeds (7 days, Q_h = 6): {spelled}. OD is the innovations form (design, ruling 1), searched over "
-        "(rho_1, rho_1 - rho_2); `OD, box` searches the paper's box of (rho_1, rho_2) instead. Figures and verdicts "
-        "on predictions take a network's parameters alone, its state from a Kalman filter over the day before; `own "
-        "model` is the method's own expectation of the disturbance besides."
+        f"occupied hours, {np.mean(empty):.2f} kW otherwise; the paper's is that of FLEXLAB, which it does not list, "
+        "so its Table 1 cannot be met number by number. How far gains and set-points alone move an estimate shows in "
+        f"the spread over seeds (7 days, Q_h = 6): {spelled}. OD is the innovations form (design, ruling 1), searched "
+        "over (rho_1, rho_1 - rho_2); `OD, box` searches the paper's box of (rho_1, rho_2) instead. Figures and "
+        "verdicts on predictions take a network's parameters alone, its state from a Kalman filter over the day "
+        "before; `own model` is the method's own expectation of the disturbance besides."
     )
 
 
