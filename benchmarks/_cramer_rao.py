@@ -1,10 +1,9 @@
-"""Cramer-Rao bound of the office's parameters where the gain is not measured and its statistics are estimated too.
+"""Cramer-Rao bound of the office's parameters where the gain is not measured, but its statistics are known.
 
 The measurements are jointly Gaussian: the mean follows from the parameters and the inputs, the covariance from the
 gain (a weekly profile of unknown level and shape, an unknown ventilation, and a remainder whose variance depends on the
-hour and whose memory is a mixture of time constants), the unknown first state and the thermometer.  The bound is taken
-where the statistics are those of the TRUE gains of many other draws, and allows for their being unknown: a standard
-deviation for each class of hours, the profile's two steps, one factor of all time constants, and the thermometer's.
+hour and whose memory is a mixture of time constants), the unknown first state and the thermometer.  The statistics are
+those of the TRUE gains of many other draws; an estimator has to find them out, which the bound does not charge.
 Dense matrices and SciPy only: nothing of the estimator is used.
 """
 
@@ -84,17 +83,15 @@ def _memory(scaled: np.ndarray, rows: np.ndarray, time: pd.DatetimeIndex) -> np.
     return nnls(np.array(left), np.array(right))[0]
 
 
-def gain_covariance(
-    time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics, slower: float = 1.0
-) -> np.ndarray:
-    """(N, N) covariance of the gain before the measurements [kW2]; all time constants ``slower`` times as long."""
+def gain_covariance(time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics) -> np.ndarray:
+    """(N, N) covariance of the gain before the measurements [kW2]."""
     weekend = np.asarray(time.day_of_week >= 5)
     klass = _classes(time)
     lags = (time[1] - time[0]) / pd.Timedelta("1h") * np.arange(len(time))
     out = np.zeros((len(time), len(time)))
     for kind, shares in enumerate(known.shares):
         sigma = np.where(known.busy[klass] == kind, known.sigma[klass], 0.0)
-        out += np.outer(sigma, sigma) * toeplitz(np.exp(-lags[:, None] / (slower * _TAUS)) @ shares)
+        out += np.outer(sigma, sigma) * toeplitz(np.exp(-lags[:, None] / _TAUS) @ shares)
     difference = np.eye(24) - np.roll(np.eye(24), 1, axis=0)
     walk = np.linalg.pinv(difference.T @ difference)
     cell = np.asarray(time.hour) + 24 * weekend
@@ -132,26 +129,6 @@ def _moments(theta: dict[str, float], inputs: np.ndarray, gain: np.ndarray, firs
     return mean, _through(theta, gain, hours) + (free * FIRST_SD**2) @ free.T
 
 
-def _gain_slopes(time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics, step: float) -> list[np.ndarray]:
-    """Derivatives of the gain's covariance by the logarithms of its statistics."""
-
-    def slope(up: dict, down: dict) -> np.ndarray:
-        one = gain_covariance(time, by_day, known._replace(**up.get("known", {})), up.get("slower", 1.0))
-        return (
-            one - gain_covariance(time, by_day, known._replace(**down.get("known", {})), down.get("slower", 1.0))
-        ) / (2 * step)
-
-    def along(name: str, place: int, by: float) -> dict:
-        value = getattr(known, name).copy()
-        value[place] *= np.exp(by)
-        return {"known": {name: value}}
-
-    out = [slope({"slower": np.exp(step)}, {"slower": np.exp(-step)})]
-    for name, n in (("sigma", 16), ("steps", 2)):
-        out += [slope(along(name, i, step), along(name, i, -step)) for i in range(n)]
-    return out
-
-
 def bound(office, known: GainStatistics, noise: float = 0.03, step: float = 1e-3) -> pd.Series:
     """Standard deviations of the relative errors [%] below which no unbiased estimate can come."""
     time = office.X.index
@@ -167,12 +144,7 @@ def bound(office, known: GainStatistics, noise: float = 0.03, step: float = 1e-3
         (m1, V1), (m0, V0) = (_moments(t, inputs, gain, first, hours) for t in (up, down))
         slopes.append((m1 - m0) / (2 * step))
         turned.append(cho_solve(factor, (V1 - V0) / (2 * step)))
-    for by in _gain_slopes(time, by_day, known, step):
-        turned.append(cho_solve(factor, _through(theta, by, hours)))
-    turned.append(cho_solve(factor, 2 * noise**2 * unit))
     information = 0.5 * np.array([[np.vdot(a, b.T) for b in turned] for a in turned])
     D = np.array(slopes).T
-    information[: len(NAMES), : len(NAMES)] += D.T @ cho_solve(factor, D)
-    # where a class of hours has no remainder, its logarithm says nothing: hold it
-    information[np.diag_indices(len(turned))] += np.append(np.zeros(len(NAMES)), np.full(len(turned) - len(NAMES), 0.1))
-    return pd.Series(100.0 * np.sqrt(np.diag(np.linalg.inv(information))[: len(NAMES)]), index=list(NAMES))
+    information += D.T @ cho_solve(factor, D)
+    return pd.Series(100.0 * np.sqrt(np.diag(np.linalg.inv(information))), index=list(NAMES))
