@@ -52,8 +52,9 @@ READERS = {"model_selection", "inspection", "report", "study", "cli"}
 HOMES = {
     "torch": ("forecasting/",),
     "skorch": ("forecasting/",),
-    "pymc": ("model_selection/expressiveness.py", "model_selection/robustness.py"),
-    "arviz": ("model_selection/expressiveness.py", "model_selection/robustness.py"),
+    "pymc": ("identification/posterior.py", "model_selection/expressiveness.py", "model_selection/robustness.py"),
+    "arviz": ("identification/posterior.py", "model_selection/expressiveness.py", "model_selection/robustness.py"),
+    "pytensor": ("identification/posterior.py",),
     "matplotlib": ("inspection/",),
 }
 
@@ -218,7 +219,7 @@ def test_a_heavy_library_stays_where_it_lives(library):
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz"])
+@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor"])
 def test_a_plotting_or_sampling_library_is_imported_inside_functions(library):
     wrong = [
         _shown(path, one) for path, imports in MODULES.items() for one in imports if one.top == library if one.on_load

@@ -5,6 +5,8 @@ from .diagnostics import Diagnostics, diagnose, diagnose_residuals
 from .identifiability import Identifiability
 from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
 from .periodic_estimator import PeriodicDisturbanceID
+from .posterior import Posterior, sample_posterior
+from .profile import ProfileLikelihood, profile_likelihood
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
 from .response import frequency_response, make_state_space, step_response
 
@@ -15,6 +17,8 @@ __all__ = [
     "InputDisturbanceID",
     "OutputDisturbanceID",
     "PeriodicDisturbanceID",
+    "Posterior",
+    "ProfileLikelihood",
     "StateSpace",
     "autocorrelation",
     "cross_correlation",
@@ -24,5 +28,7 @@ __all__ = [
     "frequency_response",
     "ljung_box",
     "make_state_space",
+    "profile_likelihood",
+    "sample_posterior",
     "step_response",
 ]

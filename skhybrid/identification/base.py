@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,16 +11,19 @@ import pandas as pd
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import origin_rows, rows_covering
+from .._clock import rows_covering
 from .._contract import HISTORY_ROLES, ZoneTable, read_table, read_targets
-from .._kernels import simulate_inverse, simulate_path
+from .._kernels import simulate_path
 from .._threads import one_blas_thread
 from ..thermal import Parameter, RCNetwork, get_network
 from .disturbance import measured_rows
+from .excitation import unexcited, warn_scale
 from .experiment import Experiment, make_experiment
-from .load import is_plant, load_frame, make_plant, read_setpoint
-from .tracked import Outlook, TrackedNetwork, checked_kind
+from .gauss_newton import Minimum
+from .load import LoadMixin, make_plant
+from .tracked import TrackedNetwork, checked_kind
 from .tracking import Start, Track
+from .uncertainty import UncertaintyMixin
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,7 @@ class StateSpace:
     sampling_time: pd.Timedelta
 
 
-class NetworkIdentifier(TransformerMixin, TrackedNetwork):
+class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNetwork):
     """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
 
     sampling_time_: pd.Timedelta
@@ -65,6 +69,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         verbose=0,
         origin_step=None,
         max_missing=0.5,
+        priors=None,
     ):
         self.network = network
         self.known = known
@@ -79,6 +84,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         self.verbose = verbose
         self.origin_step = origin_step
         self.max_missing = max_missing
+        self.priors = priors
 
     # --------------------------------------------------------------------------------------------------------- fit
     @one_blas_thread
@@ -104,6 +110,15 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         ValueError
             If a role is missing, the rows are not evenly spaced, an input has NaN, or a setting names no parameter.
         """
+        network, table, experiment, parameters = self._prepare(X, y)
+        self._identify(network, table, experiment, parameters)
+        self.sampling_time_ = table.step
+        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
+        self._finish(table, experiment)
+        return self
+
+    def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
+        """Read and check what ``fit`` is given."""
         network = get_network(self.network)
         if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
             raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
@@ -112,11 +127,7 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         self._check_spans(table.step)
         parameters = self._bounded_parameters(network, table)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
-        self._identify(network, table, experiment, parameters)
-        self.sampling_time_ = table.step
-        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
-        self._finish(table, experiment)
-        return self
+        return network, table, experiment, parameters
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
         table = read_table(
@@ -170,6 +181,34 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
     def _identify(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
     ) -> None:
+        problem, idle = self._make_problem(network, table, experiment, parameters)
+        minima = self._minima(problem)
+        self._store(problem, min(minima, key=lambda m: m.loss), minima, parameters, idle)
+
+    def _excited(
+        self, network: RCNetwork, table: ZoneTable, parameters: tuple[Parameter, ...], priors: Mapping[str, Any]
+    ) -> dict[str, float]:
+        """Values of the parameters that no row moves; with warnings of what the table cannot tell."""
+        name, known = type(self).__name__, dict(self.known or {})
+        if any(p.name not in known for p in parameters):
+            warn_scale(network, table, {*known, *priors}, name)
+        idle = unexcited(network, table, known, name)
+        return {
+            p.name: p.from_free(priors[p.name][0]) if p.name in priors else p.default
+            for p in parameters
+            if p.name in idle
+        }
+
+    def _make_problem(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> tuple[Any, tuple[str, ...]]:
+        """The optimisation problem, and the parameters that no row moves."""
+        raise NotImplementedError
+
+    def _minima(self, problem: Any) -> list[Minimum]:
+        raise NotImplementedError
+
+    def _store(self, problem: Any, best: Minimum, minima: list[Minimum], parameters: Any, idle: Any) -> None:
         raise NotImplementedError
 
     def _make_state_space(self, network: RCNetwork, roles: tuple[str, ...], step: pd.Timedelta) -> StateSpace:
@@ -394,119 +433,6 @@ class NetworkIdentifier(TransformerMixin, TrackedNetwork):
         if names is None:
             names = [f"x{j}" for j in range(self.n_features_in_)]
         return np.array([*names, *self._zeta_names()], dtype=object)
-
-    # -------------------------------------------------------------------------------------------------------- loads
-    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
-        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
-
-        Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
-        :meth:`predict`.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        setpoint : float or array-like of shape (n_samples,)
-            Wanted temperature at each row's stamp [degC].
-        limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
-            its heat is measured.
-
-        Returns
-        -------
-        DataFrame of length n_samples
-            Stages [-] by role and ``Q_hvac`` [kW], clipped to what the plant can do; the same with ``_unclipped`` as
-            the set-point would need.  Of stages that heat (or cool) alike, each takes its share of the capacity.
-        """
-        check_is_fitted(self)
-        table, n_tail = self._with_history(X)
-        origins, n = self._load_origins(table, n_tail)
-        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n), limits)
-
-    def required_heat(
-        self,
-        X: Any,
-        setpoint: Any,
-        origins: Any,
-        disturbance: Any,
-        kind: str = "input",
-        limits: tuple[float, float] | None = None,
-    ) -> pd.DataFrame:
-        """As :meth:`predict_load`, under a given disturbance.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        setpoint : float or array-like of shape (n_samples,)
-            Wanted temperature at each row's stamp [degC].
-        origins : sequence of int
-            Rows of X at which the state is taken from the measurements, beginning with 0.
-        disturbance : array-like of shape (n_origins, n_leads)
-            As in :meth:`drive`; long enough to reach the next origin.
-        kind : {"input", "output"}
-        limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
-            its heat is measured.
-
-        Returns
-        -------
-        DataFrame of length n_samples
-        """
-        check_is_fitted(self)
-        table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        given = np.asarray(disturbance, dtype=np.float64)
-        return self._load(table, n_tail, setpoint, rows, self._given(table, rows, given, kind), limits)
-
-    def _load_origins(self, table: ZoneTable, n_tail: int) -> tuple[np.ndarray, int]:
-        here = table.rows(slice(n_tail, None))
-        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
-        return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
-
-    def _load(
-        self,
-        table: ZoneTable,
-        n_tail: int,
-        setpoint: Any,
-        origins: np.ndarray,
-        outlook: Outlook,
-        limits: tuple[float, float] | None,
-    ) -> pd.DataFrame:
-        tracker, plant = self._tracker, self._plant.limited(limits)
-        if len(tracker.measured) > 1 or tracker.n_gains > 1:
-            raise ValueError(
-                f"network {self.network_.name} has several zones, whose loads depend on one another; a load is "
-                "predicted for one measured and disturbed node only."
-            )
-        here = table.rows(slice(n_tail, None))
-        target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
-        inputs = self._experiment(table).inputs.copy()
-        for j, role in enumerate(self.network_.inputs(self._roles)):
-            if is_plant(role):
-                inputs[:, j] = 0.0
-        heated = self.network_.nodes.index(self.network_.heated)
-        effect = self._unit_heat(heated)
-        c = np.eye(tracker.n)[tracker.measured[0]]
-        ends = np.append(origins[1:], table.n_rows)
-        parts: list[list[np.ndarray]] = [[], []]
-        for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
-            forcing = inputs[a:b] @ tracker.B.T + outlook.heat[i, : b - a] @ tracker.heat.T
-            wanted = target[a:b] - outlook.offset[i, : b - a, 0]
-            for part, (low, high) in zip(parts, ((plant.lower, plant.upper), (-np.inf, np.inf)), strict=True):
-                part.append(simulate_inverse(tracker.A, forcing, effect, c, wanted, low, high, outlook.states[i]))
-        return load_frame(plant, here.index, np.concatenate(parts[0]), np.concatenate(parts[1]))
-
-    def _unit_heat(self, node: int) -> np.ndarray:
-        """Effect on the states of 1 kW over a step on a node."""
-        names = [*self.network_.inputs(self._roles)]
-        for source in self.network_.sources(self._roles):
-            if source.role.startswith("Q_"):
-                return self._tracker.B[:, names.index(source.role)].copy()
-        for source in self.network_.sources(self._roles):
-            if source.role.startswith("u_") and source.parameter and self.theta_[source.parameter] != 0:
-                return self._tracker.B[:, names.index(source.role)] / self.theta_[source.parameter]
-        if self.network_.nodes[node] == self.network_.disturbed:
-            return self._tracker.B[:, -1].copy()
-        raise ValueError("the network has no heating or cooling input, so no load can be predicted.")
 
     # ------------------------------------------------------------------------------------------------------- others
     def to_state_space(self) -> StateSpace:

@@ -24,12 +24,14 @@ from .disturbance import (
 )
 from .experiment import Experiment
 from .gauss_newton import Minimum
-from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
+from .identifiability import at_bounds
 from .innovations import Innovations, arma_innovations, scaled_innovations, simulation_errors
 from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
+from .priors import normal_priors
 from .tracked import Outlook
 from .tracking import GainTracker, fit_walk_noise, walk_noise
+from .uncertainty import least_squares_doubt
 
 
 class _LeastSquaresIdentifier(NetworkIdentifier):
@@ -38,22 +40,20 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
         raise NotImplementedError
 
-    def _identify(
+    def _make_problem(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
-    ) -> None:
-        name, known = type(self).__name__, dict(self.known or {})
-        if any(p.name not in known for p in parameters):
-            warn_scale(network, table, known, name)
-        idle = unexcited(network, table, known, name)
-        disturbance = self._disturbance(network, experiment)
+    ) -> tuple[PredictionErrorProblem, tuple[str, ...]]:
+        known, disturbance = dict(self.known or {}), self._disturbance(network, experiment)
         own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in disturbance.own)
-        fixed = {p.name: p.default for p in parameters if p.name in idle}
-        fixed |= {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
+        priors = normal_priors(self.priors, (*parameters, *own), known)
+        fixed = idle = self._excited(network, table, parameters, priors)
+        fixed = fixed | {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
         searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
         problem = PredictionErrorProblem(network, experiment, disturbance, searched, fixed)
-        minima = self._minima(problem)
-        best = min(minima, key=lambda m: m.loss)
-        self._store(problem, best, minima, parameters, idle)
+        if priors:
+            normal = np.array([priors.get(p.name, (0.0, np.inf)) for p in searched]).reshape(-1, 2)
+            problem = replace(problem, centre=normal[:, 0], spread=normal[:, 1])
+        return problem, tuple(idle)
 
     def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
         if not problem.searched:
@@ -79,9 +79,8 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         idle: tuple[str, ...],
     ) -> None:
         values = problem.values(best.free)
-        jacobian = problem.jacobian(best.free) if problem.searched else np.zeros((1, 0))
         n_seen = int(np.isfinite(problem.experiment.y).sum())
-        noise = best.loss / max(n_seen - len(best.free), 1)
+        noise = float(np.sum(problem.residuals(best.free) ** 2)) / max(n_seen - len(best.free), 1)
         names = [p.name for p in parameters]
         self.network_ = problem.network
         self.parameters_ = parameters
@@ -89,14 +88,8 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
         self.loss_, self.noise_std_ = best.loss, float(np.sqrt(noise))
         self.starts_ = starts_table(minima, problem.searched, problem.drop)
-        covariance = log_covariance(jacobian, noise)
-        slopes = np.array([p.slope(values[p.name]) for p in problem.searched])
-        self.theta_cov_ = named_covariance(
-            slopes[:, None] * covariance * slopes, [p.name for p in problem.searched], names, idle
-        )
-        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
-        singular, flat = describe_flat(jacobian, problem.searched)
-        self.identifiability_ = Identifiability(singular, flat, at_bounds(best.free, problem.searched), idle)
+        doubt = least_squares_doubt(problem, best.free, noise, names)
+        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
         self._tracker = self._make_tracker(problem)
 
     def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
@@ -113,30 +106,6 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
     def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
         found = fit_walk_noise(tracker, experiment)
         return float(found[0]), float(found[1])
-
-
-def log_covariance(jacobian: np.ndarray, noise: float) -> np.ndarray:
-    """Gauss-Newton covariance on the searched scale; a flat direction gets a huge variance, not none."""
-    _, values, rows = np.linalg.svd(jacobian, full_matrices=False)
-    if not len(values):
-        return np.zeros((jacobian.shape[1], jacobian.shape[1]))
-    full = np.full(len(rows), max(float(values[0]) * 1e-8, 1e-12))
-    full[: len(values)] = np.maximum(values, full[: len(values)])
-    return (rows.T / full**2) @ rows * noise
-
-
-def named_covariance(
-    covariance: np.ndarray, searched: list[str], names: list[str], idle: tuple[str, ...]
-) -> pd.DataFrame:
-    """Covariance of all network parameters: 0 for known ones, infinite variance for those that nothing moved."""
-    out = pd.DataFrame(0.0, index=names, columns=names)
-    place = [i for i, n in enumerate(searched) if n in names]
-    chosen = [searched[i] for i in place]
-    out.loc[chosen, chosen] = covariance[np.ix_(place, place)]
-    for name in idle:
-        if name in names:
-            out.loc[name, name] = np.inf
-    return out
 
 
 class GrayBoxRC(_LeastSquaresIdentifier):
@@ -173,17 +142,23 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         Distance of forecast origins; default = ``horizon``.
     max_missing : float, default=0.5
         Highest share of missing measurements.
+    priors : dict of parameter to prior, optional
+        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
+        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
+        either sign) does as well.  The fit is then the maximum of the posterior.
 
     Attributes
     ----------
     theta_, theta_std_ : Series
-        Parameters and their standard errors.
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
     theta_cov_ : DataFrame
-        Gauss-Newton covariance of the parameters.
+        Covariance of the parameters; see :meth:`theta_interval`.
     disturbance_ : Series
         The disturbance model's own parameters.
+    n_days_ : int
+        Days behind the standard errors.
     identifiability_ : Identifiability
-        Flat directions, parameters at a bound, parameters that nothing moved.
+        Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_ : float
         Sum of squared errors [K2].
     noise_std_ : float
@@ -273,19 +248,25 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         Distance of forecast origins; default = ``horizon``.
     max_missing : float, default=0.5
         Highest share of missing measurements.
+    priors : dict of parameter to prior, optional
+        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
+        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
+        either sign) does as well.  The fit is then the maximum of the posterior.
     measurement_sd : float, optional
         Standard deviation of the thermometer [K]; default ``0.25 / sqrt(T_s)`` with ``T_s`` in seconds, as the paper.
 
     Attributes
     ----------
     theta_, theta_std_ : Series
-        Parameters and their standard errors.
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
     theta_cov_ : DataFrame
-        Gauss-Newton covariance of the parameters.
+        Covariance of the parameters; see :meth:`theta_interval`.
     disturbance_ : Series
         ``sigma_x`` [K] and ``sigma_zeta`` [kW] over a step.
+    n_days_ : int
+        Days behind the standard errors.
     identifiability_ : Identifiability
-        Flat directions, parameters at a bound, parameters that nothing moved.
+        Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_, noise_std_ : float
         Sum of squared errors [K2] and their standard deviation [K].
     starts_ : DataFrame
@@ -313,6 +294,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         verbose=0,
         origin_step=None,
         max_missing=0.5,
+        priors=None,
         measurement_sd=None,
     ):
         super().__init__(
@@ -329,6 +311,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
             verbose=verbose,
             origin_step=origin_step,
             max_missing=max_missing,
+            priors=priors,
         )
         self.measurement_sd = measurement_sd
 
@@ -382,6 +365,10 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         Distance of forecast origins; default = ``horizon``.
     max_missing : float, default=0.5
         Highest share of missing measurements.
+    priors : dict of parameter to prior, optional
+        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
+        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
+        either sign) does as well.  The fit is then the maximum of the posterior.
     rho_box : {"stable", "paper"}, default="stable"
         Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable; or the paper's
         box for ``(rho_1, rho_2)``, which also holds unstable predictors.
@@ -389,13 +376,15 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
     Attributes
     ----------
     theta_, theta_std_ : Series
-        Parameters and their standard errors.
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
     theta_cov_ : DataFrame
-        Gauss-Newton covariance of the parameters.
+        Covariance of the parameters; see :meth:`theta_interval`.
     disturbance_ : Series
         ``rho_1``, ``rho_2`` [-] and the hidden nodes' first temperatures [degC].
+    n_days_ : int
+        Days behind the standard errors.
     identifiability_ : Identifiability
-        Flat directions, parameters at a bound, parameters that nothing moved.
+        Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_, noise_std_ : float
         Sum of squared errors [K2] and their standard deviation [K].
     starts_ : DataFrame
@@ -423,6 +412,7 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         verbose=0,
         origin_step=None,
         max_missing=0.5,
+        priors=None,
         rho_box="stable",
     ):
         super().__init__(
@@ -439,6 +429,7 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
             verbose=verbose,
             origin_step=origin_step,
             max_missing=max_missing,
+            priors=priors,
         )
         self.rho_box = rho_box
 

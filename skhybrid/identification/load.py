@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import check_is_fitted
 
+from .._clock import origin_rows
 from .._contract import ZoneTable
+from .._kernels import simulate_inverse
 from ..thermal import RCNetwork
+from .experiment import Experiment
+from .tracked import Outlook
+from .tracking import GainTracker
 
 
 class Plant(NamedTuple):
@@ -90,3 +96,130 @@ def load_frame(plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np
                 out[role + suffix] = wanted / full * plant.most[role]
     out["Q_hvac"], out["Q_hvac_unclipped"] = clipped, unclipped
     return pd.DataFrame(out, index=index)
+
+
+class LoadMixin:
+    """The loads of an identified network."""
+
+    network_: RCNetwork
+    theta_: pd.Series
+    horizon: Any
+    _plant: Plant
+    _tracker: GainTracker
+    _roles: tuple[str, ...]
+    _with_history: Callable[..., tuple[ZoneTable, int]]
+    _experiment: Callable[[ZoneTable], Experiment]
+    _outlook: Callable[..., Outlook]
+    _given: Callable[..., Outlook]
+
+    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
+        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
+
+        Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
+        :meth:`predict`.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float or array-like of shape (n_samples,)
+            Wanted temperature at each row's stamp [degC].
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
+            its heat is measured.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            Stages [-] by role and ``Q_hvac`` [kW], clipped to what the plant can do; the same with ``_unclipped`` as
+            the set-point would need.  Of stages that heat (or cool) alike, each takes its share of the capacity.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        origins, n = self._load_origins(table, n_tail)
+        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n), limits)
+
+    def required_heat(
+        self,
+        X: Any,
+        setpoint: Any,
+        origins: Any,
+        disturbance: Any,
+        kind: str = "input",
+        limits: tuple[float, float] | None = None,
+    ) -> pd.DataFrame:
+        """As :meth:`predict_load`, under a given disturbance.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float or array-like of shape (n_samples,)
+            Wanted temperature at each row's stamp [degC].
+        origins : sequence of int
+            Rows of X at which the state is taken from the measurements, beginning with 0.
+        disturbance : array-like of shape (n_origins, n_leads)
+            As in :meth:`drive`; long enough to reach the next origin.
+        kind : {"input", "output"}
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
+            its heat is measured.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        given = np.asarray(disturbance, dtype=np.float64)
+        return self._load(table, n_tail, setpoint, rows, self._given(table, rows, given, kind), limits)
+
+    def _load_origins(self, table: ZoneTable, n_tail: int) -> tuple[np.ndarray, int]:
+        here = table.rows(slice(n_tail, None))
+        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
+        return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
+
+    def _load(
+        self,
+        table: ZoneTable,
+        n_tail: int,
+        setpoint: Any,
+        origins: np.ndarray,
+        outlook: Outlook,
+        limits: tuple[float, float] | None,
+    ) -> pd.DataFrame:
+        tracker, plant = self._tracker, self._plant.limited(limits)
+        if len(tracker.measured) > 1 or tracker.n_gains > 1:
+            raise ValueError(
+                f"network {self.network_.name} has several zones, whose loads depend on one another; a load is "
+                "predicted for one measured and disturbed node only."
+            )
+        here = table.rows(slice(n_tail, None))
+        target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
+        inputs = self._experiment(table).inputs.copy()
+        for j, role in enumerate(self.network_.inputs(self._roles)):
+            if is_plant(role):
+                inputs[:, j] = 0.0
+        heated = self.network_.nodes.index(self.network_.heated)
+        effect = self._unit_heat(heated)
+        c = np.eye(tracker.n)[tracker.measured[0]]
+        ends = np.append(origins[1:], table.n_rows)
+        parts: list[list[np.ndarray]] = [[], []]
+        for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
+            forcing = inputs[a:b] @ tracker.B.T + outlook.heat[i, : b - a] @ tracker.heat.T
+            wanted = target[a:b] - outlook.offset[i, : b - a, 0]
+            for part, (low, high) in zip(parts, ((plant.lower, plant.upper), (-np.inf, np.inf)), strict=True):
+                part.append(simulate_inverse(tracker.A, forcing, effect, c, wanted, low, high, outlook.states[i]))
+        return load_frame(plant, here.index, np.concatenate(parts[0]), np.concatenate(parts[1]))
+
+    def _unit_heat(self, node: int) -> np.ndarray:
+        """Effect on the states of 1 kW over a step on a node."""
+        names = [*self.network_.inputs(self._roles)]
+        for source in self.network_.sources(self._roles):
+            if source.role.startswith("Q_"):
+                return self._tracker.B[:, names.index(source.role)].copy()
+        for source in self.network_.sources(self._roles):
+            if source.role.startswith("u_") and source.parameter and self.theta_[source.parameter] != 0:
+                return self._tracker.B[:, names.index(source.role)] / self.theta_[source.parameter]
+        if self.network_.nodes[node] == self.network_.disturbed:
+            return self._tracker.B[:, -1].copy()
+        raise ValueError("the network has no heating or cooling input, so no load can be predicted.")

@@ -12,11 +12,12 @@ from .base import NetworkIdentifier
 from .experiment import Experiment
 from .gain_model import CLASSES, DAY_TYPES, VarianceModel, own_parameters, profile_basis, profile_cell
 from .gauss_newton import Minimum
-from .identifiability import Identifiability, at_bounds, describe_flat, unexcited, warn_scale
-from .least_squares import named_covariance
+from .identifiability import at_bounds
 from .multi_start import search, starts_table
 from .periodic import PeriodicProblem
+from .priors import normal_priors
 from .tracking import GainTracker
+from .uncertainty import periodic_doubt
 
 #: how much wider than the paper's box the search is; a prior holds it together
 _WIDER = 10.0
@@ -59,13 +60,17 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         Distance of forecast origins; default = ``horizon``.
     max_missing : float, default=0.5
         Highest share of missing measurements.
+    priors : dict of parameter to prior, optional
+        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
+        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
+        either sign) does as well.  The fit is then the maximum of the posterior.
 
     Attributes
     ----------
     theta_, theta_std_ : Series
-        Parameters and their standard errors, from the Hessian of the likelihood.
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
     theta_cov_ : DataFrame
-        Covariance of the parameters.
+        Covariance of the parameters; see :meth:`theta_interval`.
     disturbance_ : Series
         ``tau`` [h]; ``sigma_<day type>_<first hour>`` [kW] of the gain around its profile, on a middling day;
         ``sigma_y`` [K]; ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
@@ -76,8 +81,10 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     profile_ : DataFrame of shape (24, 2)
         Weekly gain profile [kW], ventilation included at its mean; columns ``weekday`` and ``weekend``, with the node
         above them where several are disturbed.
+    n_days_ : int
+        Days behind the standard errors.
     identifiability_ : Identifiability
-        Flat directions, parameters at a bound, parameters that nothing moved.
+        Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_ : float
         Negative log marginal likelihood, prior included.
     noise_std_ : float
@@ -114,6 +121,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         verbose=0,
         origin_step=None,
         max_missing=0.5,
+        priors=None,
     ):
         super().__init__(
             network,
@@ -129,6 +137,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
             verbose=verbose,
             origin_step=origin_step,
             max_missing=max_missing,
+            priors=priors,
         )
 
     def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
@@ -145,27 +154,25 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return own_parameters(0)
 
     # --------------------------------------------------------------------------------------------------------- fit
+    def _make_problem(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> tuple[PeriodicProblem, tuple[str, ...]]:
+        known, bounds = dict(self.known or {}), dict(self.bounds or {})
+        own = tuple(p.bounded(bounds.get(p.name)) for p in self._all_own(experiment))
+        priors = normal_priors(self.priors, (*parameters, *own), known)
+        idle = self._excited(network, table, parameters, priors)
+        fixed = idle | {k: float(v) for k, v in known.items()}
+        inner = _inner(network, table, fixed, {*bounds, *priors})
+        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
+        searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
+        scale = _heat_scale(network, table, known)
+        return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors), tuple(idle)
+
     def _identify(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
     ) -> None:
-        name, known = type(self).__name__, dict(self.known or {})
-        if any(p.name not in known for p in parameters):
-            warn_scale(network, table, known, name)
-        idle = unexcited(network, table, known, name)
-        scale = _heat_scale(network, table, known)
-        fixed = {p.name: p.default for p in parameters if p.name in idle} | {k: float(v) for k, v in known.items()}
-        inner = _inner(network, table, fixed, set(dict(self.bounds or {})))
-        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in self._all_own(experiment))
-        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
-        searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
-        problem = PeriodicProblem(network, experiment, searched, fixed, inner, scale)
-        minima = self._minima(problem)
-        best = min(minima, key=lambda m: m.loss)
-        begins = np.cumsum([0, *(len(piece.y) for piece in experiment.pieces)])
-        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
-        factors = problem.day_factors(problem.values(best.free))
-        self.day_factors_ = pd.Series(factors, index=table.index[rows], name="day_factor")
-        self._store(problem, best, minima, parameters, idle)
+        super()._identify(network, table, experiment, parameters)
+        self.day_factors_.index = table.index[self.day_factors_.index]
 
     @staticmethod
     def _all_own(experiment: Experiment) -> tuple[Parameter, ...]:
@@ -196,7 +203,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     ) -> None:
         values = problem.values(best.free)
         linear = problem.evaluate(best.free)[2]
-        theta, turn = _physical(problem, values, linear.beta)
+        theta, turn = physical(problem, values, linear.beta)
         names = [p.name for p in parameters]
         self.network_, self.parameters_ = problem.network, parameters
         self.theta_ = pd.Series({n: theta[n] for n in names}, name="theta")
@@ -206,10 +213,11 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         self.loss_, self.noise_std_ = best.loss, float(values["sigma_y"])
         self.starts_ = starts_table(minima, problem.searched, problem.drop)
         self._store_gain(problem, linear.beta[problem.n_plain :])
-        covariance, singular, flat = _laplace(problem, best, linear.covariance, turn, names, values)
-        self.theta_cov_ = named_covariance(covariance, names, names, idle)
-        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
-        self.identifiability_ = Identifiability(singular, flat, at_bounds(best.free, problem.searched), idle)
+        begins = np.cumsum([0, *(len(piece.y) for piece in problem.experiment.pieces)])
+        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
+        self.day_factors_ = pd.Series(problem.day_factors(values), index=rows, name="day_factor")
+        doubt = periodic_doubt(problem, best.free, theta, turn, parameters)
+        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
         self._tracker = self._make_tracker(problem)
 
     def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
@@ -290,7 +298,7 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
     return np.clip(np.array(centre) + draws, *bounds)
 
 
-def _physical(
+def physical(
     problem: PeriodicProblem, values: dict[str, float], beta: np.ndarray
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Network parameters from searched values and inner coefficients, and their derivatives by the coefficients."""
@@ -316,34 +324,3 @@ def _physical(
                 turn[fraction] = (turn[fraction] - share * turn[name]) / total
                 theta[fraction] = share
     return theta, turn
-
-
-def _laplace(
-    problem: PeriodicProblem,
-    best: Minimum,
-    inner_covariance: np.ndarray,
-    turn: dict[str, np.ndarray],
-    names: list[str],
-    values: dict[str, float],
-) -> tuple[np.ndarray, pd.Series, tuple[str, ...]]:
-    """Covariance of the network parameters from the Hessian, its singular values, and flat directions."""
-    p = len(problem.searched)
-    if p:
-        hessian, dbeta = problem.hessian(best.free)
-    else:
-        hessian, dbeta = np.zeros((0, 0)), np.zeros((len(problem.channels), 0))
-    curvature, vectors = np.linalg.eigh(hessian)
-    floor = max(1e-8 * float(curvature.max(initial=0.0)), 1e-12)
-    outer = (vectors / np.maximum(curvature, floor)) @ vectors.T
-    by_free, by_beta = np.zeros((len(names), p)), np.zeros((len(names), len(problem.channels)))
-    for i, name in enumerate(names):
-        if name in turn:
-            by_beta[i] = turn[name]
-        for q, parameter in enumerate(problem.searched):
-            if parameter.name == name:
-                by_free[i, q] = parameter.slope(values[name])
-    chain = by_free + by_beta @ dbeta
-    covariance = chain @ outer @ chain.T + by_beta @ inner_covariance @ by_beta.T
-    root = np.sqrt(np.maximum(curvature, 0.0))[:, None] * vectors.T
-    singular, flat = describe_flat(root, problem.searched)
-    return covariance, singular, flat

@@ -8,6 +8,7 @@ from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay
 from ._forecast import ForecastDisplay
 from ._lead import LeadErrorDisplay
+from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
 from ._step_response import StepResponseDisplay
 from ._style import blank_axes
@@ -18,6 +19,7 @@ __all__ = [
     "DisturbanceWeekDisplay",
     "ForecastDisplay",
     "LeadErrorDisplay",
+    "ProfileDisplay",
     "ResidualDisplay",
     "StepResponseDisplay",
     "blank_axes",

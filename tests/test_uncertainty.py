@@ -1,0 +1,343 @@
+"""What the data cannot say: flat directions, standard errors, intervals, profiles, priors and posteriors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from sklearn.base import clone
+
+from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
+from skhybrid.datasets import make_office
+from skhybrid.identification import posterior, profile_likelihood, sample_posterior
+from skhybrid.identification.identifiability import assess
+from skhybrid.identification.periodic_estimator import physical
+from skhybrid.identification.posed import Posed, free_point
+from skhybrid.identification.priors import normal_priors
+from skhybrid.identification.uncertainty import jackknife_covariance, least_squares_doubt, periodic_doubt
+from skhybrid.thermal import Parameter
+
+KNOWN = {"Q_h": 6.0}
+SHED = RCNetwork("shed", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None})
+A, B, C = (Parameter(name, "kW", 0.1, 10.0) for name in "ABC")
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=7, random_state=3)
+
+
+@pytest.fixture(scope="module")
+def output(office):
+    return OutputDisturbanceID(known=KNOWN, n_starts=10, random_state=0).fit(office.X, office.y)
+
+
+@pytest.fixture(scope="module")
+def periodic(office):
+    return PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(office.X, office.y)
+
+
+# -------------------------------------------------------------------------------------------------- identifiability
+def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
+    """A and B enter as A^2 B; C alone with an error of 20 %."""
+    sensitivity = np.array([[200.0, 100.0, 0.0], [0.0, 0.0, 5.0]])
+    flat = np.array([1.0, -2.0, 0.0])
+    model = np.linalg.pinv(sensitivity.T @ sensitivity) + 1e6 * np.outer(flat, flat)
+    found = assess(sensitivity, model, np.ones(3), [A, B, C], 11, ("B",), ())
+    np.testing.assert_allclose(found.singular_values, [np.hypot(200, 100), 5.0, 0.0], atol=1e-12)
+    # A^2 B stays as it is when A rises by the power 1/2 of that by which B falls
+    assert found.flat_directions in (
+        ("A [kW]^0.5 together, B [kW] inversely",),
+        ("B [kW] together, A [kW]^0.5 inversely",),
+    )
+    percent = np.expm1(stats.t.ppf(0.95, 10) * 0.2)
+    assert found.weak_directions == (f"C [kW] by {percent:+.0%}, or the reverse",)
+    assert found.at_bound == ("B",)
+    np.testing.assert_allclose(np.abs(found.directions.iloc[0]), [1.0, 0.5, 0.0], atol=1e-12)
+
+
+def test_a_direction_is_weaker_where_the_days_say_so():
+    found = assess(np.diag([100.0, 5.0]), np.diag([1e-4, 0.04]), np.array([1.0, 2.0]), [A, B], 11, (), ())
+    assert f"{np.expm1(stats.t.ppf(0.95, 10) * 0.4):+.0%}" in found.weak_directions[0]
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ScaleNotIdentifiableWarning")
+@pytest.mark.parametrize("kind", [OutputDisturbanceID, PeriodicDisturbanceID])
+def test_the_scale_is_named_with_units(kind, office):
+    """The report speaks of capacities and areas although the periodic model solves them inside."""
+    model = kind(n_starts=1 if kind is PeriodicDisturbanceID else 10, random_state=0).fit(office.X, office.y)
+    found = model.identifiability_
+    assert found.flat_directions == (
+        "C_w [kWh/K], C_za [kWh/K], A_win [m2], Q_h [kW], Q_c [kW] together, R_zw [K/kW], R_zo [K/kW] inversely",
+    )
+    assert list(found.directions.columns) == list(model.theta_.index)
+    assert str(found).count("\n") < 24
+    text, html = str(found), found._repr_html_()
+    for part in (found.flat_directions[0], "flat directions", "not excited"):
+        assert part in text
+        assert part in html
+
+
+def test_with_a_known_capacity_nothing_is_flat(output, periodic):
+    for model in (output, periodic):
+        assert model.identifiability_.flat_directions == ()
+        assert "Q_h" not in model.identifiability_.directions
+        assert len(model.identifiability_.singular_values) == 7
+
+
+# --------------------------------------------------------------------------------------------------- standard errors
+class _Line:
+    """Ordinary regression in the clothes of an identification problem: 6 days of 4 rows."""
+
+    def __init__(self, n_days: int = 6) -> None:
+        rng = np.random.default_rng(0)
+        n = 4 * n_days
+        self.design = rng.normal(size=(n, 3))
+        self.target = rng.normal(size=n) + np.repeat(rng.normal(size=n_days), 4) * self.design[:, 1]
+        self.searched = (A, B, C)
+        self.experiment = SimpleNamespace(y=self.target, hours=6.0)
+
+    def residuals(self, free):
+        return self.design @ free - self.target
+
+    def jacobian(self, free):
+        return self.design
+
+
+def test_jackknife_by_one_step_is_the_regression_without_each_day():
+    line = _Line()
+    best = np.linalg.lstsq(line.design, line.target, rcond=None)[0]
+    doubt = least_squares_doubt(line, best, 0.7, ["A", "B"])
+    moves = []
+    for d in range(6):
+        keep = np.arange(24) // 4 != d
+        moves.append(np.linalg.lstsq(line.design[keep], line.target[keep], rcond=None)[0] - best)
+    by_hand = 5 / 6 * np.array(moves).T @ np.array(moves)
+    np.testing.assert_allclose(doubt.jackknife, by_hand[:2, :2], rtol=1e-6)
+    np.testing.assert_allclose(doubt.model, 0.7 * np.linalg.inv(line.design.T @ line.design)[:2, :2], rtol=1e-6)
+    # what is left of the sensitivity when C follows freely is the inverse of the marginal covariance
+    np.testing.assert_allclose(np.linalg.inv(doubt.sensitivity.T @ doubt.sensitivity), doubt.model, rtol=1e-6)
+    assert (np.diag(doubt.covariance) >= np.diag(doubt.jackknife) * (1 - 1e-12)).all()
+    assert (np.diag(doubt.covariance) >= np.diag(doubt.model) * (1 - 1e-12)).all()
+    assert np.linalg.eigvalsh(doubt.covariance)[0] > 0
+
+
+def test_two_days_have_no_scatter():
+    assert not jackknife_covariance(np.ones((2, 3))).any()
+    assert least_squares_doubt(_Line(2), np.zeros(3), 1.0, ["A"]).n_days == 2
+
+
+def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
+    """One Newton step stands for a fit without one day."""
+    posed = Posed(periodic, office.X, office.y)
+    problem = posed.problem()
+    free = problem.minimise(free_point(problem, posed.values())).free
+    y = problem.experiment.y.copy()
+    y[3 * 96 : 4 * 96] = np.nan
+    without = replace(problem, experiment=problem.experiment._replace(y=y))
+    moved = without.minimise(free).free
+    hessian, _ = problem.hessian(free)
+    step = -np.linalg.solve(hessian, without.evaluate(free)[1])
+    sizes = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    kept = [i for i, p in enumerate(problem.searched) if p.name[0] in "CR"]
+    assert np.abs((moved - free) / sizes)[kept].max() > 0.3
+    np.testing.assert_allclose((step / sizes)[kept], ((moved - free) / sizes)[kept], atol=0.1)
+
+
+def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(office, periodic):
+    """Two ways to the same: Schur complements of the joint information, and the chain rule of the covariance."""
+    posed = Posed(periodic, office.X, office.y)
+    problem = posed.problem()
+    free = problem.minimise(free_point(problem, posed.values())).free
+    theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
+    doubt = periodic_doubt(problem, free, theta, turn, periodic.parameters_)
+    assert [p.name for p in doubt.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]
+    inverse = np.linalg.inv(doubt.sensitivity.T @ doubt.sensitivity)
+    # the weak priors, which the information leaves out, are all that lies between them
+    np.testing.assert_allclose(np.diag(inverse), np.diag(doubt.model), rtol=0.2)
+
+
+def test_intervals_are_factors_with_the_quantile_of_the_days(output):
+    table = output.theta_interval(0.9)
+    assert output.n_days_ == 7
+    ratio = np.exp(stats.t.ppf(0.95, 6) * output.theta_std_["C_za"] / output.theta_["C_za"])
+    np.testing.assert_allclose(table.loc["C_za"], [output.theta_["C_za"] / ratio, output.theta_["C_za"] * ratio])
+    assert table.loc["Q_h"].tolist() == [6.0, 6.0]
+    assert table.loc["Q_c", "lower"] < output.theta_["Q_c"] < table.loc["Q_c", "upper"] < 0
+    assert table.loc["f", "upper"] <= 1.0
+    wider = output.theta_interval(0.99)
+    assert (wider["lower"] <= table["lower"]).all()
+    assert (wider["upper"] >= table["upper"]).all()
+    with pytest.raises(ValueError, match="level=90 is not between 0 and 1"):
+        output.theta_interval(90)
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ScaleNotIdentifiableWarning")
+def test_what_is_flat_has_no_interval(office):
+    table = OutputDisturbanceID(SHED, n_starts=5, random_state=0).fit(office.X, office.y).theta_interval()
+    assert table.loc["C_za"].tolist() == [0.0, np.inf]
+    assert table.loc["Q_c"].tolist() == [-np.inf, 0.0]
+
+
+# ---------------------------------------------------------------------------------------------------------- profiles
+def test_profile_is_that_of_whole_fits(office, output):
+    profile = profile_likelihood(output, office.X, office.y, "C_za", values=[1.05])
+    n = len(office.y)
+    for value in (1.05, profile.curve.index[0]):
+        refit = clone(output).set_params(known={**KNOWN, "C_za": float(value)}).fit(office.X, office.y)
+        assert profile.curve.loc[value, "deviance"] == pytest.approx(n * np.log(refit.loss_ / output.loss_), abs=0.02)
+        assert profile.curve.loc[value, "Q_c"] == pytest.approx(refit.theta_["Q_c"], rel=1e-3)
+    assert profile.best == pytest.approx(output.theta_["C_za"])
+    at_ends = np.interp([profile.lower, profile.upper], profile.curve.index, profile.curve["deviance"])
+    np.testing.assert_allclose(at_ends, profile.threshold, rtol=0.1)
+    np.testing.assert_allclose([profile.lower, profile.upper], output.theta_interval().loc["C_za"], rtol=0.02)
+    assert "C_za = " in str(profile)
+
+
+def test_profile_of_a_parameter_that_is_solved_inside(office, periodic):
+    """A capacity that the fit solves inside is held like any other; far from its value the likelihood falls."""
+    profile = profile_likelihood(periodic, office.X, office.y, "Q_c")
+    interval = periodic.theta_interval().loc["Q_c"]
+    assert profile.lower < profile.best < profile.upper < 0
+    np.testing.assert_allclose([profile.lower, profile.upper], interval, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "settings", "message"),
+    [
+        ("C_x", {}, "'C_x' is no parameter of the network, which has C_w"),
+        ("Q_h", {}, "Q_h is given by known="),
+        ("C_w", {"level": 2}, "level=2 is not between"),
+        ("Q_c", {"values": [1.0]}, "values= gives Q_c the value 1.0; it must be < 0"),
+    ],
+)
+def test_profiles_that_cannot_be(parameter, settings, message, office, output):
+    with pytest.raises(ValueError, match=message):
+        profile_likelihood(output, office.X, office.y, parameter, **settings)
+
+
+def test_profile_display(office, output):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from skhybrid.inspection import ProfileDisplay
+
+    shown = ProfileDisplay.from_estimator(output, office.X, office.y, "C_za", truth=1.0, title="OD")
+    assert shown.ax_.get_xlabel() == "C_za [kWh/K]"
+    line = shown.ax_.lines[0]
+    np.testing.assert_allclose(line.get_ydata().min(), 0.0)
+    assert len(line.get_xdata()) >= 8
+    again = ProfileDisplay.from_predictions(shown.profile)
+    np.testing.assert_array_equal(again.ax_.lines[0].get_xdata(), line.get_xdata())
+
+
+# ------------------------------------------------------------------------------------------------------------ priors
+def test_priors_are_normal_on_the_searched_scale():
+    heat, cool = Parameter("Q_h", "kW", 0.05, 100.0), Parameter("Q_c", "kW", -100.0, -0.05)
+    fan = Parameter("Q_fan", "kW", -10.0, 10.0, transform="identity")
+    frozen = stats.lognorm(s=0.3, scale=5.0)
+    given = {"Q_h": frozen, "Q_c": (-6.0, 1.2), "Q_fan": stats.norm(1.0, 0.5)}
+    found = normal_priors(given, [heat, cool, fan], {})
+    np.testing.assert_allclose(found["Q_h"], [np.log(5.0), 0.3])
+    np.testing.assert_allclose(found["Q_fan"], [1.0, 0.5])
+    mean, sd = found["Q_c"]
+    np.testing.assert_allclose(stats.norm.cdf(np.log([5.0, 6.0, 7.2]), mean, sd), [0.05, 0.5, 0.95], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("priors", "message"),
+    [
+        ({"C_x": (1.0, 2.0)}, "priors= names 'C_x'"),
+        ({"Q_h": (6.0, 1.1)}, "priors= and known= both name 'Q_h'"),
+        ({"C_w": stats.uniform(0, 1)}, "which the search cannot use"),
+        ({"C_w": (4.0, 0.5)}, "the median 4 and the factor 0.5"),
+        ({"Q_c": (6.0, 1.5)}, "the median must be < 0"),
+    ],
+)
+def test_priors_that_cannot_be(priors, message, office):
+    with pytest.raises(ValueError, match=message):
+        OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=1).fit(office.X, office.y)
+
+
+def test_the_fit_under_priors_is_the_mode_of_the_posterior(office):
+    """Sum of squares with the noise profiled, plus the prior, by plain finite differences of the errors."""
+    priors = {"A_win": (3.0, 1.05), "C_za": (1.3, 1.02)}
+    model = OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=10, random_state=0).fit(office.X, office.y)
+    posed = Posed(model, office.X, office.y)
+    problem = posed.problem()
+    best = free_point(problem, posed.values())
+    names = [p.name for p in problem.searched]
+
+    def objective(free):
+        value = 0.5 * len(office.y) * np.log(np.sum(problem.residuals(free) ** 2))
+        for name, (median, factor) in priors.items():
+            value -= stats.norm.logpdf(free[names.index(name)], np.log(median), np.log(factor) / stats.norm.ppf(0.95))
+        return value
+
+    for q, name in enumerate(names):
+        if name in model.identifiability_.at_bound:
+            continue
+        shift = 1e-4 * np.eye(len(best))[q]
+        up, here, down = objective(best + shift), objective(best), objective(best - shift)
+        curvature = (up - 2 * here + down) / 1e-8
+        assert abs((up - down) / 2e-4) < 0.02 * np.sqrt(abs(curvature)), name  # within 2 % of a standard error
+    assert 1.0 < model.theta_["C_za"] < 1.3
+    assert model.theta_std_["A_win"] / model.theta_["A_win"] < np.log(1.05) / stats.norm.ppf(0.95) * 1.01
+
+
+@pytest.mark.parametrize("kind", [OutputDisturbanceID, PeriodicDisturbanceID])
+def test_a_prior_on_a_capacity_fixes_the_scale_as_well_as_it_is_known(kind, office, recwarn):
+    """The data know nothing of the scale, so that its error is that of the prior."""
+    model = kind(priors={"Q_h": (6.0, 1.1)}, n_starts=10 if kind is OutputDisturbanceID else 1, random_state=0)
+    model.fit(office.X, office.y)
+    assert not [w for w in recwarn if "scale" in str(w.message)]
+    sd = np.log(1.1) / stats.norm.ppf(0.95)
+    assert model.theta_["Q_h"] == pytest.approx(6.0, rel=0.04 if kind is PeriodicDisturbanceID else 1e-3)
+    assert model.theta_std_["Q_h"] / model.theta_["Q_h"] == pytest.approx(sd, rel=0.05)
+    assert len(model.identifiability_.flat_directions) == 1  # the data alone still do not tell it
+
+
+# -------------------------------------------------------------------------------------------------------- posteriors
+def test_posterior_gradient_is_exact(office, periodic):
+    posed = Posed(periodic, office.X, office.y)
+    problem = posed.problem(search_all=True)
+    assert {"A_win", "f", "Q_c"} <= {p.name for p in problem.searched}
+    density = posterior._Density(problem, free_point(problem, posed.values()))
+    z = 0.3 * np.random.default_rng(0).normal(size=len(problem.searched))
+    _, gradient = density(z)
+    for q in range(len(z)):
+        shift = 1e-5 * np.eye(len(z))[q]
+        assert gradient[q] == pytest.approx((density(z + shift)[0] - density(z - shift)[0]) / 2e-5, rel=1e-3, abs=1e-3)
+
+
+def test_posterior_is_about_normal_on_an_easy_problem(office):
+    pytest.importorskip("pymc")
+    X = office.X.drop(columns="q_sol")
+    shed = RCNetwork("shed", {"za": "C_za"}, {"R_zo": ("za", "T_oa")})
+    known = {**KNOWN, "sigma_x": 1e-3, "Q_c": -6.0}
+    model = InputDisturbanceID(shed, known=known, n_starts=5, random_state=0, priors={"C_za": (1.0, 1.5)})
+    model.fit(X, office.y)
+    drawn = sample_posterior(model, X, office.y, draws=400, tune=200, chains=2, random_state=0)
+    assert drawn.draws.shape == (800, 3)
+    assert {"C_za", "R_zo", "sigma_zeta"} == set(drawn.summary.index)
+    for name in ("C_za", "R_zo"):
+        laplace = model.theta_std_[name] / model._growth[name]
+        assert drawn.summary.loc[name, "mean"] == pytest.approx(model.theta_[name], abs=0.3 * laplace)
+        assert drawn.summary.loc[name, "std"] == pytest.approx(laplace, rel=0.2)
+
+
+def test_bad_chains_are_errors(office, output):
+    good = pd.DataFrame({"r_hat": [1.0, 1.01], "ess": [400.0, 500.0]}, index=["C_w", "C_za"])
+    posterior._refuse_bad(good)
+    with pytest.raises(RuntimeError, match="disagree about C_za"):
+        posterior._refuse_bad(good.assign(r_hat=[1.0, 1.2]))
+    with pytest.raises(RuntimeError, match="draws of C_w are worth 20"):
+        posterior._refuse_bad(good.assign(ess=[20.0, 500.0]))
+    with pytest.raises(RuntimeError, match="disagree"):
+        posterior._refuse_bad(good.assign(r_hat=[1.0, np.nan]))
+    with pytest.raises(ValueError, match="chains=1 is less than 2"):
+        sample_posterior(output, office.X, office.y, chains=1)
