@@ -7,7 +7,9 @@ So every fit is also asked how far its parameters would move without each of its
 few days) needs no model of the gain.  A standard error is the larger of the two, and an interval takes the quantile
 of Student's t with as many degrees of freedom as there are days, less one.
 
-``1 Newton step`` stands for the fit without a day: it costs one evaluation a day instead of a search.
+One Newton step stands for the fit without a day: it costs one evaluation a day instead of a search.  Least squares
+takes the Hessian without that day (CR3); the periodic model takes the whole one, which understates the move that a day
+with most of the information would cause.
 
 References
 ----------
