@@ -110,7 +110,10 @@ def test_scores_are_those_of_a_dense_gaussian():
     """Innovations and their variances by conditioning of the stacked Gaussian, differentiated numerically."""
     y, inputs = drawn_log()
     seen = np.isfinite(y)
-    de, dS, S = FilterInformation(zone(), calendar(), HOURS, FREE).scores(y, inputs)
+    pair = np.column_stack([y, y + 1.0]), np.stack([inputs, 1.1 * inputs], axis=1)
+    both, dS, S = FilterInformation(zone(), calendar(), HOURS, FREE).scores(*pair)
+    de = both[:, 0]
+    assert (np.abs(both[seen, 1] - de[seen]).max(axis=0)[: len(FREE)] > 0.01).all()
 
     def innovations(name, step):
         mean, Sigma = dense(*moved(name, step), inputs, y[0], GAIN)
@@ -140,11 +143,9 @@ def test_information_averaged_over_draws_is_fishers():
                        np.linalg.solve(Sigma, (up[1] - down[1]) / 2e-4)])  # fmt: skip
     expected = np.array([[a[0] @ b[0] + 0.5 * np.trace(a[1] @ b[1]) for b in slopes] for a in slopes])
     information, rng = FilterInformation(zone(), calendar(n), HOURS, free), np.random.default_rng(1)
-    found = np.zeros_like(expected)
-    draws = 300
-    for _ in range(draws):
-        y = mean + L @ rng.normal(size=n)
-        found += information.of_rows(y, inputs, first=22.0)[: len(names), : len(names)] / draws
+    y = mean[:, None] + L @ rng.normal(size=(n, 500))
+    logs = np.repeat(inputs[:, None], y.shape[1], axis=1)
+    found = information.of_logs(y, logs, first=np.full(y.shape[1], 22.0)).mean(axis=0)[: len(names), : len(names)]
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert (np.abs(found - expected) / size).max() < 0.1
 
@@ -154,7 +155,7 @@ def test_more_rows_never_worsen_an_error():
     errors = []
     for n in (20, 30, 45, 60):
         information = FilterInformation(zone(), Calendar(*(c[:n] for c in calendar())), HOURS, FREE)
-        errors.append(relative_errors(information.of_rows(y[:n], inputs[:n]), len(FREE)))
+        errors.append(relative_errors(information.of_logs(y[:n, None], inputs[:n, None])[0], len(FREE)))
     errors = np.array(errors)
     assert np.isfinite(errors).all()
     assert (np.diff(errors, axis=0) < 0).all()
@@ -162,9 +163,11 @@ def test_more_rows_never_worsen_an_error():
 
 def test_rows_without_a_measurement_tell_nothing():
     y, inputs = drawn_log(2)
-    short = FilterInformation(zone(), Calendar(*(c[:45] for c in calendar())), HOURS, FREE).of_rows(y[:45], inputs[:45])
+    short = FilterInformation(zone(), Calendar(*(c[:45] for c in calendar())), HOURS, FREE).of_logs(
+        y[:45, None], inputs[:45, None]
+    )
     y[45:] = np.nan
-    full = FilterInformation(zone(), calendar(), HOURS, FREE).of_rows(y, inputs)
+    full = FilterInformation(zone(), calendar(), HOURS, FREE).of_logs(y[:, None], inputs[:, None])
     np.testing.assert_allclose(full, short, rtol=1e-9, atol=1e-12)
 
 

@@ -333,19 +333,19 @@ def _expected_errors(
     calendar = log.calendar.every(log.per_row)
     information = FilterInformation(zone, calendar, log.hours * log.per_row, free)
     mean_gain = zone.gain.profile.T.ravel()[calendar.cell]
-    total: list[Any] = [0.0] * len(cases)
+    total = np.zeros(())
     for _ in range(n_draws):
         gain = draw_gain(zone, log.calendar, log.hours, rng)
         gains = np.repeat(gain[:, None], len(cases), axis=1)
         run = run_thermostat(zone, log.inputs, gains, setpoints, log.hours, hysteresis)
-        noise = zone.gain.noise_std * rng.standard_normal(len(calendar.cell))
-        for i in range(len(cases)):
-            inputs = log.inputs.copy()
-            for j, role in enumerate(_STAGES):
-                if role in zone.roles:
-                    inputs[:, zone.column(role)] = run.stages[:, j, i]
-            rows = np.column_stack([mean_over(inputs, log.per_row), mean_gain])
-            total[i] = total[i] + information.of_rows(run.room[:: log.per_row, i] + noise, rows) / n_draws
+        inputs = np.repeat(np.column_stack([log.inputs, gain])[:, None], len(cases), axis=1)
+        for j, role in enumerate(_STAGES):
+            if role in zone.roles:
+                inputs[:, :, zone.column(role)] = run.stages[:, j]
+        rows = mean_over(inputs, log.per_row)
+        rows[:, :, -1] = mean_gain[:, None]  # what the identification expects of it
+        noise = zone.gain.noise_std * rng.standard_normal((len(rows), 1))
+        total = total + information.of_logs(run.room[:: log.per_row] + noise, rows) / n_draws
     return np.array([relative_errors(one, len(free)) for one in total])
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernels import Discrete, kalman_gains, one_step_sensitivities
+from .._kernels import Discrete
 from ..thermal import RCNetwork
 from .disturbance import first_covariance
 from .periodic import CLASSES, LEVEL_SD, cyclic_walk_root
@@ -191,6 +191,23 @@ def run_thermostat(
 
 
 # ------------------------------------------------------------------------------------------------------- information
+class _Gains(NamedTuple):
+    """Gains ``A P c / S`` and innovation variances of every row, and derivatives by q unknowns."""
+
+    K: np.ndarray  # (N, n)
+    S: np.ndarray  # (N,)
+    dK: np.ndarray  # (N, q, n)
+    dS: np.ndarray  # (N, q)
+
+
+class Scores(NamedTuple):
+    """What the score of M logs is made of."""
+
+    de: np.ndarray  # (N, M, q) derivatives of the innovations
+    dS: np.ndarray  # (N, q) derivatives of their variances
+    S: np.ndarray  # (N,) the variances
+
+
 @dataclass(frozen=True)
 class FilterInformation:
     """Information in a log about network, gain and thermometer, by a filter at the prior model.
@@ -235,48 +252,74 @@ class FilterInformation:
             dQ[p + 1 + i, i, n, n] = 2.0 * Q[i, n, n]
         return Discrete(A, B, dA, dB), Q, dQ
 
-    def scores(
-        self, y: np.ndarray, inputs: np.ndarray, first: float | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Derivatives of the innovations and of their variances, and the variances.
+    def _gains(self, seen: np.ndarray) -> _Gains:
+        """The filter's covariance recursion with derivatives; it does not depend on what was measured, only when."""
+        (A, _, dA, _), Q, dQ = self._system
+        at, klass, R = self.zone.measured, self.calendar.klass, self.zone.gain.noise_std**2
+        dR = np.zeros(len(dA))
+        dR[len(self.free) + len(NUISANCE) - 1] = 2.0 * R
+        P, dP = first_covariance(len(A) - 1, at, float(self.zone.gain.sigma[klass[0]])), np.zeros_like(dA)
+        N, n, q = len(klass), len(A), len(dA)
+        out = _Gains(np.zeros((N, n)), np.empty(N), np.zeros((N, q, n)), np.empty((N, q)))
+        for k in range(N):
+            S, dS = P[at, at] + R, dP[:, at, at] + dR
+            out.S[k], out.dS[k] = S, dS
+            if seen[k]:
+                gain = P[at] / S
+                dgain = (dP[:, at] - dS[:, None] * gain) / S
+                out.K[k], out.dK[k] = A @ gain, dA @ gain + dgain @ A.T
+                cross = dgain[:, :, None] * gain
+                dP = dP - S * (cross + cross.transpose(0, 2, 1)) - dS[:, None, None] * np.outer(gain, gain)
+                P = P - S * np.outer(gain, gain)
+            turned = dA @ P @ A.T
+            dP = turned + turned.transpose(0, 2, 1) + A @ dP @ A.T + dQ[:, klass[k]]
+            P = A @ P @ A.T + Q[klass[k]]
+        return out
+
+    def scores(self, y: np.ndarray, inputs: np.ndarray, first: np.ndarray | None = None) -> Scores:
+        """Derivatives of the innovations and of their variances, of M logs that miss the same rows.
 
         Parameters
         ----------
-        y : ndarray of shape (N,)
+        y : ndarray of shape (N, M)
             Measured temperature [degC], NaN where missing.
-        inputs : ndarray of shape (N, m)
+        inputs : ndarray of shape (N, M, m)
             In the order of the network, the mean gain [kW] last.
-        first : float, optional
+        first : ndarray of shape (M,), optional
             Mean of every node's temperature at the first row [degC]; the first measurement by default.
 
         Returns
         -------
-        de, dS, S : ndarray of shape (N, q), (N, q) and (N,)
+        Scores
         """
-        (A, B, dA, dB), Q, dQ = self._system
-        n, total, p = len(A) - 1, len(dA), len(self.free)
-        c, R = np.eye(n + 1)[self.zone.measured], self.zone.gain.noise_std**2
-        dR = np.zeros(total)
-        dR[p + len(NUISANCE) - 1] = 2.0 * R
-        klass, seen = self.calendar.klass, np.isfinite(y)
-        P0 = first_covariance(n, self.zone.measured, float(self.zone.gain.sigma[klass[0]]))
-        g = kalman_gains(A, Q, klass, c, R, P0, seen, dA, dQ, dR)
-        dforcing = np.einsum("kj,qij->qki", inputs, dB)
-        cells = np.zeros((len(y), 2 * _HOURS))
-        cells[np.arange(len(y)), self.calendar.cell] = 1.0
-        dforcing[-2 * _HOURS :] = np.einsum("kc,cz,i->zki", cells, self._profile_root, B[:, -1])
-        s0 = np.append(np.full(n, float(y[seen][0]) if first is None else first), 0.0)
-        de = one_step_sensitivities(A, inputs @ B.T, g.K, c, y, s0, dA, dforcing, g.dK, np.zeros((total, n + 1)))
-        return de.derrors, g.dS.T, g.S
+        A, B, dA, dB = self._system[0]
+        n, q, at = len(A), len(dA), self.zone.measured
+        seen = np.isfinite(y[:, 0])
+        gains = self._gains(seen)
+        by_state = dA.transpose(2, 0, 1).reshape(n, q * n)  # for one product a row instead of one a parameter
+        by_input = dB.transpose(2, 0, 1).reshape(-1, q * n)
+        M = y.shape[1]
+        s = np.zeros((M, n))
+        s[:, :-1] = (y[seen][0] if first is None else first)[:, None]
+        ds, de = np.zeros((M, q, n)), np.zeros((len(y), M, q))
+        for k, (measured, v) in enumerate(zip(y, inputs, strict=True)):
+            e = measured - s[:, at] if seen[k] else np.zeros(M)
+            if seen[k]:
+                de[k] = -ds[:, :, at]
+            pushed = (s @ by_state + v @ by_input).reshape(M, q, n)
+            pushed[:, -2 * _HOURS :] += np.outer(self._profile_root[self.calendar.cell[k]], B[:, -1])
+            ds = ds @ A.T + pushed + e[:, None, None] * gains.dK[k] + de[k][:, :, None] * gains.K[k]
+            s = s @ A.T + v @ B.T + np.outer(e, gains.K[k])
+        return Scores(de, gains.dS, gains.S)
 
-    def of_rows(self, y: np.ndarray, inputs: np.ndarray, first: float | None = None) -> np.ndarray:
-        """Information (q, q), the profile's prior included; arguments as in :meth:`scores`."""
-        de, dS, S = self.scores(y, inputs, first)
-        seen = np.isfinite(y)
-        by_mean, by_spread = de[seen] / np.sqrt(S[seen])[:, None], dS[seen] / S[seen][:, None]
-        out = by_mean.T @ by_mean + 0.5 * by_spread.T @ by_spread
-        profile = np.arange(len(out) - 2 * _HOURS, len(out))
-        out[profile, profile] += 1.0  # standard normal numbers
+    def of_logs(self, y: np.ndarray, inputs: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
+        """Information (M, q, q) of every log, the profile's prior included; arguments as in :meth:`scores`."""
+        scores, seen = self.scores(y, inputs, first), np.isfinite(y[:, 0])
+        by_mean = (scores.de[seen] / np.sqrt(scores.S[seen])[:, None, None]).transpose(1, 0, 2)
+        by_spread = scores.dS[seen] / scores.S[seen][:, None]
+        out = by_mean.transpose(0, 2, 1) @ by_mean + 0.5 * by_spread.T @ by_spread
+        profile = np.arange(out.shape[1] - 2 * _HOURS, out.shape[1])
+        out[:, profile, profile] += 1.0  # standard normal numbers
         return out
 
 
