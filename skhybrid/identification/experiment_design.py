@@ -212,6 +212,8 @@ def _zone(
         gain = _fitted_gain(network) if gain is None else gain
         network = network.network_
     net: RCNetwork = get_network(network)
+    if len(net.measured_nodes) > 1 or len(net.disturbed_nodes) > 1:
+        raise ValueError(f"network {net.name} has several measured or disturbed nodes; plan for one zone at a time.")
     if theta is None:
         raise ValueError("theta is missing: give a prior guess of every parameter, or a fitted identification.")
     known = {known} if isinstance(known, str) else set(known or ())

@@ -101,7 +101,7 @@ class Zone:
 
     @property
     def measured(self) -> int:
-        return self.network.nodes.index(self.network.measured)
+        return self.network.nodes.index(self.network.measured_nodes[0])
 
     def discrete(self, hours: float) -> Discrete:
         """The network over a step, the heat gain as the last input."""
@@ -258,7 +258,7 @@ class FilterInformation:
         at, klass, R = self.zone.measured, self.calendar.klass, self.zone.gain.noise_std**2
         dR = np.zeros(len(dA))
         dR[len(self.free) + len(NUISANCE) - 1] = 2.0 * R
-        P, dP = first_covariance(len(A) - 1, at, float(self.zone.gain.sigma[klass[0]])), np.zeros_like(dA)
+        P, dP = first_covariance(self.zone.network, float(self.zone.gain.sigma[klass[0]])), np.zeros_like(dA)
         N, n, q = len(klass), len(A), len(dA)
         out = _Gains(np.zeros((N, n)), np.empty(N), np.zeros((N, q, n)), np.empty((N, q)))
         for k in range(N):
