@@ -180,7 +180,7 @@ def main() -> None:
             "Data as they are",
             f"python benchmarks/data_as_they_are.py --seeds {options.seeds} --slow-seeds {options.slow_seeds}",
             tables,
-            f"{DAYS} days of the paper's office (Oakland, July), noise {NOISE} K, Q_h known, {options.seeds} seeds a row "
+            f"{DAYS} days of the paper's office (Oakland, July), noise {NOISE} K, Q_h known; {options.seeds} seeds "
             f"({options.slow_seeds} of Periodic at 1 min); errors are 100 log(estimate / truth).  A shift is paired by "
             "seed and stands with its standard error.",
         )
