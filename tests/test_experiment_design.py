@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid import OutputDisturbanceID
 from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
 from skhybrid.identification.disturbance import HIDDEN_SD, MEASURED_SD
@@ -18,12 +19,12 @@ from skhybrid.identification.information import (
     Calendar,
     FilterInformation,
     Zone,
+    cyclic_walk_root,
     draw_gain,
     mean_over,
     relative_errors,
     run_thermostat,
 )
-from skhybrid.identification.periodic import LEVEL_SD, cyclic_walk_root
 from skhybrid.thermal import get_network
 
 THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -5.0}
@@ -56,6 +57,13 @@ def drawn_log(seed=0, n=N):
     return y, np.column_stack(inputs)
 
 
+def root_of(covariance):
+    """(24, 23) root by eigenvectors, in the order and with the signs that ``numpy.linalg.eigh`` gives a cyclic walk."""
+    root = cyclic_walk_root()
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
+    return root
+
+
 def dense(theta, gain, z, inputs, first, base):
     """Mean (N,) and covariance (N, N) of a log, states propagated by a matrix exponential, by plain loops."""
     p = theta
@@ -69,8 +77,14 @@ def dense(theta, gain, z, inputs, first, base):
     step = expm(big * HOURS)
     A = np.zeros((3, 3))
     A[:2, :2], A[:2, 2], A[2, 2] = step[:2, :2], step[:2, 6], np.exp(-HOURS / gain.tau)
-    root = np.column_stack([np.full(24, LEVEL_SD), gain.profile_step * cyclic_walk_root()])
-    profile = np.kron(np.eye(2), root) @ z
+    # the profile's prior: a level, and a walk around the day whose steps are independent and sum to nothing
+    ring = np.array([[min((i - j) % 24, (j - i) % 24) for i in range(24)] for j in range(24)])
+    walk = (24**2 - 1) / (12 * 24) - ring * (24 - ring) / (2 * 24)
+    profile = []
+    for day, step_sd in enumerate((gain.profile_step, gain.weekend_step)):
+        mine = z[24 * day : 24 * day + 24]
+        profile.append(3.0 * mine[0] + step_sd * root_of(walk) @ mine[1:])
+    profile = np.concatenate(profile)
     clock = calendar(len(inputs))
     m, P = np.array([first, first, 0.0]), np.diag([HIDDEN_SD**2, MEASURED_SD**2, base.sigma[clock.klass[0]] ** 2])
     mean, spread = [], []
@@ -316,20 +330,30 @@ def test_perturbation_acts_in_the_allowed_rows_only():
 
 
 def test_a_fitted_identification_brings_its_model():
-    office = make_office(3, random_state=0)
-    fit = PeriodicDisturbanceID(known={"Q_h": 6.0}, n_starts=1, random_state=0).fit(office.X, office.y)
+    """Parameters, what was known, and the gain's statistics, root mean square by class."""
+    own = {f"sigma_{kind}_{hour:02d}": 0.1 + 0.01 * hour for kind in ("weekday", "weekend") for hour in range(0, 24, 3)}
+    own |= {"tau": 3.0, "sigma_y": 0.04, "sigma_profile_weekday": 0.2, "sigma_profile_weekend": 0.1}
+    profile = pd.DataFrame({"weekday": np.linspace(0, 1, 24), "weekend": np.full(24, 0.1)})
+    fit = SimpleNamespace(
+        theta_=pd.Series(THETA), known={"Q_h": 6.0}, network_=get_network("2R2C"), disturbance_=pd.Series(own),
+        profile_=profile,
+    )  # fmt: skip
     settings = {k: v for k, v in SETTINGS.items() if k != "known"}
     by_fit = plan_experiment(fit, hours=[12], **settings)
     assert "Q_h" not in by_fit.table
-    own = fit.disturbance_
-    gain = GainStatistics(
-        own["tau"], own["sigma_weekday_day"], own["sigma_weekday_night"], own["sigma_weekend"],
-        fit.profile_.to_numpy(), own["sigma_profile"], own["sigma_y"],
-    )  # fmt: skip
-    by_hand = plan_experiment("2R2C", dict(fit.theta_), hours=[12], gain=gain, **SETTINGS)
-    pd.testing.assert_frame_equal(by_fit.table, by_hand.table)
-    published = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=2, random_state=0).fit(office.X, office.y)
-    assert np.isfinite(plan_experiment(published, hours=[12], **settings).table["C_za"]).all()
+    day, night = np.array([0.16, 0.19, 0.22, 0.25, 0.28]), np.array([0.10, 0.13, 0.31])
+    rms = [float(np.sqrt(np.mean(v**2))) for v in (day, night, np.concatenate([day, night]))]
+    gain = GainStatistics(3.0, *rms, profile.to_numpy(), 0.2, 0.1, 0.04)
+    by_hand = plan_experiment("2R2C", THETA, hours=[12], gain=gain, **SETTINGS)
+    np.testing.assert_allclose(by_fit.table[list(FREE)].to_numpy(), by_hand.table[list(FREE)].to_numpy(), rtol=1e-6)
+
+
+def test_an_identification_without_a_gain_state_brings_its_network():
+    office = make_office(3, random_state=0)
+    fit = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=2, random_state=0).fit(office.X, office.y)
+    settings = {k: v for k, v in SETTINGS.items() if k != "known"}
+    by_fit = plan_experiment(fit, hours=[12], **settings)
+    pd.testing.assert_frame_equal(by_fit.table, plan_experiment("2R2C", dict(fit.theta_), hours=[12], **SETTINGS).table)
 
 
 BAD = {

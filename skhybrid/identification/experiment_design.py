@@ -14,6 +14,7 @@ from .._clock import rows_of
 from .._threads import one_blas_thread
 from ..thermal import RCNetwork, get_network
 from .information import (
+    CLASSES,
     Calendar,
     FilterInformation,
     GainStatistics,
@@ -24,7 +25,6 @@ from .information import (
     run_thermostat,
     stack_inputs,
 )
-from .periodic import hour_class, profile_cell
 
 #: half the distance between heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 HALF_BAND = 0.5
@@ -238,12 +238,23 @@ def _zone(
 
 def _fitted_gain(model: Any) -> GainStatistics | None:
     """Statistics of the gain that a fitted periodic identification found; None where it has none."""
-    own, profile = getattr(model, "disturbance_", {}), getattr(model, "profile_", None)
-    if profile is None or "sigma_weekend" not in own:
+    own, profile = dict(getattr(model, "disturbance_", {})), getattr(model, "profile_", None)
+    found: dict[str, list[float]] = {}
+    for name, value in own.items():
+        kind, _, hour = name.removeprefix("sigma_").partition("_")
+        if kind in ("weekday", "weekend") and hour.isdigit():
+            klass = Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]
+            found.setdefault(CLASSES[klass], []).append(float(value))
+    if profile is None or len(found) < len(CLASSES):
         return None
-    sigma = {k: float(own[f"sigma_{k}"]) for k in ("weekday_day", "weekday_night", "weekend")}
-    step, noise = float(own["sigma_profile"]), float(own["sigma_y"])
-    return GainStatistics(float(own["tau"]), **sigma, profile=profile.to_numpy(), profile_step=step, noise_std=noise)
+    return GainStatistics(
+        tau=float(own["tau"]),
+        **{name: float(np.sqrt(np.mean(np.square(values)))) for name, values in found.items()},
+        profile=profile.to_numpy(),
+        profile_step=float(own["sigma_profile_weekday"]),
+        weekend_step=float(own["sigma_profile_weekend"]),
+        noise_std=float(own["sigma_y"]),
+    )
 
 
 def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log:
@@ -265,7 +276,7 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     n_rows = len(index) // per_row * per_row
     time = index[:n_rows] if index.tz is None else index[:n_rows].tz_localize(None)
     hour, weekend = time.hour.to_numpy(dtype=np.int64), np.asarray(time.day_of_week >= 5)
-    calendar = Calendar(hour_class(hour, weekend), profile_cell(hour, weekend))
+    calendar = Calendar.of(hour, weekend)
     columns = {role: weather[role].to_numpy(dtype=np.float64)[:n_rows] for role in outside}
     return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
 

@@ -13,17 +13,19 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from .._kernels import Discrete
 from ..thermal import RCNetwork
 from .disturbance import first_covariance
-from .periodic import CLASSES, LEVEL_SD, cyclic_walk_root
 
+#: classes of hours that have a variance of their own, and the weekday hours of the first
+CLASSES, DAY_HOURS = ("weekday_day", "weekday_night", "weekend"), (6, 21)
+#: standard deviation of the profile's level [kW] for a plant of 6 kW
+LEVEL_SD, _PLANT = 3.0, 6.0
 #: parameters of the gain and of the thermometer that an identification has to find beside the network's
 NUISANCE = ("tau", *(f"sigma_{c}" for c in CLASSES), "sigma_y")
 _HOURS = 24
-#: from the heat of 6 kW plants, for which the widths were chosen
-_PLANT = 6.0
 
 
 def _office_profile() -> np.ndarray:
@@ -48,8 +50,8 @@ class GainStatistics:
         [kW].
     profile : ndarray of shape (24, 2)
         Mean gain by hour on weekdays and on weekends [kW].
-    profile_step : float
-        How much the unknown profile changes from hour to hour, one standard deviation [kW].
+    profile_step, weekend_step : float
+        How much the unknown profile changes from hour to hour on weekdays and on weekends, one standard deviation [kW].
     noise_std : float
         Standard deviation of the thermometer [K].
     """
@@ -60,6 +62,7 @@ class GainStatistics:
     weekend: float = 0.05
     profile: np.ndarray = field(default_factory=_office_profile)
     profile_step: float = 0.3
+    weekend_step: float = 0.05
     noise_std: float = 0.03
 
     def __post_init__(self) -> None:
@@ -83,11 +86,24 @@ class Calendar(NamedTuple):
     """What the clock says of every row."""
 
     klass: np.ndarray  # (N,) int, class of the gain's variance
-    cell: np.ndarray  # (N,) int, cell of the weekly profile
+    cell: np.ndarray  # (N,) int, cell of the weekly profile: the hour on weekdays, 24 + the hour on weekends
+
+    @classmethod
+    def of(cls, hour: np.ndarray, weekend: np.ndarray) -> Calendar:
+        """The calendar of rows with these local hours (int) and day types (bool)."""
+        day = (hour >= DAY_HOURS[0]) & (hour < DAY_HOURS[1])
+        return cls(np.where(weekend, 2, np.where(day, 0, 1)), hour + _HOURS * weekend)
 
     def every(self, rows: int) -> Calendar:
         """The calendar of every ``rows``-th row."""
         return Calendar(self.klass[::rows].copy(), self.cell[::rows].copy())
+
+
+def cyclic_walk_root() -> np.ndarray:
+    """(24, 23) root of the covariance of a cyclic first-order random walk with unit steps and zero mean."""
+    steps = np.eye(_HOURS) - np.roll(np.eye(_HOURS), 1, axis=1)
+    values, vectors = np.linalg.eigh(steps.T @ steps)
+    return vectors[:, 1:] / np.sqrt(values[1:])
 
 
 @dataclass(frozen=True)
@@ -224,9 +240,9 @@ class FilterInformation:
     @cached_property
     def _profile_root(self) -> np.ndarray:
         plant = max((abs(v) for k, v in self.zone.theta.items() if k.startswith("Q_")), default=_PLANT)
-        walk = self.zone.gain.profile_step * cyclic_walk_root()
-        one = np.column_stack([np.full(_HOURS, LEVEL_SD * plant / _PLANT), walk])
-        return np.kron(np.eye(2), one)
+        level = np.full((_HOURS, 1), LEVEL_SD * plant / _PLANT)
+        steps = (self.zone.gain.profile_step, self.zone.gain.weekend_step)
+        return block_diag(*(np.hstack([level, step * cyclic_walk_root()]) for step in steps))
 
     @cached_property
     def _system(self) -> tuple[Discrete, np.ndarray, np.ndarray]:
