@@ -2,7 +2,9 @@
 
 from .base import StateSpace
 from .diagnostics import Diagnostics, diagnose, diagnose_residuals
+from .experiment_design import ExperimentPlan, plan_experiment
 from .identifiability import Identifiability
+from .information import GainStatistics
 from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
 from .periodic_estimator import PeriodicDisturbanceID
 from .posterior import Posterior, sample_posterior
@@ -12,6 +14,8 @@ from .response import frequency_response, make_state_space, step_response
 
 __all__ = [
     "Diagnostics",
+    "ExperimentPlan",
+    "GainStatistics",
     "GrayBoxRC",
     "Identifiability",
     "InputDisturbanceID",
@@ -28,6 +32,7 @@ __all__ = [
     "frequency_response",
     "ljung_box",
     "make_state_space",
+    "plan_experiment",
     "profile_likelihood",
     "sample_posterior",
     "step_response",
