@@ -62,13 +62,22 @@ def test_periodic_learns_what_the_gain_is_like(fitted, office):
     quiet = gain[weekend].groupby(gain[weekend].index.hour).mean()
     assert (model.profile_["weekend"] - quiet).abs().max() < 0.15
     sigma = model.disturbance_
+    assert sigma["sigma_weekday_day"] > 3 * sigma[["sigma_weekday_night", "sigma_weekend"]].max()
+    assert list(model.day_factors_.index) == list(office.X.index[::96])
+    assert (model.day_factors_ > 0).all()
+    assert 0 <= model.ventilation_ < 0.06  # 0.03 kW/K from 6 to 19 h
+
+
+def test_periodic_variance_by_three_hours(office):
+    model = PeriodicDisturbanceID(known={"Q_h": 6.0}, variance="3h", random_state=0).fit(office.X, office.y)
+    sigma = model.disturbance_
     assert (
         sigma[["sigma_weekday_09", "sigma_weekday_12"]].min()
         > 3 * sigma[["sigma_weekday_00", "sigma_weekend_12"]].max()
     )
-    assert list(model.day_factors_.index) == list(office.X.index[::96])
-    assert (model.day_factors_ > 0).all()
-    assert 0 <= model.ventilation_ < 0.06  # 0.03 kW/K from 6 to 19 h
+    assert np.isfinite(model.predict(office.X)).all()
+    with pytest.raises(ValueError, match="variance='hour' is none of 'day_night', '3h'"):
+        PeriodicDisturbanceID(variance="hour").fit(office.X, office.y)
 
 
 def test_periodic_beats_the_published_ones(fitted, office):

@@ -16,9 +16,9 @@ from skhybrid.identification.disturbance import (
 )
 from skhybrid.identification.experiment import Experiment
 from skhybrid.identification.gain_model import (
-    CLASSES,
     DAY_PRIOR,
     DAY_TYPES,
+    HOUR_CLASSES,
     LEVEL_SD,
     N_HARMONICS,
     SIGMA_PRIOR,
@@ -38,7 +38,7 @@ VALUES = {
     "Q_h": 6.0, "Q_c": -5.0,
     "sigma_x": 0.02, "sigma_zeta": 0.3, "rho_1": 0.95, "rho_gap": -0.2, "rho_2": 0.9, "T0_w": 21.0, "T0_m": 22.0,
     "tau": 4.0, "sigma_y": 0.05, "sigma_profile_weekday": 0.3, "sigma_profile_weekend": 0.2,
-    **{f"sigma_{c}": 0.2 + 0.03 * i for i, c in enumerate(CLASSES)},
+    **{f"sigma_{c}": 0.2 + 0.03 * i for hours in HOUR_CLASSES.values() for i, c in enumerate(hours.names)},
     **{f"day_{d}": 0.3 - 0.2 * d for d in range(6)},
 }  # fmt: skip
 
@@ -121,13 +121,14 @@ SETTINGS = {
 }
 
 
-def periodic_problem(name, e, setting, heat_scale=1.3):
+def periodic_problem(name, e, setting, heat_scale=1.3, hours="3h"):
     network = get_network(name)
     fixed, inner = SETTINGS[setting]
     solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
-    own = own_parameters(len(VarianceModel.of(e.pieces).first_rows))
+    classes = HOUR_CLASSES[hours]
+    own = own_parameters(len(VarianceModel.of(e.pieces, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(ROLES), *own) if p.name not in solved)
-    problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale)
+    problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale, hours=hours)
     return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
 
 
@@ -139,10 +140,11 @@ def assert_exact_gradient(problem, x):
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("hours", HOUR_CLASSES)
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_periodic_gradient_is_exact(setting, experiment):
+def test_periodic_gradient_is_exact(setting, hours, experiment):
     name, e = experiment
-    assert_exact_gradient(*periodic_problem(name, e, setting))
+    assert_exact_gradient(*periodic_problem(name, e, setting, hours=hours))
 
 
 def test_periodic_gradient_is_exact_over_stretches():
@@ -186,7 +188,8 @@ def test_periodic_gradient_is_exact_for_two_rooms():
     e = one._replace(y=y, inputs=np.column_stack(columns), roles=("T_oa", "u_heat"))
     values = VALUES | {f"day_{d}": 0.1 * d for d in range(6)} | {"C_a": 1.0, "C_b": 1.5, "R_ab": 2.0, "R_a": 6.0}
     values |= {"R_b": 8.0}
-    own = own_parameters(len(VarianceModel.of(e.pieces).first_rows))
+    classes = HOUR_CLASSES["day_night"]
+    own = own_parameters(len(VarianceModel.of(e.pieces, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(e.roles), *own) if p.name != "Q_h")
     problem = PeriodicProblem(network, e, searched, {"Q_h": 6.0}, ())
     x = np.array([p.to_free(values[p.name]) for p in searched])
@@ -309,7 +312,7 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
         middle, sd = np.log(np.sqrt(p.lower * p.upper)) if p.transform == "log" else 0.0, PRIOR_LOG_SD
         if p.name.startswith("day_"):
             middle, sd = DAY_PRIOR
-        elif p.name.removeprefix("sigma_") in CLASSES:
+        elif p.name.removeprefix("sigma_") in HOUR_CLASSES[problem.hours].names:
             middle, sd = SIGMA_PRIOR
         elif p.unit in ("-", "m2", "kW"):
             continue

@@ -1,15 +1,15 @@
 """What is assumed of the unmeasured heat: classes of variance, a smooth weekly profile, and air that is let in by day.
 
 The gain is ``p(t) + U(t) (T_oa - T_za) + g(t)`` [kW]: a profile by hour and day type, a conductance of the weekday's
-ventilation, and a state whose standard deviation is that of the hours (three of a day type at a time) times a factor
-of the day.  Which hours and which days are quiet is thus learned, and the quiet ones carry most of the information
-about the building.
+ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  Which hours
+and which days are quiet is thus learned, and the quiet ones carry most of the information about the building.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,6 @@ from ..thermal import Parameter
 from .experiment import Experiment
 
 DAY_TYPES = ("weekday", "weekend")
-#: hours that share a variance
-BLOCK_HOURS = 3
-#: classes of hours that have a variance of their own: ``<day type>_<first hour>``
-CLASSES = tuple(f"{kind}_{hour:02d}" for kind in DAY_TYPES for hour in range(0, 24, BLOCK_HOURS))
 #: the weekday hours in which air may be let in
 DAY_HOURS = (6, 21)
 #: prior standard deviations, for a plant of 6 kW: of the profile's level [kW] and of the ventilation [kW/K]
@@ -34,14 +30,27 @@ MOST_DAYS = 56
 _HOURS = 24
 
 
-def hour_class(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
-    """Class of every row, (N,) int, in the order of :data:`CLASSES`."""
-    return (hour // BLOCK_HOURS + (_HOURS // BLOCK_HOURS) * weekend).astype(np.int64)
-
-
 def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
     """Cell of the weekly profile of every row: the hour on weekdays, 24 + the hour on weekends."""
     return hour + _HOURS * weekend
+
+
+class HourClasses(NamedTuple):
+    """Hours of the week that share a variance."""
+
+    names: tuple[str, ...]
+    of_cell: np.ndarray  # (48,) class of every cell of the weekly profile
+
+
+def _day_and_night() -> HourClasses:
+    day = (np.arange(_HOURS) >= DAY_HOURS[0]) & (np.arange(_HOURS) < DAY_HOURS[1])
+    names = ("weekday_day", "weekday_night", "weekend")
+    return HourClasses(names, np.concatenate([np.where(day, 0, 1), np.full(_HOURS, 2)]).astype(np.int64))
+
+
+def _blocks(hours: int) -> HourClasses:
+    names = tuple(f"{kind}_{hour:02d}" for kind in DAY_TYPES for hour in range(0, _HOURS, hours))
+    return HourClasses(names, np.arange(len(DAY_TYPES) * _HOURS) // hours)
 
 
 def cyclic_walk_root() -> np.ndarray:
@@ -62,6 +71,10 @@ def profile_basis() -> tuple[np.ndarray, tuple[float, ...], tuple[str | None, ..
     return np.kron(np.eye(len(DAY_TYPES)), one), (LEVEL_SD, *[1.0] * r) * len(DAY_TYPES), tuple(names)
 
 
+#: ways to share the hours out: few classes bear a network that is too simple, many tell quiet hours apart
+HOUR_CLASSES = {"day_night": _day_and_night(), "3h": _blocks(3)}
+
+
 @dataclass(frozen=True)
 class VarianceModel:
     """Standard deviation of the gain state of every row: ``exp(variance @ logarithms)`` of the row's class."""
@@ -72,9 +85,9 @@ class VarianceModel:
     first_rows: tuple[tuple[int, int], ...]  # stretch and row where each day's factor begins
 
     @classmethod
-    def of(cls, pieces: Sequence[Experiment]) -> VarianceModel:
+    def of(cls, pieces: Sequence[Experiment], hours: HourClasses) -> VarianceModel:
         """The classes of the rows of an experiment's stretches; a day begins where the hour falls."""
-        days, count = [], 0
+        days, count, size = [], 0, len(hours.names)
         for piece in pieces:
             begins = np.append(1, np.diff(piece.hour_of_day) < 0)
             days.append(count + np.cumsum(begins) - 1)
@@ -82,34 +95,35 @@ class VarianceModel:
         together = -(-count // MOST_DAYS)
         days = [day // together for day in days]
         n_days = int(days[-1][-1]) + 1
-        keys = [day * len(CLASSES) + hour_class(p.hour_of_day, p.weekend) for day, p in zip(days, pieces, strict=True)]
+        cells = [profile_cell(p.hour_of_day, p.weekend) for p in pieces]
+        keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
-        variance = np.hstack([np.eye(len(CLASSES))[used % len(CLASSES)], np.eye(n_days)[used // len(CLASSES)]])
+        variance = np.hstack([np.eye(size)[used % size], np.eye(n_days)[used // size]])
         where = np.concatenate([np.arange(len(p.y)) for p in pieces])
         which = np.repeat(np.arange(len(pieces)), [len(p.y) for p in pieces])
         _, first = np.unique(np.concatenate(days), return_index=True)
         return cls(
             tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in pieces])[:-1])),
             variance,
-            (*(f"sigma_{c}" for c in CLASSES), *(f"day_{d}" for d in range(n_days))),
+            (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in range(n_days))),
             tuple((int(which[i]), int(where[i])) for i in first),
         )
 
 
-def own_parameters(n_days: int) -> tuple[Parameter, ...]:
+def own_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
     """Parameters of the disturbance: time constant, noise, and standard deviations in units of a 6 kW plant."""
     kw = "6 kW plant"
     out = [Parameter("tau", "h", 0.2, 120.0, "time constant of the gain state")]
-    out += [Parameter(f"sigma_{c}", kw, 0.002, 12.0, f"standard deviation from {c[-2:]} h, {c[:-3]}") for c in CLASSES]
+    out += [Parameter(f"sigma_{c}", kw, 0.002, 12.0, f"standard deviation, {c}") for c in hours.names]
     out += [Parameter(f"day_{d}", "-", -4.0, 4.0, "logarithm of a day's factor", "identity") for d in range(n_days)]
     out += [Parameter("sigma_y", "K", 1e-3, 1.0, "measurement noise")]
     out += [Parameter(f"sigma_profile_{k}", kw, 0.005, 5.0, f"hourly step of the {k} profile") for k in DAY_TYPES]
     return tuple(out)
 
 
-def own_priors(n_days: int) -> dict[str, tuple[float, float]]:
+def own_priors(n_days: int, hours: HourClasses) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation, on the searched scale, of what the disturbance's parameters are before the data."""
-    return {f"sigma_{c}": SIGMA_PRIOR for c in CLASSES} | {f"day_{d}": DAY_PRIOR for d in range(n_days)}
+    return {f"sigma_{c}": SIGMA_PRIOR for c in hours.names} | {f"day_{d}": DAY_PRIOR for d in range(n_days)}
 
 
 def ventilation_series(piece: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:

@@ -22,7 +22,15 @@ from ..thermal import Parameter, RCNetwork
 from ..thermal.network import Source
 from .disturbance import first_covariance, first_state, measured_rows
 from .experiment import Experiment
-from .gain_model import VENTILATION_SD, VarianceModel, own_priors, profile_basis, profile_cell, ventilation_series
+from .gain_model import (
+    HOUR_CLASSES,
+    VENTILATION_SD,
+    VarianceModel,
+    own_priors,
+    profile_basis,
+    profile_cell,
+    ventilation_series,
+)
 from .gauss_newton import Minimum
 
 #: standard deviation of a log parameter's prior; the data dominate it wherever they say anything
@@ -97,7 +105,8 @@ class PeriodicProblem:
 
     ``inner`` names the network parameters that are solved inside; ``searched`` are all others that are free, the
     disturbance's own among them; ``fixed`` holds the values of those that are known.  ``priors`` are mean and standard
-    deviation on the searched scale, in place of those that every parameter has.
+    deviation on the searched scale, in place of those that every parameter has.  ``hours`` names the classes of hours
+    that have a variance of their own.
     """
 
     network: RCNetwork
@@ -107,6 +116,7 @@ class PeriodicProblem:
     inner: tuple[str, ...]
     heat_scale: float = 1.0
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    hours: str = "day_night"
 
     # ------------------------------------------------------------------------------------------------- fixed parts
     @cached_property
@@ -121,7 +131,7 @@ class PeriodicProblem:
     @cached_property
     def variance(self) -> VarianceModel:
         """Classes of variance of the rows."""
-        return VarianceModel.of(self.experiment.pieces)
+        return VarianceModel.of(self.experiment.pieces, HOUR_CLASSES[self.hours])
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -208,13 +218,13 @@ class PeriodicProblem:
     @cached_property
     def centre(self) -> np.ndarray:
         """(p,) means of the priors on the searched scale."""
-        priors = own_priors(len(self.variance.first_rows)) | dict(self.priors)
+        priors = own_priors(len(self.variance.first_rows), HOUR_CLASSES[self.hours]) | dict(self.priors)
         return np.array([priors.get(p.name, (sum(p.free_bounds) / 2.0, 0.0))[0] for p in self.searched])
 
     @cached_property
     def spread(self) -> np.ndarray:
         """(p,) standard deviations of the priors on the searched scale; infinite where there is none."""
-        priors = own_priors(len(self.variance.first_rows)) | dict(self.priors)
+        priors = own_priors(len(self.variance.first_rows), HOUR_CLASSES[self.hours]) | dict(self.priors)
         weak = [PRIOR_LOG_SD if p.transform == "log" and p.unit not in _NO_PRIOR else np.inf for p in self.searched]
         return np.array([priors.get(p.name, (0.0, sd))[1] for p, sd in zip(self.searched, weak, strict=True)])
 

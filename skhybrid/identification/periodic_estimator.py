@@ -10,7 +10,7 @@ from .._contract import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier
 from .experiment import Experiment
-from .gain_model import CLASSES, DAY_TYPES, VarianceModel, own_parameters, profile_basis, profile_cell
+from .gain_model import DAY_TYPES, HOUR_CLASSES, HourClasses, VarianceModel, own_parameters, profile_basis, profile_cell
 from .gauss_newton import Minimum
 from .identifiability import at_bounds
 from .multi_start import search, starts_table
@@ -27,9 +27,9 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     """Identification with a gain state of time-varying variance and a smooth weekly gain profile.
 
     The unmeasured heat is a weekly profile (an hour of a weekday or weekend day), the heat of a ventilation by day,
-    and an Ornstein-Uhlenbeck state whose standard deviation is that of the hours (three of a day type at a time) times
-    a factor of the day.  Capacities, solar areas, the profile and the ventilation are solved inside; the negative log
-    marginal likelihood is minimised over the rest with exact derivatives.
+    and an Ornstein-Uhlenbeck state whose standard deviation is that of a class of hours times a factor of the day.
+    Capacities, solar areas, the profile and the ventilation are solved inside; the negative log marginal likelihood is
+    minimised over the rest with exact derivatives.
 
     Parameters
     ----------
@@ -64,6 +64,10 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
         ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
         either sign) does as well.  The fit is then the maximum of the posterior.
+    variance : {"day_night", "3h"}, default="day_night"
+        Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a
+        weekday or weekend day.  The finer ones find the solar shares of homes better, and mistake what a network is
+        too simple for more easily for unmeasured heat.
 
     Attributes
     ----------
@@ -72,12 +76,13 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     theta_cov_ : DataFrame
         Covariance of the parameters; see :meth:`theta_interval`.
     disturbance_ : Series
-        ``tau`` [h]; ``sigma_<day type>_<first hour>`` [kW] of the gain around its profile, on a middling day;
+        ``tau`` [h]; ``sigma_<class of hours>`` [kW] of the gain around its profile, on a middling day;
         ``sigma_y`` [K]; ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
     day_factors_ : Series
         By how much every day's gain varies more than on a middling day [-]; the index is the row where each begins.
     ventilation_ : float or Series
-        Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed.
+        Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed; it
+        has no sign bound, so that a negative one says that the network or the weather is otherwise than assumed.
     profile_ : DataFrame of shape (24, 2)
         Weekly gain profile [kW], ventilation included at its mean; columns ``weekday`` and ``weekend``, with the node
         above them where several are disturbed.
@@ -122,6 +127,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         origin_step=None,
         max_missing=0.5,
         priors=None,
+        variance="day_night",
     ):
         super().__init__(
             network,
@@ -139,6 +145,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
             max_missing=max_missing,
             priors=priors,
         )
+        self.variance = variance
 
     def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
         def widen(p: Parameter) -> Parameter:
@@ -151,7 +158,13 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return tuple(widen(p) for p in parameters)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
-        return own_parameters(0)
+        return own_parameters(0, self._hours)
+
+    @property
+    def _hours(self) -> HourClasses:
+        if self.variance not in HOUR_CLASSES:
+            raise ValueError(f"variance={self.variance!r} is none of {', '.join(map(repr, HOUR_CLASSES))}.")
+        return HOUR_CLASSES[self.variance]
 
     # --------------------------------------------------------------------------------------------------------- fit
     def _make_problem(
@@ -166,7 +179,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
         searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
         scale = _heat_scale(network, table, known)
-        return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors), tuple(idle)
+        return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors, self.variance), tuple(idle)
 
     def _identify(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
@@ -174,9 +187,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         super()._identify(network, table, experiment, parameters)
         self.day_factors_.index = table.index[self.day_factors_.index]
 
-    @staticmethod
-    def _all_own(experiment: Experiment) -> tuple[Parameter, ...]:
-        return own_parameters(len(VarianceModel.of(experiment.pieces).first_rows))
+    def _all_own(self, experiment: Experiment) -> tuple[Parameter, ...]:
+        return own_parameters(len(VarianceModel.of(experiment.pieces, self._hours).first_rows), self._hours)
 
     def _minima(self, problem: PeriodicProblem) -> list[Minimum]:
         if not problem.searched:
@@ -207,7 +219,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         names = [p.name for p in parameters]
         self.network_, self.parameters_ = problem.network, parameters
         self.theta_ = pd.Series({n: theta[n] for n in names}, name="theta")
-        own = {p.name: values[p.name] for p in own_parameters(0)}
+        own = {p.name: values[p.name] for p in self._own_parameters()}
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
         self.disturbance_ = pd.Series({**own, **in_kw})
         self.loss_, self.noise_std_ = best.loss, float(values["sigma_y"])
@@ -242,12 +254,14 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         n, m, own = len(d.A), len(problem.disturbed), self.disturbance_
         phi = float(np.exp(-problem.experiment.hours / own["tau"]))
         middling = float(np.sqrt(np.mean(self.day_factors_**2)))
-        sigma = middling * own[[f"sigma_{c}" for c in CLASSES]].to_numpy(copy=True)
-        Q = np.zeros((len(CLASSES), n + m, n + m))
+        hours = self._hours
+        sigma = middling * own[[f"sigma_{c}" for c in hours.names]].to_numpy(copy=True)
+        Q = np.zeros((len(sigma), n + m, n + m))
         for i in range(n, n + m):
             Q[:, i, i] = sigma**2 * (1.0 - phi**2)
         profile = self.profile_.to_numpy().reshape(24, m, 2).transpose(2, 0, 1).reshape(48, m).copy()
-        return GainTracker(problem.network, d.A, d.B, phi, Q, float(own["sigma_y"] ** 2), float(sigma.max()), profile)
+        R, most = float(own["sigma_y"] ** 2), float(sigma.max())
+        return GainTracker(problem.network, d.A, d.B, phi, Q, R, most, profile, hours.of_cell)
 
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
@@ -276,7 +290,7 @@ def _solved_fractions(network: RCNetwork, inner: tuple[str, ...]) -> set[str]:
 
 def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.RandomState) -> np.ndarray:
     """(n_starts, p): a small-building guess, then draws around it."""
-    guess = {"tau": 4.0, "sigma_y": 0.05} | {f"sigma_{c}": 0.3 for c in CLASSES}
+    guess = {"tau": 4.0, "sigma_y": 0.05} | {f"sigma_{c}": 0.3 for c in HOUR_CLASSES[problem.hours].names}
     guess |= {f"sigma_profile_{kind}": 0.3 for kind in DAY_TYPES}
     scale = problem.heat_scale
     centre = []

@@ -12,7 +12,7 @@ from .._contract import ZoneTable
 from .._kernels import simulate_path
 from .._rolling import RollingForecastMixin
 from .experiment import Experiment, make_experiment
-from .gain_model import hour_class, profile_cell
+from .gain_model import profile_cell
 from .innovations import InnovationsMixin
 from .tracking import GainTracker, Start, Track
 
@@ -46,8 +46,7 @@ class TrackedNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Bas
         return profile_cell(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
 
     def _classes(self, table: ZoneTable) -> np.ndarray:
-        klass = hour_class(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
-        return klass if len(self._tracker.Q) > 1 else np.zeros_like(klass)
+        return self._tracker.classes[self._cells(table)]
 
     def _cold_value(self, table: ZoneTable) -> Any:
         first = self._measurements(table)[0]

@@ -46,6 +46,8 @@ class GainTracker:
     g_sd: float = ZETA_SD
     profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
 
+    classes: np.ndarray = field(default_factory=lambda: np.zeros(48, dtype=np.int64))  # of Q, by cell of the week
+
     @property
     def n(self) -> int:
         return len(self.A)
