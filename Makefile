@@ -5,7 +5,7 @@ PYTEST_ARGS ?= -n auto --maxprocesses 4
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -c constraints.txt
-BENCHMARKS := $(sort $(wildcard benchmarks/bench_*.py))
+BENCHMARKS := $(sort $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py)))
 # the workers of a test or a benchmark share the cores; BLAS must not take them too
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
@@ -30,7 +30,7 @@ docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 bench: $(VENV)/.installed  ## run the benchmarks
-	@test -n "$(BENCHMARKS)" || { echo "there is no benchmarks/bench_*.py"; exit 1; }
+	@test -n "$(BENCHMARKS)" || { echo "there is nothing in benchmarks"; exit 1; }
 	@set -e; for script in $(BENCHMARKS); do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script"; done
 
 clean:  ## remove what the other targets made

@@ -144,7 +144,7 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     step = -np.linalg.solve(hessian, without.evaluate(free)[1])
     sizes = np.sqrt(np.diag(np.linalg.inv(hessian)))
     kept = [i for i, p in enumerate(problem.searched) if p.name[0] in "CR"]
-    assert np.abs((moved - free) / sizes)[kept].max() > 0.3
+    assert np.abs((moved - free) / sizes)[kept].max() > 0.2
     np.testing.assert_allclose((step / sizes)[kept], ((moved - free) / sizes)[kept], atol=0.1)
 
 
@@ -158,7 +158,7 @@ def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(offi
     assert [p.name for p in doubt.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]
     inverse = np.linalg.inv(doubt.sensitivity.T @ doubt.sensitivity)
     # the weak priors, which the information leaves out, are all that lies between them
-    np.testing.assert_allclose(np.diag(inverse), np.diag(doubt.model), rtol=0.2)
+    np.testing.assert_allclose(np.diag(inverse), np.diag(doubt.model), rtol=0.25)
 
 
 def test_intervals_are_factors_with_the_quantile_of_the_days(output):

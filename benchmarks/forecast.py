@@ -1,7 +1,7 @@
 """Day-ahead error of the hybrid and of its rivals on the reference logs, same and new control.
 
 Writes ``results/forecast.md``; logs that are not beside the checkout (``../shared/data``) are left out.  About five
-minutes on one core: ``python benchmarks/bench_forecast.py``.
+minutes on one core: ``python benchmarks/forecast.py``.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def main() -> None:
     write_table(
         "forecast",
         "Day-ahead error of the room temperature",
-        "python benchmarks/bench_forecast.py",
+        "python benchmarks/forecast.py",
         {
             "RMSE [K]": table.pivot_table(index="model", columns="data", values="rmse", sort=False).loc[order],
             "MAE [K]": table.pivot_table(index="model", columns="data", values="mae", sort=False).loc[order],

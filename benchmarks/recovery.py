@@ -1,6 +1,6 @@
 """Recovery of the paper's office, over seeds that were used for no choice, beside the Cramer-Rao bound.
 
-Writes ``results/recovery.md``: ``python benchmarks/bench_recovery.py``.
+Writes ``results/recovery.md``: ``python benchmarks/recovery.py``.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def main() -> None:
     write_table(
         "recovery",
         "Recovery of the paper's office",
-        f"python benchmarks/bench_recovery.py --seeds {arguments.seeds} --scene-seeds {arguments.scene_seeds}",
+        f"python benchmarks/recovery.py --seeds {arguments.seeds} --scene-seeds {arguments.scene_seeds}",
         tables,
         f"14 days with a perturbed first weekend, noise 0.03 K, Q_h known; {arguments.seeds} seeds a row from "
         f"{FIRST_SEED} on ({arguments.scene_seeds} in the other scenes).  R_zo is against the nominal 9 K/kW, "

@@ -1,6 +1,6 @@
 """Speed of the identifications, as ratios within one run: against the plain predictor, SciPy and darkgreybox.
 
-Writes ``results/speed.md``: ``OMP_NUM_THREADS=1 python benchmarks/bench_speed.py``.  One process, one thread; compile
+Writes ``results/speed.md``: ``OMP_NUM_THREADS=1 python benchmarks/identification.py``.  One process, one thread; compile
 time is apart.
 ``--darkgreybox DIR`` names a folder with darkgreybox 0.3.2 and lmfit where they are not installed:
 ``pip install --target DIR --no-deps darkgreybox==0.3.2 lmfit asteval uncertainties dill`` (its metadata ask for
@@ -332,9 +332,9 @@ def main() -> None:
     print(tables["First calls in fresh processes [s], 14 days"].round(2).to_string())
     if not quick:
         write_table(
-            "speed",
+            "identification",
             "Speed of the identifications",
-            "OMP_NUM_THREADS=1 python benchmarks/bench_speed.py --darkgreybox DIR",
+            "OMP_NUM_THREADS=1 python benchmarks/identification.py --darkgreybox DIR",
             tables,
             "Times are wall seconds of one process with one thread; compile time is in the last table only.  An "
             "evaluation is the objective with its exact derivatives, a fit's time over all that it made, its own "
