@@ -71,9 +71,20 @@ def test_errors_are_missing_where_the_measurement_is(fitted, gappy):
 
 
 def test_the_squares_of_the_training_errors_are_the_loss(fitted, gappy):
+    """Those of ID and OD weighted by their variances, of which the geometric mean is left."""
     for name in ("CONV", "OD", "ID"):
-        errors = fitted[name].innovations(gappy[0])["innovation"]
-        assert (errors**2).sum() == pytest.approx(fitted[name].loss_, rel=1e-9)
+        found = fitted[name].innovations(gappy[0]).dropna()
+        mean = np.exp(np.log(found["std"]).mean())
+        squares = ((mean * found["innovation"] / found["std"]) ** 2).sum()
+        assert squares == pytest.approx(fitted[name].loss_, rel=1e-9)
+        assert (found["std"].max() > 1.2 * found["std"].min()) == (name != "CONV")
+
+
+def test_standardised_training_errors_have_unit_variance(fitted, gappy):
+    for name, n_own in (("OD", 3), ("ID", 2)):
+        found = fitted[name].innovations(gappy[0]).dropna()
+        squares = ((found["innovation"] / found["std"]) ** 2).sum()
+        assert squares == pytest.approx(len(found) - n_own, rel=1e-3)
 
 
 @pytest.mark.parametrize("estimator", [GrayBoxRC, OutputDisturbanceID, InputDisturbanceID])
@@ -138,13 +149,21 @@ def test_od_predicts_by_its_arma_model(fitted, office, gappy):
     A, _, forcing = _network(office)
     model, y = fitted["OD"], gappy[1].to_numpy()
     own = model.disturbance_
-    s, z, errors = np.array([own["T0_w"], y[0]]), 0.0, np.full(len(y), np.nan)
+    a, b = own["rho_1"], own["rho_2"]
+    # a textbook filter of the states (zeta, last error): y = C x + zeta + e
+    big, drive = np.array([[a, b], [0.0, 0.0]]), np.array([0.0, 1.0])
+    s, m, P = np.array([own["T0_w"], y[0]]), np.zeros(2), np.zeros((2, 2))
+    errors, spreads = np.full(len(y), np.nan), np.full(len(y), np.nan)
     for k in range(len(y)):
-        e = y[k] - s[1] - z
-        errors[k] = e
-        z = own["rho_1"] * z + own["rho_2"] * (0.0 if np.isnan(e) else e)
+        m, P = (big @ m, big @ P @ big.T + np.outer(drive, drive)) if k else (m, np.outer(drive, drive))
+        if np.isfinite(y[k]):
+            errors[k], S = y[k] - s[1] - m.sum(), P.sum()
+            spreads[k], gain = np.sqrt(S), P.sum(axis=1) / S
+            m, P = m + gain * errors[k], P - np.outer(gain, P.sum(axis=0))
         s = A @ s + forcing[k]
-    np.testing.assert_allclose(model.innovations(gappy[0])["innovation"], errors, atol=1e-9)
+    found = model.innovations(gappy[0])
+    np.testing.assert_allclose(found["innovation"], errors, atol=1e-9)
+    np.testing.assert_allclose(found["std"], model.noise_std_ * spreads, rtol=1e-9)
 
 
 def test_id_filters_with_covariances_in_the_ratio_of_its_errors(fitted, office, gappy):
@@ -191,11 +210,13 @@ def test_the_variance_behind_a_gap_is_that_of_the_predictor():
     for k in range(1, n):
         for i in range(k):
             process[k, i] = rho_1 ** (k - 1 - i) * rho_2
-    predictor = np.column_stack([arma_errors(np.where(seen, unit, np.nan), rho_1, rho_2)[0] for unit in np.eye(n)])
-    turned = np.nan_to_num(predictor) @ process
-    expected = np.sum(turned**2, axis=1)
-    _, variance = arma_errors(np.where(seen, 0.0, np.nan), rho_1, rho_2)
-    np.testing.assert_allclose(variance[seen], expected[seen])
+    units = np.where(seen[:, None], np.eye(n), np.nan)  # a column an impulse, each a measured output of its own
+    found = arma_errors(units, rho_1, rho_2)
+    turned = np.nan_to_num(found.error) @ process
+    covariance = turned[seen] @ turned[seen].T
+    variance = found.std[:, 0] ** 2
+    np.testing.assert_allclose(np.diag(covariance), variance[seen])
+    np.testing.assert_allclose(covariance - np.diag(np.diag(covariance)), 0.0, atol=1e-12)  # white
     assert variance[5] > 1.2
 
 

@@ -111,6 +111,93 @@ def test_jacobian_is_exact(kind, known, experiment):
     assert (found[missing] == 0).all()
 
 
+def problem_of(kind, name, e):
+    network = get_network(name)
+    disturbance = disturbance_of(kind, network)
+    searched = (*network.parameters(ROLES), *disturbance.own)
+    problem = PredictionErrorProblem(network, e, disturbance, searched, {})
+    return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
+
+
+def dense_gaussian(kind, name, e, values):
+    """Mean (N,) and covariance (N, N) of all rows, for OD and ID in units of their own noise."""
+    network, N = get_network(name), len(e.y)
+    n, za = len(network.nodes), network.nodes.index("za")
+    d = network.discrete(values, e.roles, e.hours)
+    x = np.full(n, e.first)
+    if kind == "OD":
+        for node in disturbance_of("OD", network).hidden:
+            x[network.nodes.index(node)] = values[f"T0_{node}"]
+    mean = np.empty(N)
+    for k in range(N):
+        mean[k] = x[za]
+        x = d.A @ x + d.B @ e.inputs[k]
+    if kind == "OD":
+        rho_1, rho_2 = values["rho_1"], values["rho_1"] - values["rho_gap"]
+        turn = np.eye(N)
+        for k in range(1, N):
+            for i in range(k):
+                turn[k, i] = rho_2 * rho_1 ** (k - 1 - i)
+        return mean, turn @ turn.T
+    # the walk is the last input; every shock of a state reaches all later rows
+    big = np.block([[d.A, d.B[:, -1:]], [np.zeros((1, n)), np.eye(1)]])
+    first = np.append(np.full(n, HIDDEN_SD), 1.0)
+    first[za] = MEASURED_SD
+    reach = [np.linalg.matrix_power(big, k)[za] for k in range(N)]
+    covariance = (0.25**2 / (e.hours * 3600.0)) * np.eye(N)
+    shock = np.append(np.full(n, values["sigma_x"]), values["sigma_zeta"])
+    for born in range(N):
+        sd = first if born == 0 else shock
+        rows = np.zeros((N, n + 1))
+        rows[born:] = np.array(reach[: N - born]) * sd
+        covariance += rows @ rows.T
+    return mean, covariance
+
+
+@pytest.mark.parametrize("kind", ["OD", "ID"])
+def test_with_missing_rows_the_sum_of_squares_is_the_likelihood(kind, experiment):
+    """``-n/2 log(loss)`` differs between two points as the Gaussian likelihood with the noise level at its optimum."""
+    name, e = experiment
+    problem, x = problem_of(kind, name, e)
+    assert problem.weighted
+    seen = np.isfinite(e.y)
+    n, found, expected = int(seen.sum()), [], []
+    for point in (x, x + 0.05 * np.cos(np.arange(len(x)))):
+        mean, V = dense_gaussian(kind, name, e, problem.values(point))
+        r, V = (e.y - mean)[seen], V[np.ix_(seen, seen)]
+        expected.append(-0.5 * n * np.log(r @ np.linalg.solve(V, r)) - 0.5 * np.linalg.slogdet(V)[1])
+        loss, _, _ = problem.evaluate(point[None])
+        assert loss[0] == pytest.approx(np.sum(problem.residuals(point) ** 2), rel=1e-12)
+        found.append(-0.5 * n * np.log(loss[0]))
+        assert problem.mean_variance(point) == pytest.approx(np.exp(np.linalg.slogdet(V)[1] / n), rel=1e-9)
+    assert abs(expected[1] - expected[0]) > 0.1
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["CONV", "ID", "OD"])
+def test_where_no_row_is_missing_between_others_errors_count_as_they_are(kind, experiment):
+    name, e = experiment
+    whole = pd.Series(e.y).interpolate().to_numpy(copy=True)
+    whole[[0, 1, -1]] = np.nan  # before the first measured row, and behind the last
+    problem, x = problem_of(kind, name, e._replace(y=whole))
+    assert not problem.weighted
+    assert problem.mean_variance(x) == 1.0
+    apart = problem_of(kind, name, e._replace(y=np.where(np.arange(len(e.y)) < 70, whole, np.nan)))[0]
+    assert not apart.weighted
+    # the errors of the first rows know nothing of what is missing later
+    gap = whole.copy()
+    gap[80:90] = np.nan
+    other, _ = problem_of(kind, name, e._replace(y=gap))
+    assert other.weighted == (kind != "CONV")
+    first = problem.disturbance.first_counted(len(e.y))
+    ratio = other.residuals(x)[2 : 80 - first] / problem.residuals(x)[2 : 80 - first]
+    if kind == "OD":  # one variance until the gap
+        np.testing.assert_allclose(ratio, np.sqrt(other.mean_variance(x)), rtol=1e-9)
+        assert ratio[0] > 1.001
+    if kind == "CONV":
+        np.testing.assert_allclose(ratio, 1.0, rtol=1e-12)
+
+
 # -------------------------------------------------------------------------------------------------------- periodic
 #: known, and solved inside
 SETTINGS = {

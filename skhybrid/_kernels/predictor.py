@@ -2,6 +2,10 @@
 
 One recursion serves every disturbance model; they differ in the states that they append and in the gain ``K``
 (design 4): constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
+
+The constant gain is Kalman's of a process that only its own errors drive, ``z[k+1] = a z[k] + b e[k]``, while every row
+is measured.  A missing one leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the next measured
+row has the variance 1 + p and the gain ``(a p + b) / (1 + p)``, until p has died away by ``(a - b)^2 / (1 + p)`` a row.
 """
 
 from __future__ import annotations
@@ -46,6 +50,8 @@ class Sensitivity(NamedTuple):
 
     errors: np.ndarray  # (S, N, o)
     derrors: np.ndarray  # (S, N, o, p)
+    variances: np.ndarray  # (S, N, o) of the errors: Kalman's, in units of the noise below a constant gain; 1 unseen
+    dvariances: np.ndarray  # (S, N, o, p); both have N = 0 where they were not asked for
 
 
 @compiled
@@ -175,7 +181,63 @@ def _spread(A, Q, dA, dQ, P, dP, AP, AdP, work):
 
 
 @compiled
-def _advance(model, inputs, y, filtered, errors, derrors):
+def _weigh(C, R, P, dP, k, seen, variances, dvariances):
+    """Variances of one row's errors, each before any of the row's measurements is used, and their derivatives."""
+    o, n = C.shape
+    for j in range(o):
+        if not seen[j]:
+            continue
+        value = R[j]
+        for i in range(n):
+            for m in range(n):
+                share = C[j, i] * C[j, m]
+                if share != 0.0:
+                    value += share * P[i, m]
+                    for q in range(dP.shape[2]):
+                        dvariances[k, j, q] += share * dP[i, m, q]
+        variances[k, j] = value
+
+
+@compiled
+def _catch_up(model, k, seen, known, errors, derrors, after, dafter, spread, dspread, variances, dvariances):
+    """One row's correction of the constant gain behind missing rows.
+
+    ``spread`` (o,) is the variance of the last o states, one an output; it is 0 up to the first measured row.
+    """
+    A, K, dA, dK = model[0], model[3], model[8], model[10]
+    n, o = K.shape
+    for j in range(o):
+        i, v = n - o + j, spread[j]
+        a, b = A[i, i], K[i, j]
+        if not seen[j]:
+            if known[j]:
+                for q in range(dA.shape[2]):
+                    dspread[j, q] = a * (a * dspread[j, q] + 2.0 * v * dA[i, i, q]) + 2.0 * b * dK[i, j, q]
+                spread[j] = a * a * v + b * b
+            continue
+        known[j] = True
+        if v == 0.0:
+            continue
+        S, gap, e = 1.0 + v, a - b, errors[k, j]
+        more, left = gap * v / S, gap * gap * v / S
+        after[i] += more * e
+        variances[k, j] = S
+        gone = left < 1e-16
+        for q in range(dA.shape[2]):
+            dgap, dv = dA[i, i, q] - dK[i, j, q], dspread[j, q]
+            dafter[i, q] += (dgap * v + gap * dv / S) / S * e + more * derrors[k, j, q]
+            dvariances[k, j, q] = dv
+            dspread[j, q] = gap * (2.0 * dgap * v + gap * dv / S) / S
+            gone = gone and abs(dspread[j, q]) < 1e-16
+        spread[j] = left
+        if gone:  # to rounding, and before numbers become slow
+            spread[j] = 0.0
+            for q in range(dA.shape[2]):
+                dspread[j, q] = 0.0
+
+
+@compiled
+def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances):
     """The predictor with forward sensitivities over one stretch of rows, for one start."""
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     n, m, o, p, N = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], inputs.shape[0]
@@ -184,6 +246,7 @@ def _advance(model, inputs, y, filtered, errors, derrors):
     gain, dgain, Pc, dPc = np.zeros((o, n)), np.zeros((o, n, p)), np.empty(n), np.empty((n, p))
     AP, AdP, work = np.empty((n, n)), np.empty((n, n, p)), np.empty((n, n, p))
     seen, de = np.empty(o, np.bool_), np.empty(p)
+    known, spread, dspread = np.zeros(o, np.bool_), np.zeros(o), np.zeros((o, p))
     steady = False
     for k in range(N):
         complete = True
@@ -203,9 +266,16 @@ def _advance(model, inputs, y, filtered, errors, derrors):
         if kalman:
             # with every row measured the gains settle; from then on they are left as they are, to rounding
             if not (steady and complete):
+                if weigh:
+                    _weigh(C, R, P, dP, k, seen, variances, dvariances)
                 moved = _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc)
                 _spread(A, Q, dA, dQ, P, dP, AP, AdP, work)
                 steady = complete and moved < 1e-13
+            elif weigh:
+                for j in range(o):
+                    variances[k, j] = variances[k - 1, j]
+                    for q in range(p):
+                        dvariances[k, j, q] = dvariances[k - 1, j, q]
             for j in range(o):
                 if not seen[j]:
                     continue
@@ -241,6 +311,8 @@ def _advance(model, inputs, y, filtered, errors, derrors):
                     for q in range(p):
                         dafter[i, q] += dK[i, j, q] * e + K[i, j] * derrors[k, j, q]
             after[i] = value
+        if weigh and not kalman:
+            _catch_up(model, k, seen, known, errors, derrors, after, dafter, spread, dspread, variances, dvariances)
         for i in range(n):
             s[i] = after[i]
             for q in range(p):
@@ -248,7 +320,7 @@ def _advance(model, inputs, y, filtered, errors, derrors):
 
 
 @compiled
-def one_step_sensitivities(model, inputs, y, filtered):
+def one_step_sensitivities(model, inputs, y, filtered, weigh):
     """One-step errors and their exact derivatives, for S starts over one stretch of rows.
 
     Parameters
@@ -260,6 +332,9 @@ def one_step_sensitivities(model, inputs, y, filtered):
         Measurements, NaN where missing.
     filtered : int
         Rows below this number have Kalman's gain, the others ``K``.
+    weigh : bool
+        Whether to return the variances of the errors too.  Behind missing rows the constant gain is then the exact one;
+        its model has one state an output, the last o ones, which K drives and nothing else does.
 
     Returns
     -------
@@ -267,11 +342,14 @@ def one_step_sensitivities(model, inputs, y, filtered):
     """
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     S, p = A.shape[0], dA.shape[3]
-    errors, derrors = np.zeros((S, len(y), len(C))), np.zeros((S, len(y), len(C), p))
+    N, o = y.shape
+    rows = N if weigh else 0
+    errors, derrors = np.zeros((S, N, o)), np.zeros((S, N, o, p))
+    variances, dvariances = np.ones((S, rows, o)), np.zeros((S, rows, o, p))
     for b in range(S):
         one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
-        _advance(one, inputs, y, filtered, errors[b], derrors[b])
-    return Sensitivity(errors, derrors)
+        _advance(one, inputs, y, filtered, weigh, errors[b], derrors[b], variances[b], dvariances[b])
+    return Sensitivity(errors, derrors, variances, dvariances)
 
 
 @compiled

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -108,6 +109,7 @@ class Conventional:
     warmup_rows: int
     process_sd: float = 0.05  # of each node over a step while the filter runs [K]
     own: tuple[Parameter, ...] = ()
+    weighted: ClassVar[bool] = False  # a simulation is no less certain behind a missing row
 
     def filtered(self, n_rows: int) -> int:
         """Rows that the filter serves; errors count from there on."""
@@ -143,6 +145,7 @@ class InputRandomWalk:
         Parameter("sigma_x", "K", 1e-9, 1.0, "noise of each node over a step"),
         Parameter("sigma_zeta", "kW", 1e-9, 1.0, "noise of the disturbance over a step"),
     )
+    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     def filtered(self, n_rows: int) -> int:
         """Rows that the filter serves: all."""
@@ -179,6 +182,7 @@ class OutputARMA:
     hidden: tuple[str, ...]  # nodes that are not measured
     firsts: tuple[float, ...]  # a temperature around which those of each stretch are searched
     paper_box: bool = False
+    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     @property
     def own(self) -> tuple[Parameter, ...]:

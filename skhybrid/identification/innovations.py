@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._clock import rows_covering
 from .._contract import ZoneTable
-from .._kernels import simulate_path
+from .._kernels import Prediction, one_step_errors, simulate_path
 from .._threads import one_blas_thread
 from .disturbance import Conventional, first_name, first_state, measurement_variance
 from .tracking import GainTracker
@@ -55,7 +55,7 @@ class InnovationsMixin:
         -----
         CONV, ID and OD minimise squares, which fixes the size of their errors only through the errors themselves:
         ``std`` is scaled to the training errors (``noise_std_``).  The gain of a Kalman filter does not change with
-        that scale.
+        that scale.  Behind missing rows ``std`` is larger; a fit of ID or OD weighs its errors by it.
         """
         check_is_fitted(self)
         table = self._read_X(X)  # type: ignore[attr-defined]
@@ -138,24 +138,37 @@ def arma_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innov
         for i, node in enumerate(tracker.network.nodes):
             state[i] = model.disturbance_.get(first_name(node, stretch), state[i])
     free = experiment.outputs - model._open_loop(experiment, state)[:-1, tracker.measured]
-    rho = [float(model.disturbance_[name]) for name in ("rho_1", "rho_2")]
-    found = [arma_errors(column, *rho) for column in free.T]
-    error, variance = (np.column_stack(values) for values in zip(*found, strict=True))
-    return Innovations(error, model.noise_std_ * np.sqrt(variance))
+    found = arma_errors(free, *(float(model.disturbance_[name]) for name in ("rho_1", "rho_2")))
+    return Innovations(found.error, model.noise_std_ * found.std)
 
 
-def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
-    """One-step errors of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``, and their variance for unit noise.
+def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> Innovations:
+    """One-step errors (N, o) of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``, and their std for unit noise."""
+    _, spread = arma_gains(np.isfinite(free), rho_1, rho_2)
+    error = arma_prediction(free, rho_1, rho_2).errors
+    return Innovations(np.where(np.isfinite(free), error, np.nan), np.sqrt(1.0 + spread))
 
-    A row without a measurement leaves ``rho_2 e`` unknown, so that the rows after it are less certain.
+
+def arma_prediction(free: np.ndarray, rho_1: float, rho_2: float) -> Prediction:
+    """The disturbance (N + 1, o) that every row leads to expect of the next, and the errors (N, o), 0 where missing."""
+    o = free.shape[1]
+    gains, _ = arma_gains(np.isfinite(free), rho_1, rho_2)
+    own = gains[:, :, None] * np.eye(o)
+    return one_step_errors(rho_1 * np.eye(o), np.zeros(free.shape), own, np.eye(o), free, np.zeros(o))
+
+
+def arma_gains(seen: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gain of every row (N, o), and variance of z there for unit noise.
+
+    A row without a measurement leaves ``rho_2 e`` unknown, so that the rows after it are less certain, and correct z by
+    more.  The first measured row knows z.
     """
-    error, variance = np.full(len(free), np.nan), np.empty(len(free))
-    z, P = 0.0, 0.0
-    for k, value in enumerate(free):
-        variance[k] = 1.0 + P
-        if np.isnan(value):
-            z, P = rho_1 * z, rho_1**2 * P + rho_2**2
-        else:
-            error[k] = value - z
-            z, P = rho_1 * z + rho_2 * error[k], (rho_1 - rho_2) ** 2 * P
-    return error, variance
+    spread = np.zeros(seen.shape)
+    for j, column in enumerate(seen.T):
+        p, rows = 0.0, np.flatnonzero(column)
+        # nothing is uncertain before the first missing row behind a measured one
+        first = rows[0] + np.argmin(column[rows[0] :]) if len(rows) and not column[rows[0] :].all() else len(column)
+        for k in range(first, len(column)):
+            spread[k, j] = p
+            p = (rho_1 - rho_2) ** 2 * p / (1.0 + p) if column[k] else rho_1**2 * p + rho_2**2
+    return (rho_1 * spread + rho_2) / (1.0 + spread), spread

@@ -12,7 +12,6 @@ from sklearn.utils import check_random_state
 
 from .._clock import rows_covering
 from .._contract import ZoneTable
-from .._kernels import one_step_errors
 from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier
 from .disturbance import (
@@ -25,7 +24,7 @@ from .disturbance import (
 from .experiment import Experiment
 from .gauss_newton import Minimum
 from .identifiability import at_bounds
-from .innovations import Innovations, arma_innovations, scaled_innovations, simulation_errors
+from .innovations import Innovations, arma_innovations, arma_prediction, scaled_innovations, simulation_errors, steady_variance
 from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
 from .priors import normal_priors
@@ -86,11 +85,18 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self.parameters_ = parameters
         self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
         self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
-        self.loss_, self.noise_std_ = best.loss, float(np.sqrt(noise))
+        self.loss_ = best.loss
         self.starts_ = starts_table(minima, problem.searched, problem.drop)
         doubt = least_squares_doubt(problem, best.free, noise, names)
         self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
         self._tracker = self._make_tracker(problem)
+        self.noise_std_ = float(np.sqrt(noise))
+        if problem.weighted:  # the residuals are larger than errors that no missing row precedes
+            self.noise_std_ *= float(np.sqrt(self._steady_variance() / problem.mean_variance(best.free)))
+
+    def _steady_variance(self) -> float:
+        """Variance of the errors, in the predictor's units, once every row has been measured for long."""
+        return 1.0
 
     def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
         network, experiment = problem.network, problem.experiment
@@ -112,7 +118,7 @@ class GrayBoxRC(_LeastSquaresIdentifier):
     """Conventional gray box: simulation errors, no disturbance (CONV, paper 2.2.1).
 
     A Kalman filter over the first day sets the state, then the network is simulated; the sum of squared simulation
-    errors is minimised within bounds from many random starts.
+    errors is minimised within bounds from many random starts.  Missing measurements are left out of the sum.
 
     Parameters
     ----------
@@ -218,7 +224,8 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
 
     A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
-    minimised over the network's parameters and the two noise levels.
+    minimised over the network's parameters and the two noise levels.  Where measurements are missing the errors count by
+    their variance, which is larger behind a gap: the sum is then the likelihood, its noise level at the optimum.
 
     Parameters
     ----------
@@ -268,7 +275,8 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     identifiability_ : Identifiability
         Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_, noise_std_ : float
-        Sum of squared errors [K2] and their standard deviation [K].
+        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
+        that no missing row precedes [K].
     starts_ : DataFrame
         One row a start.
     state_space_ : StateSpace
@@ -327,6 +335,9 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
 
+    def _steady_variance(self) -> float:
+        return steady_variance(self._tracker)
+
     def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])
 
@@ -335,7 +346,9 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
     """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
 
     The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
-    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``.
+    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, and the sum of its squared errors is
+    minimised.  Where measurements are missing the errors count by their variance, which is larger behind a gap, and the
+    gain of the predictor follows it: the sum is then the likelihood, its noise level at the optimum.
 
     Parameters
     ----------
@@ -386,7 +399,8 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
     identifiability_ : Identifiability
         Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_, noise_std_ : float
-        Sum of squared errors [K2] and their standard deviation [K].
+        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
+        that no missing row precedes [K].
     starts_ : DataFrame
         One row a start.
     state_space_ : StateSpace
@@ -465,8 +479,6 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
         states = self._open_loop(experiment, self._open_start(table))
         free = experiment.outputs - states[:-1, tracker.measured]
-        o = free.shape[1]
-        one, none = np.eye(o), np.zeros((len(free), o))
-        zeta = one_step_errors(rho_1 * one, none, rho_2 * one[None], one, free, np.zeros(o)).states
+        zeta = arma_prediction(free, rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
         return Outlook(states[origins], np.zeros((len(origins), n, tracker.n_gains)), offset)

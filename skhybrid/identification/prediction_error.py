@@ -1,4 +1,11 @@
-"""Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives."""
+"""Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives.
+
+With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
+paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
+missing, ID and OD therefore divide each error by its standard deviation and multiply all by the geometric mean of these,
+so that the sum of squares is, but for its logarithm, the Gaussian likelihood with the noise level at its optimum.
+Of several outputs each error has its own variance, as if the others' of the same row were unknown.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .._kernels import Model, discretize, one_step_sensitivities
+from .._kernels import Model, Sensitivity, discretize, one_step_sensitivities
 from ..thermal import Parameter, RCNetwork
 from .experiment import Experiment
 from .gauss_newton import Minimum, minimise_together
@@ -112,19 +119,50 @@ class PredictionErrorProblem:
             out.append(m._replace(ds0=ds0, **scaled))
         return out
 
-    def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Errors that count (S, n) and their derivatives (S, n, p)."""
-        errors, derrors = [], []
+    @cached_property
+    def weighted(self) -> bool:
+        """Whether errors count by their variance: a counted measurement is missing between others of its stretch."""
+        seen = [np.flatnonzero(np.isfinite(y)) for piece, first in self._counted for y in piece.outputs[first:].T]
+        return self.disturbance.weighted and any(len(rows) and np.ptp(rows) + 1 > len(rows) for rows in seen)
+
+    def _run(self, free: np.ndarray, derive: bool) -> Sensitivity:
+        """Rows that count, of all stretches and outputs: errors (S, n), their derivatives, and their variances."""
+        S, parts = len(free), []
         for m, (piece, first) in zip(self.models(free, derive), self._counted, strict=True):
-            run = one_step_sensitivities(m, piece.inputs, piece.outputs, self.disturbance.filtered(len(piece.y)))
-            errors.append(run.errors[:, first:].reshape(len(free), -1))
-            derrors.append(run.derrors[:, first:].reshape(len(free), errors[-1].shape[1], -1))
-        if len(errors) == 1:
-            return errors[0], derrors[0]
-        return np.concatenate(errors, axis=1), np.concatenate(derrors, axis=1)
+            filtered = self.disturbance.filtered(len(piece.y))
+            run = one_step_sensitivities(m, piece.inputs, piece.outputs, filtered, self.weighted)
+            kept = (values[:, first:] for values in run)
+            parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
+        if len(parts) == 1:
+            return Sensitivity(*parts[0])
+        return Sensitivity(*(np.concatenate(values, axis=1) for values in zip(*parts, strict=True)))
+
+    def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Errors that count (S, n), weighted where rows are missing, and their derivatives (S, n, p)."""
+        errors, derrors, variances, dvariances = self._run(free, derive)
+        if not self.weighted:
+            return errors, derrors
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            # rows without a measurement have variance 1 and error 0
+            root = np.sqrt(self._mean_variance(variances)[:, None] / variances)
+            errors = root * errors
+            dvariances /= variances[..., None]
+            mean = dvariances.sum(axis=1, keepdims=True) / self.n_counted
+            derrors = root[..., None] * derrors + 0.5 * errors[..., None] * (mean - dvariances)
+        return errors, derrors
+
+    def _mean_variance(self, variances: np.ndarray) -> np.ndarray:
+        """(S,) geometric means over the measurements that count."""
+        return np.exp(np.log(variances).sum(axis=1) / self.n_counted)
+
+    def mean_variance(self, free: np.ndarray) -> float:
+        """Variance, in the predictor's units, that the residuals refer to; 1 where they are the errors themselves."""
+        if not self.weighted:
+            return 1.0
+        return float(self._mean_variance(self._run(np.asarray(free)[None], False).variances)[0])
 
     def residuals(self, free: np.ndarray) -> np.ndarray:
-        """Errors that count, (n,) [K]."""
+        """Errors that count, (n,) [K]; weighted where rows are missing."""
         return self._errors(np.asarray(free)[None], False)[0][0]
 
     def jacobian(self, free: np.ndarray) -> np.ndarray:
@@ -134,7 +172,7 @@ class PredictionErrorProblem:
     def evaluate(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p) of S points (S, p).
 
-        The merit is the sum of squared errors; a prior multiplies it by exp(penalty / n), which leaves the maximum of
+        The merit is the sum of squared residuals; a prior multiplies it by exp(penalty / n), which leaves the maximum of
         the posterior, concentrated over the noise, where it is.
         """
         errors, derrors = self._errors(free, True)
@@ -159,7 +197,7 @@ class PredictionErrorProblem:
     # ---------------------------------------------------------------------------------------------------- search
     def minimise(self, starts: np.ndarray, max_evaluations: int = FINE[0], tolerance: float = FINE[1]) -> list[Minimum]:
         """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
-        one = 8 * self.experiment.outputs.size * (len(self.searched) + 1)
+        one = 8 * self.experiment.outputs.size * (len(self.searched) + 1) * (1 + self.weighted)
         together = max(1, _MEMORY // one)
         out: list[Minimum] = []
         for i in range(0, len(starts), together):
