@@ -143,7 +143,7 @@ def arma_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innov
 
 
 def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> Innovations:
-    """One-step errors (N, o) of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``, and their std for unit noise."""
+    """One-step errors (N, o) of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``; std for unit noise."""
     _, spread = arma_gains(np.isfinite(free), rho_1, rho_2)
     error = arma_prediction(free, rho_1, rho_2).errors
     return Innovations(np.where(np.isfinite(free), error, np.nan), np.sqrt(1.0 + spread))

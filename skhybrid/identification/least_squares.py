@@ -24,7 +24,14 @@ from .disturbance import (
 from .experiment import Experiment
 from .gauss_newton import Minimum
 from .identifiability import at_bounds
-from .innovations import Innovations, arma_innovations, arma_prediction, scaled_innovations, simulation_errors, steady_variance
+from .innovations import (
+    Innovations,
+    arma_innovations,
+    arma_prediction,
+    scaled_innovations,
+    simulation_errors,
+    steady_variance,
+)
 from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
 from .priors import normal_priors
@@ -224,8 +231,8 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
     """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
 
     A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
-    minimised over the network's parameters and the two noise levels.  Where measurements are missing the errors count by
-    their variance, which is larger behind a gap: the sum is then the likelihood, its noise level at the optimum.
+    minimised over the network's parameters and the two noise levels.  Where measurements are missing the errors count
+    by their variance, which is larger behind a gap: the sum is then the likelihood, its noise level at the optimum.
 
     Parameters
     ----------

@@ -2,8 +2,9 @@
 
 With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
 paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
-missing, ID and OD therefore divide each error by its standard deviation and multiply all by the geometric mean of these,
-so that the sum of squares is, but for its logarithm, the Gaussian likelihood with the noise level at its optimum.
+missing, ID and OD therefore divide each error by its standard deviation and multiply all by the geometric mean of
+these: n/2 times the logarithm of the sum of squares is then the negative Gaussian log-likelihood with the noise level
+at its optimum, up to a constant.  The first rows of ID, which know little of the state, count by their variance too.
 Of several outputs each error has its own variance, as if the others' of the same row were unknown.
 """
 
@@ -172,8 +173,8 @@ class PredictionErrorProblem:
     def evaluate(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p) of S points (S, p).
 
-        The merit is the sum of squared residuals; a prior multiplies it by exp(penalty / n), which leaves the maximum of
-        the posterior, concentrated over the noise, where it is.
+        The merit is the sum of squared residuals; a prior multiplies it by exp(penalty / n), which leaves the maximum
+        of the posterior, concentrated over the noise, where it is.
         """
         errors, derrors = self._errors(free, True)
         turned = np.swapaxes(derrors, 1, 2)
