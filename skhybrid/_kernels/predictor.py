@@ -4,8 +4,8 @@ One recursion serves every disturbance model; they differ in the states that the
 (design 4): constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
 
 The constant gain is Kalman's of a process that only its own errors drive, ``z[k+1] = a z[k] + b e[k]``, while every row
-is measured.  A missing one leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the next row that
-is measured has variance 1 + p and gain ``(a p + b) / (1 + p)``, and p dies away by ``(a - b)^2 / (1 + p)`` a row.
+is measured.  A missing one leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the row that is
+measured next has variance 1 + p and gain ``(a p + b) / (1 + p)``, and p dies away by ``(a - b)^2 / (1 + p)`` a row.
 """
 
 from __future__ import annotations
