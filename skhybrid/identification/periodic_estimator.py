@@ -253,7 +253,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return (quiet, found) if found.loss <= best.loss else None
 
     def _store_variances(self, problem: PeriodicProblem, best: Minimum) -> None:
-        """How much the gain varies; where none is found, how much it still may, so that the filter sees one begin."""
+        """How much the gain varies; where none is found, how much it still may, by which the filter goes."""
         values = problem.values(best.free)
         own = {p.name: values[p.name] for p in self._own_parameters()}
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
