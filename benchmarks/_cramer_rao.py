@@ -1,9 +1,13 @@
 """Cramer-Rao bound of the office's parameters where the gain is not measured, but its statistics are known.
 
-The measurements are jointly Gaussian: the mean follows from the parameters and the inputs, the covariance from the
-gain (a weekly profile of unknown level and shape, an unknown ventilation, and a remainder whose variance depends on the
-hour and whose memory is a mixture of time constants), the unknown first state and the thermometer.  The statistics are
-those of the TRUE gains of many other draws; an estimator has to find them out, which the bound does not charge.
+The measurements are jointly Gaussian: the mean follows from the parameters, the inputs, a weekly profile of unknown
+level and shape and an unknown ventilation; the covariance from the rest of the gain (its variance depends on the hour,
+its memory is a mixture of time constants), the unknown first state and the thermometer.  Profile and ventilation have
+wide priors, but stand in the mean, at what they truly are: with them in the covariance the bound would be that of
+profiles drawn from +-3 kW, which move the room far more than the true ones and so tell more of it.
+
+The statistics are those of the TRUE gains of many other draws; an estimator has to find them out, which the bound does
+not charge.
 Dense matrices and SciPy only: nothing of the estimator is used.
 """
 
@@ -13,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.linalg import block_diag, cho_factor, cho_solve, toeplitz
 from scipy.optimize import nnls
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
@@ -37,6 +41,7 @@ class GainStatistics(NamedTuple):
     busy: np.ndarray  # (16,) bool, classes whose remainder is of the large kind
     shares: np.ndarray  # (2, 9) of every time constant in the variance of a quiet and of a busy hour
     steps: np.ndarray  # (2,) of the hourly profile [kW]
+    profile: np.ndarray  # (48,) by hour of a weekday, then of a weekend day [kW]
 
 
 def _split(office) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +67,8 @@ def statistics(seeds: range, **settings) -> GainStatistics:
     scaled = rest / sigma[klass]
     shares = np.array([_memory(scaled, busy[klass] == kind, time) for kind in (False, True)])
     days = mean.reshape(2, 24)
-    return GainStatistics(sigma, busy, shares, np.sqrt(np.mean((days - np.roll(days, 1, axis=1)) ** 2, axis=1)))
+    steps = np.sqrt(np.mean((days - np.roll(days, 1, axis=1)) ** 2, axis=1))
+    return GainStatistics(sigma, busy, shares, steps, mean)
 
 
 def _classes(time: pd.DatetimeIndex) -> np.ndarray:
@@ -83,20 +89,23 @@ def _memory(scaled: np.ndarray, rows: np.ndarray, time: pd.DatetimeIndex) -> np.
     return nnls(np.array(left), np.array(right))[0]
 
 
-def gain_covariance(time: pd.DatetimeIndex, by_day: np.ndarray, known: GainStatistics) -> np.ndarray:
-    """(N, N) covariance of the gain before the measurements [kW2]."""
-    weekend = np.asarray(time.day_of_week >= 5)
+def rest_covariance(time: pd.DatetimeIndex, known: GainStatistics) -> np.ndarray:
+    """(N, N) covariance of the gain around its profile [kW2]."""
     klass = _classes(time)
     lags = (time[1] - time[0]) / pd.Timedelta("1h") * np.arange(len(time))
     out = np.zeros((len(time), len(time)))
     for kind, shares in enumerate(known.shares):
         sigma = np.where(known.busy[klass] == kind, known.sigma[klass], 0.0)
         out += np.outer(sigma, sigma) * toeplitz(np.exp(-lags[:, None] / _TAUS) @ shares)
+    return out
+
+
+def coefficient_precision(known: GainStatistics) -> np.ndarray:
+    """(49, 49) inverse prior covariance of the profile's hours and of the ventilation."""
     difference = np.eye(24) - np.roll(np.eye(24), 1, axis=0)
     walk = np.linalg.pinv(difference.T @ difference)
-    cell = np.asarray(time.hour) + 24 * weekend
     profile = np.kron(np.eye(2), np.full((24, 24), LEVEL_SD**2)) + np.kron(np.diag(known.steps**2), walk)
-    return out + profile[np.ix_(cell, cell)] + VENTILATION_SD**2 * np.outer(by_day, by_day)
+    return block_diag(np.linalg.inv(profile + 1e-10 * np.eye(48)), VENTILATION_SD**-2)
 
 
 def _system(theta: dict[str, float], hours: float) -> tuple[np.ndarray, np.ndarray]:
@@ -110,22 +119,27 @@ def _system(theta: dict[str, float], hours: float) -> tuple[np.ndarray, np.ndarr
     return cont2discrete((a / C, b / C, np.eye(2), np.zeros((2, 5))), hours, method="zoh")[:2]
 
 
-def _through(theta: dict[str, float], gain: np.ndarray, hours: float) -> np.ndarray:
-    """Covariance of the room temperature by that of the gain."""
+def _response(theta: dict[str, float], gain: np.ndarray, hours: float) -> np.ndarray:
+    """Room temperature [K] after gains [kW], by column."""
     A, B = _system(theta, hours)
     top, bottom = ss2tf(A, B[:, 4:], np.array([[0.0, 1.0]]), np.zeros((1, 1)))
-    out = lfilter(top[0], bottom, lfilter(top[0], bottom, gain, axis=0).T, axis=0)
+    return lfilter(top[0], bottom, gain, axis=0)
+
+
+def _through(theta: dict[str, float], gain: np.ndarray, hours: float) -> np.ndarray:
+    """Covariance of the room temperature by that of the gain."""
+    out = _response(theta, _response(theta, gain, hours).T, hours)
     return 0.5 * (out + out.T)
 
 
 def _moments(theta: dict[str, float], inputs: np.ndarray, gain: np.ndarray, first: float, hours: float):
-    """Mean and covariance of the room temperature at all rows."""
+    """Mean and covariance of the room temperature at all rows; ``inputs`` may end in a known heat gain [kW]."""
     A, B = _system(theta, hours)
     mean, free = np.empty(len(inputs)), np.empty((len(inputs), 2))
     x, power = np.full(2, first), np.eye(2)
     for k, row in enumerate(inputs):
         mean[k], free[k] = x[1], power[1]
-        x, power = A @ x + B[:, :4] @ row, A @ power
+        x, power = A @ x + B[:, : len(row)] @ row, A @ power
     return mean, _through(theta, gain, hours) + (free * FIRST_SD**2) @ free.T
 
 
@@ -133,9 +147,11 @@ def bound(office, known: GainStatistics, noise: float = 0.03, step: float = 1e-3
     """Standard deviations of the relative errors [%] below which no unbiased estimate can come."""
     time = office.X.index
     hours = (time[1] - time[0]) / pd.Timedelta("1h")
-    inputs = office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy()
     by_day = _split(office)[1]
-    gain = gain_covariance(time, by_day, known)
+    cells = np.eye(48)[time.hour + 24 * (time.day_of_week >= 5)]
+    mean_gain = cells @ known.profile + VENTILATION_KW_K * by_day
+    inputs = np.column_stack([office.X[["T_oa", "q_sol", "u_heat", "u_cool"]], mean_gain])
+    gain = rest_covariance(time, known)
     first, theta, unit = float(office.states["T_za"].iloc[0]), office.theta_effective, np.eye(len(time))
     factor = cho_factor(_moments(theta, inputs, gain, first, hours)[1] + noise**2 * unit, lower=True)
     slopes, turned = [], []
@@ -144,7 +160,8 @@ def bound(office, known: GainStatistics, noise: float = 0.03, step: float = 1e-3
         (m1, V1), (m0, V0) = (_moments(t, inputs, gain, first, hours) for t in (up, down))
         slopes.append((m1 - m0) / (2 * step))
         turned.append(cho_solve(factor, (V1 - V0) / (2 * step)))
-    information = 0.5 * np.array([[np.vdot(a, b.T) for b in turned] for a in turned])
-    D = np.array(slopes).T
-    information += D.T @ cho_solve(factor, D)
-    return pd.Series(100.0 * np.sqrt(np.diag(np.linalg.inv(information))), index=list(NAMES))
+    D = np.column_stack([*slopes, _response(theta, np.column_stack([cells, by_day]), hours)])
+    information, k = D.T @ cho_solve(factor, D), len(NAMES)
+    information[:k, :k] += 0.5 * np.array([[np.vdot(a, b.T) for b in turned] for a in turned])
+    information[k:, k:] += coefficient_precision(known)
+    return pd.Series(100.0 * np.sqrt(np.diag(np.linalg.inv(information))[:k]), index=list(NAMES))

@@ -40,6 +40,7 @@ def errors(model, office):
 
 # --------------------------------------------------------------------------------------------------------- recovery
 def test_periodic_recovers_the_building(fitted, office):
+    assert fitted[PeriodicDisturbanceID].gain_found_
     found = errors(fitted[PeriodicDisturbanceID], office)
     # one seed of the office; medians over seeds are in benchmarks, these are three to five times those
     assert found["C_za"] < 0.01
@@ -78,6 +79,31 @@ def test_periodic_variance_by_three_hours(office):
     assert np.isfinite(model.predict(office.X)).all()
     with pytest.raises(ValueError, match="variance='hour' is none of 'day_night', '3h'"):
         PeriodicDisturbanceID(variance="hour").fit(office.X, office.y)
+
+
+def test_periodic_takes_the_plain_network_where_nothing_is_unmeasured():
+    """As sure of the building as a fit without any gain; a weak gain is found all the same."""
+    office = make_office(pattern="none", climate="chicago", start="2023-10-07", random_state=4)
+    X, y = office.X, office.y
+    model = PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(X, y)
+    assert not model.gain_found_
+    found, z = errors(model, office).drop("Q_h"), (model.theta_ - pd.Series(office.theta)) / model.theta_std_
+    assert found.drop("f").max() < 0.006
+    assert found["f"] < 0.05
+    assert z.drop("Q_h").abs().max() < 4
+    assert (model.profile_ == 0).all(axis=None)
+    assert model.ventilation_ == 0
+    # beside the thermometer's noise, what the means of 15 min do not say of a heater that switches every 5 min
+    assert 0.03 < model.noise_std_ < 0.033
+
+    # the response to a gain is added to what was measured: 50 W at noon of weekdays
+    time = X.index
+    noon = np.where((time.day_of_week < 5) & (np.abs(time.hour - 12) < 2), 0.05, 0.0)
+    added = model.simulate(X, noon) - model.simulate(X)
+    weak = PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(X, y + added)
+    assert weak.gain_found_
+    assert weak.profile_["weekday"].idxmax() in (10, 11, 12, 13)
+    assert model.estimate_disturbance(X).abs().max() < 0.1
 
 
 def test_periodic_beats_the_published_ones(fitted, office):

@@ -11,7 +11,14 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import GrayBoxRC, HybridPredictor, InputDisturbanceID, OutputDisturbanceID, persistence
+from skhybrid import (
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    persistence,
+)
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "plot_two_zones.py"
 OUTPUTS = ["T_north", "T_south"]
@@ -92,6 +99,30 @@ def test_a_room_whose_sensor_fails(rooms):
     model = OutputDisturbanceID(rooms["flat"], known={"Q_h_north": 5.0}, n_starts=5, random_state=0, max_missing=0.6)
     error = model.fit(X, y).theta_ / pd.Series(rooms["truth"]) - 1
     assert error[["C_n", "C_s", "R_ns"]].abs().max() < 0.15
+
+
+def test_periodic_gains_of_two_rooms(rooms):
+    """Each room has a gain state, a profile and a ventilation of its own."""
+    X, flat = rooms["X"], rooms["flat"]
+    model = PeriodicDisturbanceID(flat, known={"Q_h_north": 5.0}, n_starts=1, horizon="1D", random_state=0)
+    model.fit(X, X[OUTPUTS])
+    error = model.theta_ / pd.Series(rooms["truth"]) - 1
+    assert error.abs().max() < 0.10
+    assert model.gain_found_
+    assert model.profile_.shape == (24, 4)
+    assert list(model.ventilation_.index) == ["north", "south"]
+    zeta = model.estimate_disturbance(X, smooth=True)
+    assert list(zeta.columns) == ["zeta_north", "zeta_south"]
+    left_over = zeta.to_numpy() - rooms["gain"]
+    assert (left_over.std(axis=0) < 0.3 * rooms["gain"].std(axis=0)).all()
+    ahead = model.predict(X)
+    assert ahead.shape == (len(X), 2)
+    assert np.sqrt(np.mean((ahead - X[OUTPUTS]) ** 2, axis=0)).max() < 1.5
+    changed = X.copy()
+    changed.iloc[97:, X.columns.get_indexer(OUTPUTS)] += 5.0  # what lies after an origin is not read
+    both = [model.predict_from(table, [96], "6h") for table in (X, changed)]
+    assert both[0].shape == (1, 24, 2)
+    np.testing.assert_array_equal(*both)
 
 
 def test_targets_by_name_or_by_order(rooms):

@@ -9,7 +9,7 @@ derivatives.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from .gain_model import (
     HOUR_CLASSES,
     VENTILATION_SD,
     VarianceModel,
+    own_parameters,
     own_priors,
     profile_basis,
     profile_cell,
@@ -350,6 +351,13 @@ class PeriodicProblem:
         np.add.at(sd_bar, which[which >= 0], (1.0 - np.diag(inverse) - z**2)[which >= 0])
         return loss, Linear(gamma, unbound, normal, scale), scaled_bar / np.sqrt(S)[:, None], S_bar, sd_bar
 
+    def without_gain(self) -> PeriodicProblem:
+        """The same likelihood where nothing but the known inputs heats the network."""
+        own = {p.name for p in own_parameters(len(self.variance.first_rows), HOUR_CLASSES[self.hours])} - {"sigma_y"}
+        fixed = {**self.fixed, **{name: 0.0 if name.startswith("day_") else 1.0 for name in own}}
+        searched = tuple(p for p in self.searched if p.name not in own)
+        return replace(self, searched=searched, fixed=fixed, heat_scale=0.0)
+
     # -------------------------------------------------------------------------------------------------------- search
     @cached_property
     def _typical(self) -> np.ndarray:
@@ -358,6 +366,8 @@ class PeriodicProblem:
     def minimise(self, start: np.ndarray) -> Minimum:
         """Bounded quasi-Newton from one start, in steps that are about as large for every parameter."""
         scale = self._typical
+        if not self.searched:
+            return Minimum(start, self.evaluate(start)[0], 1, True)
 
         def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
             loss, gradient, _ = self.evaluate(x * scale)

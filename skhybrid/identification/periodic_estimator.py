@@ -29,7 +29,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     The unmeasured heat is a weekly profile (an hour of a weekday or weekend day), the heat of a ventilation by day,
     and an Ornstein-Uhlenbeck state whose standard deviation is that of a class of hours times a factor of the day.
     Capacities, solar areas, the profile and the ventilation are solved inside; the negative log marginal likelihood is
-    minimised over the rest with exact derivatives.
+    minimised over the rest with exact derivatives.  Where a network without any unmeasured heat is as likely, it is
+    taken instead.
 
     Parameters
     ----------
@@ -88,14 +89,17 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         above them where several are disturbed.
     n_days_ : int
         Days behind the standard errors.
+    gain_found_ : bool
+        Whether unmeasured heat was found.  If not, the network is that of the fit without any, the profile and the
+        ventilation are zero, and ``disturbance_`` says how much a gain may still vary.
     identifiability_ : Identifiability
         Flat and weak directions, parameters at a bound, parameters that nothing moved.
     loss_ : float
-        Negative log marginal likelihood, prior included.
+        Negative log marginal likelihood, prior included, of the model that was taken.
     noise_std_ : float
         Standard deviation of the thermometer [K].
     starts_ : DataFrame
-        One row a start.
+        One row a start, with unmeasured heat.
     state_space_ : StateSpace
     initial_state_ : ndarray of shape (n_states,)
         Node temperatures at the first training row [degC].
@@ -192,7 +196,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     def _minima(self, problem: PeriodicProblem) -> list[Minimum]:
         if not problem.searched:
-            return [Minimum(np.zeros(0), problem.evaluate(np.zeros(0))[0], 1, True)]
+            return [problem.minimise(np.zeros(0))]
         starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
         return search(
             lambda batch: [problem.minimise(start) for start in batch],
@@ -213,24 +217,50 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         parameters: tuple[Parameter, ...],
         idle: tuple[str, ...],
     ) -> None:
+        self._store_variances(problem, best)
+        self.starts_ = starts_table(minima, problem.searched, problem.drop)
+        quiet = self._without_gain(problem, best)
+        self.gain_found_ = quiet is None
+        if quiet is not None:
+            problem, best = quiet
         values = problem.values(best.free)
         linear = problem.evaluate(best.free)[2]
         theta, turn = physical(problem, values, linear.beta)
-        names = [p.name for p in parameters]
         self.network_, self.parameters_ = problem.network, parameters
-        self.theta_ = pd.Series({n: theta[n] for n in names}, name="theta")
-        own = {p.name: values[p.name] for p in self._own_parameters()}
-        in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
-        self.disturbance_ = pd.Series({**own, **in_kw})
+        self.theta_ = pd.Series({p.name: theta[p.name] for p in parameters}, name="theta")
         self.loss_, self.noise_std_ = best.loss, float(values["sigma_y"])
-        self.starts_ = starts_table(minima, problem.searched, problem.drop)
+        self.disturbance_["sigma_y"] = self.noise_std_
         self._store_gain(problem, linear.beta[problem.n_plain :])
-        begins = np.cumsum([0, *(len(piece.y) for piece in problem.experiment.pieces)])
-        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
-        self.day_factors_ = pd.Series(problem.day_factors(values), index=rows, name="day_factor")
         doubt = periodic_doubt(problem, best.free, theta, turn, parameters)
         self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
         self._tracker = self._make_tracker(problem)
+
+    def _without_gain(self, problem: PeriodicProblem, best: Minimum) -> tuple[PeriodicProblem, Minimum] | None:
+        """The fit without unmeasured heat, where that is as likely and nothing was said of the heat.
+
+        Both losses hold the same priors of what both have, so that the smaller one is the model to take: a gain that
+        is not there costs the full model its priors and the determinant of its profile, and leaves the building less
+        sure.
+        """
+        said = {*problem.fixed, *dict(self.bounds or {}), *problem.priors}
+        own = {p.name for p in self._own_parameters()} - {"sigma_y"}
+        if own & said:
+            return None
+        quiet = problem.without_gain()
+        kept = {p.name for p in quiet.searched}
+        start = best.free[[i for i, p in enumerate(problem.searched) if p.name in kept]]
+        found = quiet.minimise(start)
+        return (quiet, found) if found.loss <= best.loss else None
+
+    def _store_variances(self, problem: PeriodicProblem, best: Minimum) -> None:
+        """How much the gain varies; where none is found, how much it still may, by which the filter goes."""
+        values = problem.values(best.free)
+        own = {p.name: values[p.name] for p in self._own_parameters()}
+        in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
+        self.disturbance_ = pd.Series({**own, **in_kw})
+        begins = np.cumsum([0, *(len(piece.y) for piece in problem.experiment.pieces)])
+        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
+        self.day_factors_ = pd.Series(problem.day_factors(values), index=rows, name="day_factor")
 
     def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
         """The weekly profile and the ventilation of every disturbed node."""

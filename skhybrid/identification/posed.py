@@ -61,6 +61,7 @@ class Posed:
             problem, _ = probe._make_problem(*probe._prepare(self.X, self.y))
         if isinstance(problem, PeriodicProblem):
             problem = replace(problem, heat_scale=self._heat_scale())
+            problem = problem if fitted.gain_found_ else problem.without_gain()
         return problem
 
     def _heat_scale(self) -> float:
