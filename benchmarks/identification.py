@@ -1,7 +1,7 @@
 """Speed of the identifications, as ratios within one run: against the plain predictor, SciPy and darkgreybox.
 
-Writes ``results/identification.md``: ``OMP_NUM_THREADS=1 python benchmarks/identification.py``.  One process, one thread; compile
-time is apart.
+Writes ``results/identification.md``: ``OMP_NUM_THREADS=1 python benchmarks/identification.py``.  One process, one
+thread; compile time is apart.
 ``--darkgreybox DIR`` names a folder with darkgreybox 0.3.2 and lmfit where they are not installed:
 ``pip install --target DIR --no-deps darkgreybox==0.3.2 lmfit asteval uncertainties dill`` (its metadata ask for
 pandas < 3, which its fit does not need).
