@@ -5,7 +5,7 @@
     python benchmarks/coverage.py --report                 # the table from what has been run
 
 Every fit is a line of ``coverage.jsonl`` in the work folder as soon as it is done; a run that is started again goes on
-from there.  The seeds (5000 and up) were used for nothing else; half of them lie in the July of Oakland, half in the
+from there.  The seeds (5000 and up) were used for no choice; half of them lie in the July of Oakland, half in the
 October of Chicago.  Infiltration of 0.008 kW/K is always on, in parallel with R_zo, so that no measurement can tell
 the two apart: the true R_zo is 1 / (1 / 9 + 0.008) K/kW.
 """
