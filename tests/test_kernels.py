@@ -14,7 +14,6 @@ from skhybrid._kernels import (
     divided_difference,
     filter_channels,
     filter_channels_adjoint,
-    kalman_gains,
     kalman_track,
     one_step_errors,
     simulate_inverse,
@@ -212,33 +211,6 @@ def test_smoothed_states_are_the_conditional_ones(m):
         assert_close(smooth.covariances[k], covariance, 1e-9)
 
 
-def no_derivatives(n, n_classes):
-    return np.zeros((0, n, n)), np.zeros((0, n_classes, n, n)), np.zeros(0)
-
-
-def run_gains(m):
-    return kalman_gains(m.A, m.Q, m.klass, m.c, m.R, m.P0, m.seen, *no_derivatives(len(m.A), len(m.Q)))
-
-
-@pytest.mark.parametrize("m", MODELS)
-def test_gains_are_the_conditional_ones(m):
-    gains, prior = run_gains(m), dense_prior(m)
-    for k in range(len(m.y)):
-        _, covariance = condition(m, prior, k, range(k))
-        variance = m.c @ covariance @ m.c + m.R
-        assert gains.S[k] == pytest.approx(variance, rel=1e-9)
-        assert_close(gains.K[k], m.A @ covariance @ m.c / variance * m.seen[k], 1e-9)
-
-
-@pytest.mark.parametrize("m", MODELS)
-def test_predictor_with_kalman_gains_is_the_filter(m):
-    prior = dense_prior(m)
-    errors, _ = run_errors(m, run_gains(m).K)
-    for k in np.flatnonzero(m.seen):
-        assert errors[k] == pytest.approx(m.y[k] - m.c @ condition(m, prior, k, range(k))[0], rel=1e-9, abs=1e-9)
-    assert (errors[~m.seen] == 0.0).all()
-
-
 class Channels(NamedTuple):
     columns: np.ndarray
     series: np.ndarray
@@ -364,17 +336,6 @@ def moved(m, d, t, *fields):
 
 
 @pytest.mark.parametrize("m", MODELS)
-def test_gains_have_exact_derivatives(m):
-    directions = [drawn_direction(m, seed) for seed in (10, 11)]
-    dA, dQ, dR = (np.array([getattr(d, f) for d in directions]) for f in ("A", "Q", "R"))
-    found = kalman_gains(m.A, m.Q, m.klass, m.c, m.R, m.P0, m.seen, dA, dQ, dR)
-    np.testing.assert_allclose(found.K, run_gains(m).K, rtol=1e-14, atol=1e-14)
-    for q, d in enumerate(directions):
-        assert_close(found.dK[q], slope(lambda t, d=d: run_gains(moved(m, d, t, "A", "Q", "R")).K, 1e-4), 1e-8)
-        assert_close(found.dS[q], slope(lambda t, d=d: run_gains(moved(m, d, t, "A", "Q", "R")).S, 1e-4), 1e-8)
-
-
-@pytest.mark.parametrize("m", MODELS)
 def test_adjoint_has_the_derivatives_of_any_scalar(m):
     """A random scalar of innovations and variances, moved along a random direction of each ingredient."""
     ch = drawn_channels(m)
@@ -451,8 +412,7 @@ def test_kernels_leave_their_arguments_alone():
     ones = np.ones_like(result.errors), np.ones_like(result.S)
     filter_channels_adjoint(m.A, ch.series, m.klass, m.c[None], m.y[:, None], 3, result, *ones)
     smooth_states(m.A, *run_track(m))
-    K = run_gains(m).K
-    run_errors(m, K)
+    run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)

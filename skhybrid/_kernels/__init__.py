@@ -2,7 +2,7 @@
 
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretize import Discrete, discretize, divided_difference
-from .kalman import Gains, Smoothed, kalman_gains, kalman_track, smooth_states
+from .kalman import Smoothed, kalman_track, smooth_states
 from .predictor import (
     Model,
     Prediction,
@@ -17,7 +17,6 @@ __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
-    "Gains",
     "Model",
     "Prediction",
     "Sensitivity",
@@ -26,7 +25,6 @@ __all__ = [
     "divided_difference",
     "filter_channels",
     "filter_channels_adjoint",
-    "kalman_gains",
     "kalman_track",
     "one_step_errors",
     "one_step_sensitivities",

@@ -124,7 +124,7 @@ def filter_channels(A, columns, series, known, Q, klass, C, R, y, s0, P0):
     known : ndarray of shape (N, n)
         Forcing of channel 0 by the inputs whose effect is not a coefficient.
     Q, klass
-        As in :func:`skhybrid._kernels.kalman_gains`.
+        As in :func:`skhybrid._kernels.kalman_track`.
     C, R : ndarray of shape (o, n) and (o,)
         Output rows, and the variance of each output's noise.
     y : ndarray of shape (N, o)

@@ -6,26 +6,6 @@ from ._compile import compiled
 
 
 @compiled
-def dot_column(P, c, out):
-    """``out = P c``."""
-    n = c.size
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += P[i, j] * c[j]
-        out[i] = total
-
-
-@compiled
-def subtract_outer(P, a, b, factor):
-    """``P -= factor a b'``, in place."""
-    n = a.size
-    for i in range(n):
-        for j in range(n):
-            P[i, j] -= factor * a[i] * b[j]
-
-
-@compiled
 def sandwich(A, P, B, work, out):
     """``out += A P B'``."""
     n = A.shape[0]

@@ -237,6 +237,47 @@ def _catch_up(model, k, seen, known, errors, derrors, after, dafter, spread, dsp
 
 
 @compiled
+def _compare(C, y, k, s, ds, seen, errors, derrors):
+    """One row's errors and their derivatives; which outputs were measured, and whether all were."""
+    o, n = C.shape
+    complete = True
+    for j in range(o):
+        seen[j] = not np.isnan(y[k, j])
+        complete = complete and seen[j]
+        if seen[j]:
+            e = y[k, j]
+            for i in range(n):
+                e -= C[j, i] * s[i]
+            errors[k, j] = e
+            for i in range(n):
+                if C[j, i] != 0.0:
+                    for q in range(ds.shape[1]):
+                        derrors[k, j, q] -= C[j, i] * ds[i, q]
+    return complete
+
+
+@compiled
+def _follow(C, y, k, seen, gain, dgain, s, ds, de):
+    """One row's sequential measurement updates of the state and of its derivatives, in place."""
+    o, n = C.shape
+    p = ds.shape[1]
+    for j in range(o):
+        if not seen[j]:
+            continue
+        e = y[k, j]
+        for q in range(p):
+            de[q] = 0.0
+        for i in range(n):
+            e -= C[j, i] * s[i]
+            for q in range(p):
+                de[q] -= C[j, i] * ds[i, q]
+        for i in range(n):
+            s[i] += gain[j, i] * e
+            for q in range(p):
+                ds[i, q] += dgain[j, i, q] * e + gain[j, i] * de[q]
+
+
+@compiled
 def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances):
     """The predictor with forward sensitivities over one stretch of rows, for one start."""
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
@@ -249,19 +290,7 @@ def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvar
     known, spread, dspread = np.zeros(o, np.bool_), np.zeros(o), np.zeros((o, p))
     steady = False
     for k in range(N):
-        complete = True
-        for j in range(o):
-            seen[j] = not np.isnan(y[k, j])
-            complete = complete and seen[j]
-            if seen[j]:
-                e = y[k, j]
-                for i in range(n):
-                    e -= C[j, i] * s[i]
-                errors[k, j] = e
-                for i in range(n):
-                    if C[j, i] != 0.0:
-                        for q in range(p):
-                            derrors[k, j, q] -= C[j, i] * ds[i, q]
+        complete = _compare(C, y, k, s, ds, seen, errors, derrors)
         kalman = k < filtered
         if kalman:
             # with every row measured the gains settle; from then on they are left as they are, to rounding
@@ -276,20 +305,7 @@ def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvar
                     variances[k, j] = variances[k - 1, j]
                     for q in range(p):
                         dvariances[k, j, q] = dvariances[k - 1, j, q]
-            for j in range(o):
-                if not seen[j]:
-                    continue
-                e = y[k, j]
-                for q in range(p):
-                    de[q] = 0.0
-                for i in range(n):
-                    e -= C[j, i] * s[i]
-                    for q in range(p):
-                        de[q] -= C[j, i] * ds[i, q]
-                for i in range(n):
-                    s[i] += gain[j, i] * e
-                    for q in range(p):
-                        ds[i, q] += dgain[j, i, q] * e + gain[j, i] * de[q]
+            _follow(C, y, k, seen, gain, dgain, s, ds, de)
         for i in range(n):
             value = 0.0
             for q in range(p):
