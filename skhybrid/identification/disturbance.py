@@ -182,12 +182,15 @@ class OutputARMA:
     hidden: tuple[str, ...]  # nodes that are not measured
     firsts: tuple[float, ...]  # a temperature around which those of each stretch are searched
     paper_box: bool = False
+    hours: float = 0.25  # the step; the paper's bound of rho_1 at 15 minutes is a longest memory, the same at any step
     weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     @property
     def own(self) -> tuple[Parameter, ...]:
         second = "rho_2" if self.paper_box else "rho_gap"
-        rho = tuple(Parameter(name, "-", -0.999, 0.999, "", "identity") for name in ("rho_1", second))
+        longest = 0.999 if self.paper_box else 0.999 ** (self.hours / 0.25)
+        ends = (("rho_1", longest), (second, 0.999))
+        rho = tuple(Parameter(name, "-", -end, end, "", "identity") for name, end in ends)
         start = tuple(
             Parameter(first_name(node, number), "degC", first - 20.0, first + 20.0, "", "identity")
             for number, first in enumerate(self.firsts)

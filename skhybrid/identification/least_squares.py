@@ -390,8 +390,9 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
         either sign) does as well.  The fit is then the maximum of the posterior.
     rho_box : {"stable", "paper"}, default="stable"
-        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable; or the paper's
-        box for ``(rho_1, rho_2)``, which also holds unstable predictors.
+        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable (``rho_1`` at 15
+        minutes; its bound is the same memory at any step); or the paper's box for ``(rho_1, rho_2)``, which also holds
+        unstable predictors.
 
     Attributes
     ----------
@@ -458,7 +459,8 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        return OutputARMA(hidden, tuple(piece.first for piece in experiment.pieces), self.rho_box == "paper")
+        firsts = tuple(piece.first for piece in experiment.pieces)
+        return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return OutputARMA((), (), self.rho_box == "paper").own
