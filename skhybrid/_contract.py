@@ -7,7 +7,6 @@ estimator reads its input through :func:`read_table` and :func:`read_target`.
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +17,7 @@ from sklearn.utils import check_array, column_or_1d
 from sklearn.utils.validation import validate_data
 
 from ._clock import read_index, spell
-from .exceptions import RoleWarning, UnitWarning
+from .exceptions import RoleWarning, UnitWarning, warn_user
 
 #: role (a pattern), unit and meaning of every column that an estimator may read.
 ROLES: tuple[tuple[str, str, str], ...] = (
@@ -287,11 +286,10 @@ def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, require
     by_name = {str(c): c for c in X.columns if role_of(c) and c not in taken and c not in columns}
     found: dict[str, Any] = by_name | {role: c for role, c in columns.items() if c is not None}
     if not found and not columns and not isinstance(X.index, pd.DatetimeIndex):
-        warnings.warn(
+        warn_user(
             f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
             "name them or pass columns={role: column}.",
             RoleWarning,
-            stacklevel=6,
         )
         return {role: X.columns[j] for role, j in _positions(X.shape[1], None).items()}
     absent = [r for r in required if r not in found and columns.get(r, r) is not None]
@@ -376,11 +374,10 @@ def _warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
         elif role.startswith("Q_") and max(abs(low), abs(high)) > 5000.0:
             likely = "W rather than kW"
         if likely:
-            warnings.warn(
+            warn_user(
                 f"column {names[role]} (role {role}) ranges from {low:.4g} to {high:.4g}: likely {likely}; "
                 "convert it with skhybrid.preprocessing.UnitConverter.",
                 UnitWarning,
-                stacklevel=6,
             )
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
 
 from .._contract import ZoneTable
-from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
 from ..thermal import Parameter, RCNetwork
 
 #: a table shorter than this shows no storage of heat from one day to the next
@@ -31,11 +30,10 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
     if measured_heat or fixed:
         return
     direction = scale_direction(network.parameters(table.inputs))
-    warnings.warn(
+    warn_user(
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
         "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
         ScaleNotIdentifiableWarning,
-        stacklevel=7,
     )
 
 
@@ -49,11 +47,10 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
         out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
     if out:
         columns = ", ".join(sorted({s.role for s in idle}))
-        warnings.warn(
+        warn_user(
             f"{name}: {columns} is 0 in every row, so {', '.join(out)} cannot be identified and stays at its default; "
             "pass it in known= or add days on which it ran.",
             ExcitationWarning,
-            stacklevel=7,
         )
     return tuple(out)
 
@@ -70,8 +67,7 @@ def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], 
         found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
     for what, names in found:
         if open_names := [p for p in names if p not in known]:
-            warnings.warn(
+            warn_user(
                 f"{name}: {what}, so {', '.join(open_names)} can hardly be identified; pass it in known= or add days.",
                 ExcitationWarning,
-                stacklevel=8,
             )
