@@ -30,7 +30,6 @@ from .innovations import (
     arma_prediction,
     scaled_innovations,
     simulation_errors,
-    steady_variance,
 )
 from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
@@ -99,11 +98,7 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         self._tracker = self._make_tracker(problem)
         self.noise_std_ = float(np.sqrt(noise))
         if problem.weighted:  # the residuals are larger than errors that no missing row precedes
-            self.noise_std_ *= float(np.sqrt(self._steady_variance() / problem.mean_variance(best.free)))
-
-    def _steady_variance(self) -> float:
-        """Variance of the errors, in the predictor's units, once every row has been measured for long."""
-        return 1.0
+            self.noise_std_ /= float(np.sqrt(problem.mean_variance(best.free)))
 
     def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
         network, experiment = problem.network, problem.experiment
@@ -232,7 +227,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
 
     A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
     minimised over the network's parameters and the two noise levels.  Where measurements are missing the errors count
-    by their variance, which is larger behind a gap: the sum is then the likelihood, its noise level at the optimum.
+    by what the missing rows add to their variance.
 
     Parameters
     ----------
@@ -341,9 +336,6 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
 
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
-
-    def _steady_variance(self) -> float:
-        return steady_variance(self._tracker)
 
     def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])

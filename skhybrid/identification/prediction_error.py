@@ -2,10 +2,10 @@
 
 With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
 paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
-missing, ID and OD therefore divide each error by its standard deviation and multiply all by the geometric mean of
-these: n/2 times the logarithm of the sum of squares is then the negative Gaussian log-likelihood with the noise level
-at its optimum, up to a constant.  The first rows of ID, which know little of the state, count by their variance too.
-Of several outputs each error has its own variance, as if the others' of the same row were unknown.
+missing, ID and OD therefore divide each error by what the missing rows add to its standard deviation and multiply all
+by the geometric mean of these.  For OD n/2 times the logarithm of the sum of squares is then the negative Gaussian
+log-likelihood with the noise level at its optimum, up to a constant.  Of several outputs each error has its own
+variance, as if the others' of the same row were unknown.
 """
 
 from __future__ import annotations
@@ -132,6 +132,8 @@ class PredictionErrorProblem:
         for m, (piece, first) in zip(self.models(free, derive), self._counted, strict=True):
             filtered = self.disturbance.filtered(len(piece.y))
             run = one_step_sensitivities(m, piece.inputs, piece.outputs, filtered, self.weighted)
+            if self.weighted and filtered:
+                run = _beside_complete(run, m, piece, filtered)
             kept = (values[:, first:] for values in run)
             parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
         if len(parts) == 1:
@@ -157,7 +159,7 @@ class PredictionErrorProblem:
         return np.exp(np.log(variances).sum(axis=1) / self.n_counted)
 
     def mean_variance(self, free: np.ndarray) -> float:
-        """Variance, in the predictor's units, that the residuals refer to; 1 where they are the errors themselves."""
+        """Variance that the residuals refer to, in units of that of errors which no missing row precedes."""
         if not self.weighted:
             return 1.0
         return float(self._mean_variance(self._run(np.asarray(free)[None], False).variances)[0])
@@ -204,3 +206,17 @@ class PredictionErrorProblem:
         for i in range(0, len(starts), together):
             out += minimise_together(self.evaluate, starts[i : i + together], *self.bounds, max_evaluations, tolerance)
         return out
+
+
+def _beside_complete(run: Sensitivity, model: Model, piece: Experiment, filtered: int) -> Sensitivity:
+    """Variances in units of those that the same rows have where none is missing.
+
+    The first rows of a filter are uncertain on a complete log too, which is not weighted: what counts is what missing
+    rows add, so that one missing row changes little.
+    """
+    seen = np.isfinite(piece.outputs)
+    complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on
+    whole = one_step_sensitivities(model, piece.inputs, complete, filtered, True)
+    ratio = np.where(seen, run.variances / whole.variances, 1.0)
+    slope = (run.dvariances - ratio[..., None] * whole.dvariances) / whole.variances[..., None]
+    return run._replace(variances=ratio, dvariances=np.where(seen[..., None], slope, 0.0))
