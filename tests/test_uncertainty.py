@@ -13,7 +13,7 @@ from sklearn.base import clone
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office
-from skhybrid.identification import posterior, profile_likelihood, sample_posterior
+from skhybrid.identification import posterior, profile_likelihood, sample_posterior, uncertainty
 from skhybrid.identification.identifiability import assess
 from skhybrid.identification.periodic_estimator import physical
 from skhybrid.identification.posed import Posed, free_point
@@ -146,6 +146,23 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     kept = [i for i, p in enumerate(problem.searched) if p.name[0] in "CR"]
     assert np.abs((moved - free) / sizes)[kept].max() > 0.08
     np.testing.assert_allclose((step / sizes)[kept], ((moved - free) / sizes)[kept], atol=0.04)
+
+
+def test_long_logs_are_left_without_several_days_at_once(office, periodic, monkeypatch):
+    """So that a year costs as many evaluations as two months."""
+    posed = Posed(periodic, office.X, office.y)
+    problem = posed.problem()
+    free = problem.minimise(free_point(problem, posed.values())).free
+    theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
+    made, plain = [], uncertainty._moves_without_days
+    monkeypatch.setattr(uncertainty, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
+    stds = []
+    for most in (56, 4):
+        monkeypatch.setattr(uncertainty, "MOST_PARTS", most)
+        stds.append(np.sqrt(np.diag(periodic_doubt(problem, free, theta, turn, periodic.parameters_).jackknife)))
+    n_days = made[0].shape[0]
+    assert made[1].shape[0] == -(-n_days // -(-n_days // 4))
+    assert 0.2 < np.median(stds[1] / stds[0]) < 5.0  # the same thing, from fewer parts
 
 
 def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(office, periodic):

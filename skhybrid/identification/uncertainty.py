@@ -7,7 +7,8 @@ So every fit is also asked how far its parameters would move without each of its
 few days) needs no model of the gain.  A standard error is the larger of the two, and an interval takes the quantile
 of Student's t with as many degrees of freedom as there are days, less one.
 
-One Newton step stands for the fit without a day: it costs one evaluation a day instead of a search.  Least squares
+One Newton step stands for the fit without a day: it costs one evaluation a day instead of a search (of long logs of
+the periodic model, one for every two days or more).  Least squares
 takes the Hessian without that day (CR3); the periodic model takes the whole one, which understates the move that a day
 with most of the information would cause.
 
@@ -36,6 +37,9 @@ from .identifiability import assess, held_subspace
 _MOST = 1e3
 #: an interval of more than this many e-foldings is that of all values
 _BEYOND = 50.0
+#: most fits without a part of a periodic log; of longer logs a part is two or more days, else the cost would be
+#: quadratic in the length
+MOST_PARTS = 56
 #: fewer days than this have no scatter to speak of
 _FEW_DAYS = 3
 
@@ -303,7 +307,8 @@ def periodic_doubt(
     n_days = int(days[-1]) + 1
     moves = np.zeros((0, len(decided)))
     if len(decided) and n_days >= _FEW_DAYS:
-        moves = _moves_without_days(problem, free, linear.beta, outer, days) @ np.hstack([chain, by_beta]).T
+        parts = days // -(-n_days // MOST_PARTS)
+        moves = _moves_without_days(problem, free, linear.beta, outer, parts) @ np.hstack([chain, by_beta]).T
     data = hessian - np.diag(prior_precision(problem))
     information = _joint_information(data, dbeta, linear, problem.n_plain, by_free, by_beta)
     information = _without_scale(information, problem, decided)
