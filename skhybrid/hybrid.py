@@ -154,9 +154,10 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
         gray_box = self._part(self.gray_box, self._default_gray_box())
-        if len(get_network(gray_box.network).measured_nodes) > 1:
+        network = get_network(gray_box.network)
+        if len(network.measured_nodes) > 1:
             raise ValueError(
-                f"network {get_network(gray_box.network).name} has several measured temperatures; HybridPredictor "
+                f"network {network.name} has several measured temperatures; HybridPredictor "
                 "forecasts one zone, so fit the identification itself."
             )
         forecaster = self._part(self.forecaster, self._default_forecaster())

@@ -101,11 +101,8 @@ class _Line:
         self.searched = (A, B, C)
         self.experiment = SimpleNamespace(y=self.target, hours=6.0)
 
-    def residuals(self, free):
-        return self.design @ free - self.target
-
-    def jacobian(self, free):
-        return self.design
+    def linearised(self, free):
+        return self.design @ free - self.target, self.design
 
 
 def test_jackknife_by_one_step_is_the_regression_without_each_day():

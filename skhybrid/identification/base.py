@@ -48,6 +48,16 @@ class StateSpace:
     sampling_time: pd.Timedelta
 
 
+def state_space_of(
+    network: RCNetwork, theta: Mapping[str, float], roles: tuple[str, ...], step: pd.Timedelta
+) -> StateSpace:
+    """The exact zero-order hold of a network under the given inputs, with named rows and columns."""
+    d = network.discrete(theta, roles, step / pd.Timedelta("1h"))
+    C = np.eye(len(network.nodes))[measured_rows(network)]
+    names = (*network.inputs(roles), *network.gain_names)
+    return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
+
+
 class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNetwork):
     """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
 
@@ -113,7 +123,7 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         network, table, experiment, parameters = self._prepare(X, y)
         self._identify(network, table, experiment, parameters)
         self.sampling_time_ = table.step
-        self.state_space_ = self._make_state_space(network, experiment.roles, table.step)
+        self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
         self._finish(table, experiment)
         return self
 
@@ -210,12 +220,6 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
 
     def _store(self, problem: Any, best: Minimum, minima: list[Minimum], parameters: Any, idle: Any) -> None:
         raise NotImplementedError
-
-    def _make_state_space(self, network: RCNetwork, roles: tuple[str, ...], step: pd.Timedelta) -> StateSpace:
-        d = network.discrete(self._theta, roles, step / pd.Timedelta("1h"))
-        C = np.eye(len(network.nodes))[measured_rows(network)]
-        names = (*network.inputs(roles), *network.gain_names)
-        return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
 
     def _finish(self, table: ZoneTable, experiment: Experiment) -> None:
         """Keep the end of the training table and what was known at its first row."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -185,7 +186,7 @@ class OutputARMA:
     hours: float = 0.25  # the step; the paper's bound of rho_1 at 15 minutes is a longest memory, the same at any step
     weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
-    @property
+    @cached_property
     def own(self) -> tuple[Parameter, ...]:
         second = "rho_2" if self.paper_box else "rho_gap"
         longest = 0.999 if self.paper_box else 0.999 ** (self.hours / 0.25)
@@ -223,6 +224,12 @@ class OutputARMA:
             s0[:, i] = own[first_name(node, number)]
             model.ds0[:, i, base + 2 + number * len(self.hidden) + q] = 1.0
         return _complete(model, _outputs(network, o, True), s0, 0.0, K=K, dK=dK)
+
+
+def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int) -> None:
+    """Put what a fit found of the first row of a stretch into its (n,) state, in place."""
+    for i, node in enumerate(network.nodes):
+        state[i] = found.get(first_name(node, number), state[i])
 
 
 def first_name(node: str, number: int) -> str:

@@ -12,8 +12,8 @@ from .._clock import rows_covering
 from .._contract import ZoneTable
 from .._kernels import Prediction, one_step_errors, simulate_path
 from .._threads import one_blas_thread
-from .disturbance import Conventional, first_name, first_state, measurement_variance
-from .tracking import GainTracker
+from .disturbance import Conventional, first_state, take_searched
+from .tracking import GainTracker, without_disturbance
 
 
 class Innovations(NamedTuple):
@@ -116,8 +116,7 @@ def simulation_errors(model: Any, table: ZoneTable) -> Innovations:
     """CONV: a Kalman filter over the warm-up sets the state, then the network is simulated (paper 2.2.1)."""
     tracker, experiment = model._tracker, model._experiment(table)
     setting, n_rows = Conventional(rows_covering(model.warmup, table.step)), len(experiment.y)
-    R, noise = measurement_variance(experiment.hours), setting.noise(tracker.network)
-    plain = GainTracker(tracker.network, tracker.A, tracker.B, 0.0, noise, R, g_sd=0.0)
+    plain = without_disturbance(tracker, experiment.hours)
     warm, state = setting.filtered(n_rows), first_state(tracker.network, experiment)
     if warm:
         none, early = np.zeros(warm, np.int64), experiment.rows(slice(0, warm))
@@ -135,8 +134,7 @@ def arma_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innov
         state = np.array(model._open_start(table), dtype=np.float64)
     else:  # as it was searched
         state = first_state(tracker.network, experiment)
-        for i, node in enumerate(tracker.network.nodes):
-            state[i] = model.disturbance_.get(first_name(node, stretch), state[i])
+        take_searched(state, tracker.network, model.disturbance_, stretch)
     free = experiment.outputs - model._open_loop(experiment, state)[:-1, tracker.measured]
     found = arma_errors(free, *(float(model.disturbance_[name]) for name in ("rho_1", "rho_2")))
     return Innovations(found.error, model.noise_std_ * found.std)

@@ -18,8 +18,8 @@ from .disturbance import (
     Conventional,
     InputRandomWalk,
     OutputARMA,
-    first_name,
     measurement_variance,
+    take_searched,
 )
 from .experiment import Experiment
 from .gauss_newton import Minimum
@@ -35,7 +35,7 @@ from .multi_start import random_starts, search, starts_table
 from .prediction_error import ROUGH, PredictionErrorProblem
 from .priors import normal_priors
 from .tracked import Outlook
-from .tracking import GainTracker, fit_walk_noise, walk_noise
+from .tracking import GainTracker, fit_walk_noise, walk_noise, without_disturbance
 from .uncertainty import least_squares_doubt
 
 
@@ -199,8 +199,7 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
         span, tracker = rows_covering(self.warmup, table.step), self._tracker
         experiment, start = self._experiment(table), self._open_start(table)
-        noise = Conventional(span).noise(tracker.network)
-        plain = replace(tracker, phi=0.0, Q=noise, R=measurement_variance(experiment.hours), g_sd=0.0)
+        plain = without_disturbance(tracker, experiment.hours)
         free_run = self._open_loop(experiment, start)
         states = np.array([self._state_at(experiment, plain, free_run, int(o), span) for o in origins])
         size = (len(origins), n)
@@ -467,8 +466,7 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
     def _first_state(self, smooth: Any, number: int) -> np.ndarray:
         """The fit's own first state: a measured node at its measurement, the hidden ones as they were searched."""
         state = smooth.nodes[0].copy()
-        for i, node in enumerate(self.network_.nodes):
-            state[i] = self.disturbance_.get(first_name(node, number), state[i])
+        take_searched(state, self.network_, self.disturbance_, number)
         return state
 
     def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:

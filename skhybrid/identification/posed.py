@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,11 +61,13 @@ class Posed:
             warnings.simplefilter("ignore")  # the fit has said it
             problem, _ = probe._make_problem(*probe._prepare(self.X, self.y))
         if isinstance(problem, PeriodicProblem):
-            problem = replace(problem, heat_scale=self._heat_scale())
+            problem = replace(problem, heat_scale=self._heat_scale)
             problem = problem if fitted.gain_found_ else problem.without_gain()
         return problem
 
+    @cached_property
     def _heat_scale(self) -> float:
+        """Unit of heat of the fit, read from the table once."""
         probe = clone(self.estimator)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -80,7 +83,7 @@ class Posed:
         own = fitted._own_parameters()
         scaled = [p.name for p in own if p.unit == "6 kW plant"]
         if scaled:
-            scale = self._heat_scale()
+            scale = self._heat_scale
             found |= {name: found[name] / scale for name in scaled}
         return {name: float(value) for name, value in found.items()}
 

@@ -11,7 +11,7 @@ variance, as if the others' of the same row were unknown.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -48,17 +48,6 @@ class PredictionErrorProblem:
     def values(self, free: np.ndarray) -> dict[str, float]:
         """All parameters by name."""
         return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
-
-    def holding(self, name: str, value: float) -> PredictionErrorProblem:
-        """The same problem with one more parameter fixed."""
-        keep = np.array([p.name != name for p in self.searched])
-        return replace(
-            self,
-            searched=tuple(p for p in self.searched if p.name != name),
-            fixed={**self.fixed, name: value},
-            centre=None if self.centre is None else self.centre[keep],
-            spread=None if self.spread is None else self.spread[keep],
-        )
 
     # --------------------------------------------------------------------------------------------- fixed parts
     @cached_property
@@ -111,7 +100,7 @@ class PredictionErrorProblem:
         chosen = self._chosen if derive else self._chosen[:0]
         slopes = slopes[:, None, None, : len(chosen)]
         out = []
-        for number, piece in enumerate(self.experiment.pieces):
+        for number, (piece, _) in enumerate(self._counted):
             m = self.disturbance.build(d, columns, self.network, piece, number)
             scaled = {
                 name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in ("dA", "dB", "dK", "dQ")
@@ -170,7 +159,12 @@ class PredictionErrorProblem:
 
     def jacobian(self, free: np.ndarray) -> np.ndarray:
         """Exact derivatives of the residuals by ``free``, (n, p)."""
-        return self._errors(np.asarray(free)[None], True)[1][0]
+        return self.linearised(free)[1]
+
+    def linearised(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n,) and their exact derivatives (n, p), of one run."""
+        errors, derrors = self._errors(np.asarray(free)[None], True)
+        return errors[0], derrors[0]
 
     def evaluate(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p) of S points (S, p).

@@ -11,7 +11,7 @@ import pandas as pd
 from .._clock import rows_covering, spell
 from .._kernels import simulate_path
 from ..thermal import RCNetwork, get_network
-from .base import StateSpace
+from .base import StateSpace, state_space_of
 
 #: inputs of the paper's network
 _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
@@ -58,10 +58,7 @@ def make_state_space(
     if absent:
         raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
     values = {p.name: float(theta[p.name]) for p in network.parameters(roles)}
-    d = network.discrete(values, roles, step / pd.Timedelta("1h"))
-    C = np.eye(len(network.nodes))[[network.nodes.index(node) for node in network.measured_nodes]]
-    names = (*network.inputs(roles), *network.gain_names)
-    return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
+    return state_space_of(network, values, roles, step)
 
 
 def as_state_space(model: Any) -> StateSpace:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from .._kernels import kalman_track, simulate_path, smooth_states
 from ..thermal import RCNetwork
-from .disturbance import ZETA_SD, first_covariance, measured_rows
+from .disturbance import ZETA_SD, Conventional, first_covariance, measured_rows, measurement_variance
 from .experiment import Experiment
 
 
@@ -105,6 +105,12 @@ class GainTracker:
         path = simulate_path(self.A, rows @ self.B.T + heat[: len(rows)] @ self.heat.T, state)[1:]
         short = len(heat) - len(rows)
         return np.vstack([path, np.repeat(path[-1:], short, axis=0)]) if short and len(path) else path
+
+
+def without_disturbance(tracker: GainTracker, hours: float) -> GainTracker:
+    """The filter by which CONV takes a state from measurements: nodes with noise of their own, no gain."""
+    noise = Conventional(0).noise(tracker.network)
+    return replace(tracker, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
 
 
 def fit_walk_noise(tracker: GainTracker, experiment: Experiment) -> np.ndarray:

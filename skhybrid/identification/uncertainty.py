@@ -185,7 +185,7 @@ def least_squares_doubt(problem: Any, free: np.ndarray, noise: float, names: Seq
         none = np.zeros((0, 0))
         return Doubt((), none, none, none, n_days)
     noise = max(noise, 1e-300)
-    errors, jacobian = problem.residuals(free), problem.jacobian(free)
+    errors, jacobian = problem.linearised(free)
     day = day_of_rows(len(errors), hours * n_rows / max(len(errors), 1) if len(errors) > n_rows else hours)
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
@@ -235,7 +235,8 @@ def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, step: float =
     out = np.empty((day[-1] + 1, len(free), len(free)))
     for q in range(len(free)):
         shift = step * np.eye(len(free))[q]
-        up, down = (_day_scores(problem.residuals(x), problem.jacobian(x), day) for x in (free + shift, free - shift))
+        above, below = problem.linearised(free + shift), problem.linearised(free - shift)
+        up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
         out[:, :, q] = (up - down) / (2.0 * step)
     return 0.5 * (out + out.transpose(0, 2, 1))
 

@@ -11,13 +11,13 @@ import pandas as pd
 
 from ..identification import frequency_response
 from ._style import grid_or_new, shared_legend, tidy
-from ._systems import inputs_of, responses_of, style_of, unit_of
+from ._systems import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 
 #: periods that the axis names
 _TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800.0: "1 wk", 2592000.0: "30 d"}
 
 
-class BodeDisplay:
+class BodeDisplay(ResponseDisplay):
     """Magnitude (and phase) of the temperature's response to every input, by the period of the input.
 
     Make it with :meth:`from_estimator`, :meth:`from_state_space` or :meth:`from_predictions`.
@@ -34,12 +34,6 @@ class BodeDisplay:
     figure_ : matplotlib Figure
         The figure that holds them.
     """
-
-    ax_: Any
-    figure_: Any
-
-    def __init__(self, responses: Mapping[str, pd.DataFrame]) -> None:
-        self.responses = dict(responses)
 
     @classmethod
     def from_estimator(
@@ -110,28 +104,6 @@ class BodeDisplay:
         BodeDisplay
         """
         return cls.from_estimator(state_space, truth=truth, periods=periods, output=output, ax=ax, **kwargs)
-
-    @classmethod
-    def from_predictions(
-        cls, responses: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
-    ) -> BodeDisplay:
-        """Draw responses that were computed already.
-
-        Parameters
-        ----------
-        responses : DataFrame of complex or mapping of label to DataFrame
-            As :func:`skhybrid.identification.frequency_response` gives them; the label "true" is drawn beneath.
-        ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
-        **kwargs
-            As in :meth:`plot`.
-
-        Returns
-        -------
-        BodeDisplay
-        """
-        found = {"model": responses} if isinstance(responses, pd.DataFrame) else responses
-        return cls(found).plot(ax, **kwargs)
 
     def plot(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -10,10 +10,10 @@ import pandas as pd
 
 from ..identification import step_response
 from ._style import grid_or_new, shared_legend, tidy
-from ._systems import inputs_of, responses_of, style_of, unit_of
+from ._systems import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 
 
-class StepResponseDisplay:
+class StepResponseDisplay(ResponseDisplay):
     """Temperature after a unit step of every input, from rest.
 
     Make it with :meth:`from_estimator`, :meth:`from_state_space` or :meth:`from_predictions`.
@@ -30,12 +30,6 @@ class StepResponseDisplay:
     figure_ : matplotlib Figure
         The figure that holds them.
     """
-
-    ax_: Any
-    figure_: Any
-
-    def __init__(self, responses: Mapping[str, pd.DataFrame]) -> None:
-        self.responses = dict(responses)
 
     @classmethod
     def from_estimator(
@@ -106,28 +100,6 @@ class StepResponseDisplay:
         StepResponseDisplay
         """
         return cls.from_estimator(state_space, truth=truth, duration=duration, output=output, ax=ax, **kwargs)
-
-    @classmethod
-    def from_predictions(
-        cls, responses: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
-    ) -> StepResponseDisplay:
-        """Draw responses that were computed already.
-
-        Parameters
-        ----------
-        responses : DataFrame or mapping of label to DataFrame
-            As :func:`skhybrid.identification.step_response` gives them; the label "true" is drawn beneath.
-        ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
-        **kwargs
-            As in :meth:`plot`.
-
-        Returns
-        -------
-        StepResponseDisplay
-        """
-        found = {"model": responses} if isinstance(responses, pd.DataFrame) else responses
-        return cls(found).plot(ax, **kwargs)
 
     def plot(
         self, ax: Any = None, *, inputs: Sequence[str] | None = None, title: str | None = None

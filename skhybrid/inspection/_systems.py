@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import pandas as pd
 
@@ -11,6 +11,46 @@ from ._style import MEASURED, line_style
 
 #: label of the true system
 TRUTH = "true"
+
+
+class ResponseDisplay:
+    """What the displays of responses are made from, and how where those were computed already.
+
+    Parameters
+    ----------
+    responses : mapping of label to DataFrame
+        One column an input.
+    """
+
+    ax_: Any
+    figure_: Any
+
+    def __init__(self, responses: Mapping[str, pd.DataFrame]) -> None:
+        self.responses = dict(responses)
+
+    @classmethod
+    def from_predictions(
+        cls, responses: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
+    ) -> Self:
+        """Draw responses that were computed already.
+
+        Parameters
+        ----------
+        responses : DataFrame or mapping of label to DataFrame
+            As :func:`skhybrid.identification.frequency_response` (complex) and
+            :func:`skhybrid.identification.step_response` give them; the label "true" is drawn beneath.
+        ax : array of matplotlib Axes, optional
+            Where to draw; default is a new figure.
+        **kwargs
+            As in :meth:`plot`.
+
+        Returns
+        -------
+        Display
+        """
+        found = {"model": responses} if isinstance(responses, pd.DataFrame) else responses
+        display: Any = cls(found)
+        return display.plot(ax, **kwargs)
 
 
 def responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
