@@ -2,38 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from copy import copy
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Memory
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from ._clock import ASSUMED_START, origin_rows
-from ._contract import ZoneTable, read_table, read_target
-from ._rolling import RollingForecastMixin
-from ._threads import one_blas_thread
-from .forecasting import DisturbanceForecaster
-from .forecasting.forecaster import BASELINES
-from .identification import PeriodicDisturbanceID
-from .thermal import RCNetwork, get_network
+from .._clock import origin_rows
+from .._contract import ZoneTable, read_table, read_target
+from .._rolling import RollingForecastMixin
+from .._threads import one_blas_thread
+from ..forecasting import DisturbanceForecaster
+from ..identification import PeriodicDisturbanceID
+from ..thermal import RCNetwork, get_network
+from .published import PublishedScheme
+from .scheme import Scheme
+from .tables import in_zone_of
 
-#: the disturbance is forecast by hours (paper 3.3)
-_HOUR = pd.Timedelta("1h")
 #: history kept behind the training table: two weeks, the longest lag of any forecaster
 _KEPT = pd.Timedelta("15D")
-#: stamps that a table without any is given in ``predict``, so that it follows no training table
-_ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
-
-
-class _Bins(NamedTuple):
-    """Rows of a table gathered into the steps of the forecaster."""
-
-    frame: pd.DataFrame  # one row a bin, columns by role
-    of_row: np.ndarray  # (n_rows,) bin of every row
-    first_row: np.ndarray  # (n_bins,) first row of every bin
 
 
 class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
@@ -153,6 +143,18 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+        scheme = self._make_scheme()
+        table = self._read(X, reset=True)
+        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        self._check_spans(table.step)
+        self._scheme = scheme.fit(table, target)
+        self.sampling_time_ = table.step
+        self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
+        self._keep(table, target)
+        return self
+
+    def _make_scheme(self) -> Scheme:
+        """What forecasts the building, unfitted: the one place that decides it."""
         gray_box = self._part(self.gray_box, self._default_gray_box())
         network = get_network(gray_box.network)
         if len(network.measured_nodes) > 1:
@@ -161,24 +163,22 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
                 "forecasts one zone, so fit the identification itself."
             )
         forecaster = self._part(self.forecaster, self._default_forecaster())
-        table = self._read(X, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        self._check_spans(table.step)
-        frame = _frame(table.replace(history={"T_za": target}), ASSUMED_START)
-        given = dict(self._columns() or {})
-        dark = "q_sol" not in table.inputs and (not isinstance(X, pd.DataFrame) or given.get("q_sol", "") is None)
-        fitted = _memory(self.memory).cache(_fit_gray_box)(gray_box, frame, target, {"q_sol": None} if dark else None)
-        self.gray_box_ = fitted
-        self.sampling_time_, self.disturbance_step_ = table.step, _disturbance_step(table.step)
-        causal = fitted.estimate_disturbance(frame, kind=self.disturbance)
-        bins = _gather(frame.assign(zeta=causal), self.disturbance_step_)
-        self.zeta_ = bins.frame["zeta"]
-        rows = bins.frame.drop(columns="T_za", errors="ignore")
-        self.forecaster_ = forecaster.fit(rows, rows["zeta"])
-        self._rows = rows
-        self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
-        self._keep(table, target, causal.to_numpy())
-        return self
+        return PublishedScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
+
+    def _present_scheme(self) -> Scheme:
+        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
+        scheme = self._scheme
+        if scheme.adapt != self.adapt:
+            scheme = copy(scheme)
+            scheme.adapt = self.adapt
+        return scheme
+
+    def __getattr__(self, name: str) -> Any:
+        # what the scheme has learned (gray_box_, zeta_ ...) is shown here too, whatever scheme it is
+        scheme = vars(self).get("_scheme")
+        if scheme is not None and name.endswith("_") and not name.startswith("_"):
+            return getattr(scheme, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def set_params(self, **params: Any) -> HybridPredictor:
         """Set parameters, also those of parts (``forecaster__case``), of the default part where none was given.
@@ -210,11 +210,11 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
         return part.set_params(**wanted)
 
-    def _keep(self, table: ZoneTable, target: np.ndarray, zeta: np.ndarray) -> None:
+    def _keep(self, table: ZoneTable, target: np.ndarray) -> None:
         n = min(table.n_rows, int(_KEPT / table.step))
         tail = table.rows(slice(table.n_rows - n, None))
         inputs = {role: v.copy() for role, v in tail.inputs.items()}
-        self._tail = tail.replace(inputs=inputs, history={"T_za": target[-n:].copy(), "zeta": zeta[-n:].copy()})
+        self._tail = tail.replace(inputs=inputs, history={"T_za": target[-n:].copy()})
 
     # ----------------------------------------------------------------------------------------------- tables at hand
     def _read(self, X: Any, *, reset: bool) -> ZoneTable:
@@ -251,58 +251,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
 
     # ----------------------------------------------------------------------------------------------------- forecast
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        n_tail = table.n_history
-        here = _frame(table.rows(slice(n_tail, None)), _ELSEWHERE)
-        paths = self._disturbance_paths(table, here, origins, n_leads)
-        return self.gray_box_.drive(here, origins - n_tail, paths, kind=self.disturbance)
-
-    @property
-    def _shift(self) -> int:
-        """Rows from an origin to the first disturbance wanted: heat of a row acts over its own step."""
-        return 0 if self.disturbance == "input" else 1
-
-    def _disturbance_paths(self, table: ZoneTable, here: pd.DataFrame, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """(n_origins, n_leads) forecast disturbance as the gray box takes it, by rows of the table.
-
-        An input disturbance of a row acts over its step, so it is wanted from the origin's own row on; an output
-        disturbance from the row behind it.
-        """
-        n_tail = table.n_history
-        zeta = np.full(table.n_rows, np.nan)
-        if n_tail:
-            zeta[:n_tail] = self._tail.history["zeta"]
-        # before the first measurement of X nothing is estimated, and whether one comes later must not be known
-        seen = np.logical_or.accumulate(np.isfinite(here["T_za"].to_numpy()))
-        if seen.any():
-            estimate = self.gray_box_.estimate_disturbance(here, kind=self.disturbance)
-            zeta[n_tail:] = np.where(seen, estimate, np.nan)
-        frame = _frame(table, _ELSEWHERE).assign(zeta=zeta).drop(columns="T_za")
-        bins = _gather(_with_row_before(frame, self.disturbance_step_), self.disturbance_step_)
-        lead_in = len(bins.of_row) - table.n_rows
-        known = bins.of_row[origins + lead_in] - 1  # the last bin that ended before the origin
-        rows = origins[:, None] + self._shift + np.arange(n_leads)
-        wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + lead_in] - known[:, None] - 1
-        steps = int(wanted.max()) + 1
-        ahead = np.empty((len(origins), steps))
-        for forecaster, chosen in self._forecasters(bins, known):
-            paths = forecaster.predict_from(bins.frame, known[chosen], horizon=steps * self.disturbance_step_)
-            ahead[chosen] = pd.DataFrame(paths).ffill(axis=1).to_numpy()
-        return np.take_along_axis(ahead, np.maximum(wanted, 0), axis=1)
-
-    def _forecasters(self, bins: _Bins, known: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
-        """The forecaster of each origin: as trained, or re-fitted on the full weeks since the training ended."""
-        week = int(pd.Timedelta("7D") / self.disturbance_step_)
-        first = int(np.sum(bins.frame.index <= self._rows.index[-1]))
-        weeks = np.maximum(known + 1 - first, 0) // week
-        if self.adapt is None or not _refits_fast(self.forecaster_):
-            weeks[:] = 0
-        for count in np.unique(weeks):
-            chosen = np.flatnonzero(weeks == count)
-            if count == 0:
-                yield self.forecaster_, chosen
-                continue
-            rows = _joined_rows(self._rows, bins.frame.iloc[first : first + count * week], self.disturbance_step_)
-            yield clone(self.forecaster_).fit(rows, rows["zeta"]), chosen
+        return self._present_scheme().forecast(table, origins, n_leads).temperature
 
     def forecast(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
         """Forecast from the last row of a history.
@@ -328,7 +277,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         if not len(history) or not len(future):
             raise ValueError("history and future need at least one row each.")
-        stamps = _in_zone_of(future.index, history.index)
+        stamps = in_zone_of(future.index, history.index)
         names = list(getattr(self, "feature_names_in_", history.columns))
         absent = [n for n in names if n not in future.columns and n in history.columns]
         past = {"T_za", (self._columns() or {}).get("T_za", "T_za")}
@@ -339,11 +288,8 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
         table, n_tail = self._with_history(whole)
         origin = np.array([n_tail + len(history) - 1])
-        here = _frame(table.rows(slice(n_tail, None)), _ELSEWHERE)
-        paths = self._disturbance_paths(table, here, origin, len(future) + 1)
-        temperature = self.gray_box_.drive(here, origin - n_tail, paths[:, :-1], kind=self.disturbance)
-        zeta = paths[0, :-1] if self._shift else paths[0, 1:]
-        return pd.DataFrame({"T_za": temperature[0], "zeta": zeta}, index=future.index)
+        paths = self._present_scheme().forecast(table, origin, len(future))
+        return pd.DataFrame({"T_za": paths.temperature[0], "zeta": paths.zeta[0]}, index=future.index)
 
     # ---------------------------------------------------------------------------------------------------------- load
     def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
@@ -367,96 +313,10 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        local = table.rows(slice(n_tail, None))
-        here = _frame(local, _ELSEWHERE)
-        origins = origin_rows(local.time, self.horizon, self.origin_step, local.step)
-        counts = np.diff(np.append(origins, local.n_rows))
-        paths = self._disturbance_paths(table, here, origins + n_tail, int(counts.max()))
+        here = table.rows(slice(n_tail, None))
+        origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
         wanted = np.asarray(setpoint, dtype=np.float64)
         if isinstance(setpoint, pd.Series) and isinstance(X, pd.DataFrame) and not setpoint.index.equals(X.index):
             raise ValueError("setpoint bears other time stamps than X; align it with setpoint.reindex(X.index).")
-        load = self.gray_box_.required_heat(here, wanted, origins, paths, kind=self.disturbance, limits=limits)
-        zeta = np.concatenate([path[:count] for path, count in zip(paths, counts, strict=True)])
-        return load.set_axis(local.index).assign(zeta=zeta)
-
-
-def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
-    """Fit on a table by roles; a function of its own, so that ``memory`` can keep it."""
-    return gray_box.set_params(columns=columns, sampling_time=None).fit(frame, target)
-
-
-def _memory(memory: Any) -> Memory:
-    return memory if hasattr(memory, "cache") else Memory(location=memory, verbose=0)
-
-
-def _frame(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
-    """A table as a frame by roles, with stamps (from ``start`` where it had none) and a ``T_za`` column."""
-    index = table.index if table.utc is not None else pd.DatetimeIndex(start + (table.time - table.time[0]))
-    missing = np.full(table.n_rows, np.nan)
-    frame = pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
-    return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
-
-
-def _in_zone_of(future: pd.Index, history: pd.Index) -> pd.Index:
-    """The stamps of ``future`` in the time zone of ``history``.
-
-    Raises
-    ------
-    ValueError
-        If only one of the two has a zone.
-    """
-    if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
-        return future
-    if (future.tz is None) != (history.tz is None):
-        raise ValueError(f"history has the time zone {history.tz}, future {future.tz}; localize the one without.")
-    return future if history.tz is None else future.tz_convert(history.tz)
-
-
-def _disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
-    """An hour where the table's step divides it, else the table's own step."""
-    return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
-
-
-def _refits_fast(forecaster: Any) -> bool:
-    """Whether a forecaster is one of the linear ones, which are re-fitted in a fraction of a second."""
-    return isinstance(forecaster, DisturbanceForecaster) and forecaster.model in tuple(BASELINES)
-
-
-def _joined_rows(old: pd.DataFrame, new: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
-    """Training rows and history as one even table.
-
-    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
-    gap has no disturbance, so that nothing is learned from it.
-    """
-    gap = new.index[0] - old.index[-1] - step
-    moved = old.set_axis(old.index + pd.Timedelta("7D") * int(gap / pd.Timedelta("7D")))
-    whole = pd.concat([moved, new[list(old.columns)]])
-    grid = pd.date_range(whole.index[0], whole.index[-1], freq=step)
-    if len(grid) == len(whole):
-        return whole
-    filled = whole.reindex(grid)
-    inputs = [c for c in filled.columns if c != "zeta"]
-    filled[inputs] = filled[inputs].ffill()
-    return filled
-
-
-def _with_row_before(frame: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
-    """The frame behind one more step of rows, whose disturbance is unknown: a forecast needs a row to stand on."""
-    index = pd.DatetimeIndex(frame.index)
-    own = index[1] - index[0] if len(index) > 1 else step
-    count = max(1, int(step / own))
-    stamps = index[0] - own * np.arange(count, 0, -1)
-    first = pd.concat([frame.iloc[[0]]] * count).set_axis(pd.DatetimeIndex(stamps)).assign(zeta=np.nan)
-    return pd.concat([first, frame])
-
-
-def _gather(frame: pd.DataFrame, step: pd.Timedelta) -> _Bins:
-    """Means by steps of the forecaster."""
-    index = pd.DatetimeIndex(frame.index)
-    utc = index.tz_convert("UTC") if index.tz is not None else index
-    stamps = utc.floor(step) if len(index) < 2 or utc[1] - utc[0] < step else utc
-    begins = np.append(True, stamps[1:] != stamps[:-1])
-    of_row, first_row = np.cumsum(begins) - 1, np.flatnonzero(begins)
-    hours = frame.groupby(of_row).mean()
-    labels = stamps[first_row]
-    return _Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row, first_row)
+        load = self._present_scheme().required_heat(table, origins + n_tail, wanted, limits)
+        return load.set_axis(here.index)

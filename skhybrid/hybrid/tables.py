@@ -1,0 +1,92 @@
+"""Tables by rows and by steps of the disturbance (hours): frames by role, bins of rows, training behind history."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._clock import ASSUMED_START
+from .._contract import ZoneTable
+
+#: the disturbance is forecast by hours (paper 3.3)
+_HOUR = pd.Timedelta("1h")
+#: stamps that a table without any is given in ``predict``, so that it follows no training table
+ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
+
+
+class Bins(NamedTuple):
+    """Rows of a table gathered into the steps of the forecaster."""
+
+    frame: pd.DataFrame  # one row a bin, columns by role
+    of_row: np.ndarray  # (n_rows,) bin of every row
+    first_row: np.ndarray  # (n_bins,) first row of every bin
+
+
+def frame_by_role(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
+    """A table as a frame by roles, with stamps (from ``start`` where it had none) and a ``T_za`` column."""
+    index = table.index if table.utc is not None else pd.DatetimeIndex(start + (table.time - table.time[0]))
+    missing = np.full(table.n_rows, np.nan)
+    frame = pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
+    return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
+
+
+def in_zone_of(future: pd.Index, history: pd.Index) -> pd.Index:
+    """The stamps of ``future`` in the time zone of ``history``.
+
+    Raises
+    ------
+    ValueError
+        If only one of the two has a zone.
+    """
+    if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
+        return future
+    if (future.tz is None) != (history.tz is None):
+        raise ValueError(f"history has the time zone {history.tz}, future {future.tz}; localize the one without.")
+    return future if history.tz is None else future.tz_convert(history.tz)
+
+
+def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
+    """An hour where the table's step divides it, else the table's own step."""
+    return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
+
+
+def joined_rows(old: pd.DataFrame, new: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
+    """Training rows and history as one even table.
+
+    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
+    gap has no disturbance, so that nothing is learned from it.
+    """
+    gap = new.index[0] - old.index[-1] - step
+    moved = old.set_axis(old.index + pd.Timedelta("7D") * int(gap / pd.Timedelta("7D")))
+    whole = pd.concat([moved, new[list(old.columns)]])
+    grid = pd.date_range(whole.index[0], whole.index[-1], freq=step)
+    if len(grid) == len(whole):
+        return whole
+    filled = whole.reindex(grid)
+    inputs = [c for c in filled.columns if c != "zeta"]
+    filled[inputs] = filled[inputs].ffill()
+    return filled
+
+
+def with_row_before(frame: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
+    """The frame behind one more step of rows, whose disturbance is unknown: a forecast needs a row to stand on."""
+    index = pd.DatetimeIndex(frame.index)
+    own = index[1] - index[0] if len(index) > 1 else step
+    count = max(1, int(step / own))
+    stamps = index[0] - own * np.arange(count, 0, -1)
+    first = pd.concat([frame.iloc[[0]]] * count).set_axis(pd.DatetimeIndex(stamps)).assign(zeta=np.nan)
+    return pd.concat([first, frame])
+
+
+def gather(frame: pd.DataFrame, step: pd.Timedelta) -> Bins:
+    """Means by steps of the forecaster."""
+    index = pd.DatetimeIndex(frame.index)
+    utc = index.tz_convert("UTC") if index.tz is not None else index
+    stamps = utc.floor(step) if len(index) < 2 or utc[1] - utc[0] < step else utc
+    begins = np.append(True, stamps[1:] != stamps[:-1])
+    of_row, first_row = np.cumsum(begins) - 1, np.flatnonzero(begins)
+    hours = frame.groupby(of_row).mean()
+    labels = stamps[first_row]
+    return Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row, first_row)
