@@ -14,8 +14,21 @@ from .._clock import ASSUMED_START
 from .._contract import ZoneTable
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.forecaster import BASELINES
+from ..identification.live import advance, drive_on, identify_again
+from .ledger import Ledger
 from .scheme import Paths
-from .tables import ELSEWHERE, Bins, disturbance_step, frame_by_role, gather, joined_rows, with_row_before
+from .tables import (
+    ELSEWHERE,
+    KEPT,
+    Bins,
+    disturbance_step,
+    frame_by_role,
+    gather,
+    joined_rows,
+    one_behind_another,
+    stamps_ns,
+    with_row_before,
+)
 
 
 class PublishedScheme:
@@ -39,17 +52,109 @@ class PublishedScheme:
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
-        frame = frame_by_role(table.replace(history={"T_za": target}), ASSUMED_START)
+        measured = table.replace(history={"T_za": target})
         dark = {"q_sol": None} if "q_sol" not in table.inputs else None
-        self.gray_box_ = _memory(self.memory).cache(_fit_gray_box)(self.gray_box, frame, target, dark)
+        identify = _memory(self.memory).cache(_fit_gray_box)
+        self.gray_box_ = identify(self.gray_box, frame_by_role(measured, ASSUMED_START), target, dark)
         self.disturbance_step_ = disturbance_step(table.step)
+        # the rows themselves are wanted again only where the network is identified again
+        self._log: list[ZoneTable] | None = [measured] if self.adapt == "full" else None
+        return self._learn_disturbance(measured, self.forecaster)
+
+    def _learn_disturbance(self, measured: ZoneTable, forecaster: Any) -> Self:
+        frame = frame_by_role(measured, ASSUMED_START)
         causal = self.gray_box_.estimate_disturbance(frame, kind=self.disturbance)
         bins = gather(frame.assign(zeta=causal), self.disturbance_step_)
         self.zeta_ = bins.frame["zeta"]
         self._rows = bins.frame.drop(columns="T_za", errors="ignore")
-        self.forecaster_ = self.forecaster.fit(self._rows, self._rows["zeta"])
-        self._zeta = causal.to_numpy(copy=True)
+        self.forecaster_ = forecaster.fit(self._rows, self._rows["zeta"])
+        self._open_ledger(measured, causal.to_numpy())
         return self
+
+    def _open_ledger(self, table: ZoneTable, zeta: np.ndarray) -> None:
+        """Keep the end of the training by steps, to which rows to come are added."""
+        zone = table.index.tz if isinstance(table.index, pd.DatetimeIndex) else None
+        fine = table.step < self.disturbance_step_
+        self._ledger = Ledger(list(self._rows.columns), self.disturbance_step_, fine, zone)
+        stamps = stamps_ns(table)
+        self._ledger.add(stamps, self._by_column(table, zeta))
+        self._ledger.drop_before(int(stamps[-1] - KEPT.value))
+        self._trained_to = int(self._rows.index[-1].as_unit("ns").value)
+        self._awake = False  # whether something was measured behind the training
+        self._refitted: tuple[int, Any] = (0, None)
+
+    def _by_column(self, table: ZoneTable, zeta: np.ndarray) -> np.ndarray:
+        """(n_rows, n_columns) in the order of the forecaster's training table, whose last column is the disturbance."""
+        inputs = [table.inputs[role] for role in self._ledger.names[:-1]]
+        return np.column_stack([*inputs, zeta])
+
+    # ------------------------------------------------------------------------------------------------ rows as they come
+    def advance(self, table: ZoneTable, target: np.ndarray) -> None:
+        """Let the filter follow new rows, and gather their disturbance."""
+        measured = table.replace(history={"T_za": target})
+        zeta = self._unless_asleep(advance(self.gray_box_, measured, self.disturbance)[:, 0], target)
+        self._ledger.add(stamps_ns(table), self._by_column(table, zeta))
+        self._awake |= bool(np.isfinite(target).any())
+        if self._log is not None:
+            self._keep_rows(self._log, measured)
+
+    @staticmethod
+    def _keep_rows(log: list[ZoneTable], measured: ZoneTable) -> None:
+        """Single rows are joined by days, longer tables stay as they came."""
+        if len(log) > 1 and log[-1].n_rows < pd.Timedelta("1D") / measured.step:
+            measured = one_behind_another([log.pop(), measured])
+        log.append(measured)
+
+    def _unless_asleep(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
+        """Before the first measurement nothing is estimated, and whether one comes later must not be known."""
+        awake = np.logical_or.accumulate(np.isfinite(measured)) | self._awake
+        return np.where(awake, zeta, np.nan)
+
+    def forecast_live(self, future: ZoneTable) -> Paths:
+        """Forecast from where the filter stands; the past is not run through again."""
+        rows = self._by_column(future, np.full(future.n_rows, np.nan))
+        bins = self._ledger.extended(stamps_ns(future), rows, self._n_kept)
+        known = bins.of_row[:1] - 1
+        wanted = bins.of_row - known - 1
+        forecaster, _ = next(self._forecasters(bins, known, True))
+        zeta = self._path(forecaster, bins, known, int(wanted[-1]) + 1)[0, wanted]
+        acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
+        temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
+        return Paths(temperature[None], zeta[None, 1:])
+
+    @property
+    def _n_kept(self) -> int:
+        return int(KEPT / self.disturbance_step_)
+
+    def _path(self, forecaster: Any, bins: Bins, known: np.ndarray, steps: int) -> np.ndarray:
+        """(n_origins, steps) forecasts of the steps behind the known ones; beyond the table the last one holds."""
+        paths = forecaster.predict_from(bins.frame, known, horizon=steps * self.disturbance_step_)
+        return pd.DataFrame(paths).ffill(axis=1).to_numpy() if np.isnan(paths).any() else paths
+
+    def learn(self, table: ZoneTable, target: np.ndarray) -> None:
+        """Fit the forecaster again on training and all rows since; all of it anew where ``adapt="full"`` asks so."""
+        if self.adapt == "full" and self._log is None:
+            raise ValueError("adapt was set to 'full' behind fit, which kept no rows to identify again; fit with it.")
+        if table.n_rows:
+            self.advance(table, target)
+        if self._log is not None and self.adapt == "full":
+            self._learn_anew(one_behind_another(self._log))
+        elif len(new := self._ledger.since(self._trained_to)):
+            self._learn_steps(joined_rows(self._rows, new, self.disturbance_step_))
+
+    def _learn_steps(self, rows: pd.DataFrame) -> None:
+        if _refits_fast(self.forecaster_):
+            self.forecaster_ = clone(self.forecaster_).fit(rows, rows["zeta"])
+        self._rows, self.zeta_ = rows, rows["zeta"]
+        self._trained_to, self._refitted = int(rows.index[-1].as_unit("ns").value), (0, None)
+        self._ledger.drop_before(int(self._ledger.labels[-1] - KEPT.value))
+
+    def _learn_anew(self, measured: ZoneTable) -> None:
+        """Identify the network again, from where it is, and train the forecaster on what it leaves."""
+        frame = frame_by_role(measured, ASSUMED_START)
+        self.gray_box_ = identify_again(self.gray_box_, frame, measured.history["T_za"])
+        self._log = [measured]
+        self._learn_disturbance(measured, clone(self.forecaster_))
 
     # ----------------------------------------------------------------------------------------------------- forecast
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
@@ -82,44 +187,63 @@ class PublishedScheme:
         self, table: ZoneTable, here: pd.DataFrame, origins: np.ndarray, n_rows: int, first: int
     ) -> np.ndarray:
         """(n_origins, n_rows) forecast disturbance of the rows ``origin + first``, ``origin + first + 1`` ..."""
-        bins = gather(with_row_before(self._with_zeta(table, here), self.disturbance_step_), self.disturbance_step_)
-        lead_in = len(bins.of_row) - table.n_rows
-        known = bins.of_row[origins + lead_in] - 1  # the last bin that ended before the origin
+        bins, offset = self._bins(table, here)
+        known = bins.of_row[origins + offset] - 1  # the last bin that ended before the origin
         rows = origins[:, None] + first + np.arange(n_rows)
-        wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + lead_in] - known[:, None] - 1
+        wanted = bins.of_row[np.minimum(rows, table.n_rows - 1) + offset] - known[:, None] - 1
         steps = int(wanted.max()) + 1
         ahead = np.empty((len(origins), steps))
-        for forecaster, chosen in self._forecasters(bins, known):
-            paths = forecaster.predict_from(bins.frame, known[chosen], horizon=steps * self.disturbance_step_)
-            ahead[chosen] = pd.DataFrame(paths).ffill(axis=1).to_numpy()
+        for forecaster, chosen in self._forecasters(bins, known, table.n_history > 0):
+            ahead[chosen] = self._path(forecaster, bins, known[chosen], steps)
         return np.take_along_axis(ahead, np.maximum(wanted, 0), axis=1)
 
-    def _with_zeta(self, table: ZoneTable, here: pd.DataFrame) -> pd.DataFrame:
-        """The inputs of a table with the estimated disturbance of its tail and of the rows behind that."""
-        n_tail = table.n_history
-        zeta = np.full(table.n_rows, np.nan)
-        zeta[:n_tail] = self._zeta[len(self._zeta) - n_tail :]
-        # before the first measurement of X nothing is estimated, and whether one comes later must not be known
-        seen = np.logical_or.accumulate(np.isfinite(here["T_za"].to_numpy()))
-        if seen.any():
-            estimate = self.gray_box_.estimate_disturbance(here, kind=self.disturbance)
-            zeta[n_tail:] = np.where(seen, estimate, np.nan)
-        return frame_by_role(table, ELSEWHERE).assign(zeta=zeta).drop(columns="T_za")
+    def _bins(self, table: ZoneTable, here: pd.DataFrame) -> tuple[Bins, int]:
+        """The steps up to the end of a table, and the place in ``of_row`` of its first row.
 
-    def _forecasters(self, bins: Bins, known: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
+        Behind the training, or the rows since, those are at hand.
+        """
+        measured = here["T_za"].to_numpy()
+        zeta = np.full(len(here), np.nan)
+        if np.isfinite(measured).any():
+            zeta = self.gray_box_.estimate_disturbance(here, kind=self.disturbance).to_numpy()
+        if table.n_history:
+            rows = table.rows(slice(table.n_history, None))
+            known = self._by_column(rows, self._unless_asleep(zeta, measured))
+            return self._ledger.extended(stamps_ns(rows), known, self._n_kept), 1 - table.n_history
+        awake = np.logical_or.accumulate(np.isfinite(measured))
+        frame = here.assign(zeta=np.where(awake, zeta, np.nan)).drop(columns="T_za")
+        bins = gather(with_row_before(frame, self.disturbance_step_), self.disturbance_step_)
+        return bins, len(bins.of_row) - table.n_rows
+
+    def _forecasters(self, bins: Bins, known: np.ndarray, following: bool) -> Iterator[tuple[Any, np.ndarray]]:
         """The forecaster of each origin: as trained, or re-fitted on the full weeks since the training ended."""
-        week = int(pd.Timedelta("7D") / self.disturbance_step_)
-        first = int(np.sum(bins.frame.index <= self._rows.index[-1]))
-        weeks = np.maximum(known + 1 - first, 0) // week
         if self.adapt is None or not _refits_fast(self.forecaster_):
-            weeks[:] = 0
+            yield self.forecaster_, np.arange(len(known))
+            return
+        week = int(pd.Timedelta("7D") / self.disturbance_step_)
+        labels = pd.DatetimeIndex(bins.frame.index).as_unit("ns").asi8
+        kept_to = self._ledger.labels[-1] if following and len(self._ledger.labels) else self._trained_to
+        first = int(np.searchsorted(labels, max(kept_to, self._trained_to), side="right"))
+        early = int((self._ledger.labels > self._trained_to).sum()) if following else 0
+        weeks = (early + np.maximum(known + 1 - first, 0)) // week
         for count in np.unique(weeks):
             chosen = np.flatnonzero(weeks == count)
             if count == 0:
                 yield self.forecaster_, chosen
                 continue
-            rows = joined_rows(self._rows, bins.frame.iloc[first : first + count * week], self.disturbance_step_)
-            yield clone(self.forecaster_).fit(rows, rows["zeta"]), chosen
+            yield self._refit(bins.frame.iloc[first:], early, int(count) * week), chosen
+
+    def _refit(self, later: pd.DataFrame, early: int, n_steps: int) -> Any:
+        """The forecaster fitted on training and the first ``n_steps`` steps since."""
+        own = n_steps <= early  # the steps that were taken in do not change: their fit is kept
+        if own and self._refitted[0] == n_steps:
+            return self._refitted[1]
+        since = pd.concat([self._ledger.since(self._trained_to), later]) if early else later
+        rows = joined_rows(self._rows, since.iloc[:n_steps], self.disturbance_step_)
+        fitted = clone(self.forecaster_).fit(rows, rows["zeta"])
+        if own:
+            self._refitted = (n_steps, fitted)
+        return fitted
 
 
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:

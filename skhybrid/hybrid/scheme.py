@@ -40,3 +40,12 @@ class Scheme(Protocol):
 
         Each origin is forecast up to the next one.  Columns as :meth:`~skhybrid.hybrid.HybridPredictor.predict_load`.
         """
+
+    def advance(self, table: ZoneTable, target: np.ndarray) -> None:
+        """Take in rows that follow the last known one, in a time that does not depend on what came before them."""
+
+    def forecast_live(self, future: ZoneTable) -> Paths:
+        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths."""
+
+    def learn(self, table: ZoneTable, target: np.ndarray) -> None:
+        """Take in rows that follow the last known one (there may be none), and recalibrate on all that is known."""

@@ -12,6 +12,8 @@ from .._contract import ZoneTable
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
+#: history kept behind the training table: two weeks, the longest lag of any forecaster
+KEPT = pd.Timedelta("15D")
 #: stamps that a table without any is given in ``predict``, so that it follows no training table
 ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
 
@@ -21,7 +23,6 @@ class Bins(NamedTuple):
 
     frame: pd.DataFrame  # one row a bin, columns by role
     of_row: np.ndarray  # (n_rows,) bin of every row
-    first_row: np.ndarray  # (n_bins,) first row of every bin
 
 
 def frame_by_role(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
@@ -32,19 +33,20 @@ def frame_by_role(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
     return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
 
 
-def in_zone_of(future: pd.Index, history: pd.Index) -> pd.Index:
+def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
     """The stamps of ``future`` in the time zone of ``history``.
 
     Raises
     ------
     ValueError
-        If only one of the two has a zone.
+        If only one of the two has a zone; it calls them by ``names``.
     """
     if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
         return future
     if (future.tz is None) != (history.tz is None):
-        raise ValueError(f"history has the time zone {history.tz}, future {future.tz}; localize the one without.")
-    return future if history.tz is None else future.tz_convert(history.tz)
+        past, ahead = names
+        raise ValueError(f"{past} has the time zone {history.tz}, {ahead} {future.tz}; localize the one without.")
+    return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
 
 
 def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
@@ -86,7 +88,28 @@ def gather(frame: pd.DataFrame, step: pd.Timedelta) -> Bins:
     utc = index.tz_convert("UTC") if index.tz is not None else index
     stamps = utc.floor(step) if len(index) < 2 or utc[1] - utc[0] < step else utc
     begins = np.append(True, stamps[1:] != stamps[:-1])
-    of_row, first_row = np.cumsum(begins) - 1, np.flatnonzero(begins)
+    of_row = np.cumsum(begins) - 1
     hours = frame.groupby(of_row).mean()
-    labels = stamps[first_row]
-    return Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row, first_row)
+    labels = stamps[begins]
+    return Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row)
+
+
+def stamps_ns(table: ZoneTable) -> np.ndarray:
+    """(n_rows,) stamps in UTC [ns], or on the assumed clock where the table has none."""
+    return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
+
+
+def one_behind_another(tables: list[ZoneTable]) -> ZoneTable:
+    """Tables that follow each other, with the same roles, as one."""
+    first, *others = tables
+
+    def joined(stamps: str) -> pd.DatetimeIndex:
+        return pd.DatetimeIndex(getattr(first, stamps).append([getattr(table, stamps) for table in others]))
+
+    return first.replace(
+        inputs={role: np.concatenate([table.inputs[role] for table in tables]) for role in first.inputs},
+        history={role: np.concatenate([table.history[role] for table in tables]) for role in first.history},
+        index=first.index.append([table.index for table in others]),
+        time=joined("time"),
+        utc=None if first.utc is None else joined("utc"),
+    )

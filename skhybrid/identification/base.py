@@ -62,6 +62,8 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
     """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
 
     sampling_time_: pd.Timedelta
+    #: parameters that the search begins at, where another fit has found them
+    _begin: Mapping[str, float] | None = None
 
     def __init__(
         self,
@@ -217,6 +219,15 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
 
     def _minima(self, problem: Any) -> list[Minimum]:
         raise NotImplementedError
+
+    def _from_known(self, searched: tuple[Parameter, ...], starts: np.ndarray) -> np.ndarray:
+        """The starts, or the one start at what is known."""
+        if self._begin is None:
+            return starts
+        known = [
+            p.to_free(self._begin[p.name]) if p.name in self._begin else starts[0, i] for i, p in enumerate(searched)
+        ]
+        return np.clip([known], *np.array([p.free_bounds for p in searched]).T)
 
     def _store(self, problem: Any, best: Minimum, minima: list[Minimum], parameters: Any, idle: Any) -> None:
         raise NotImplementedError

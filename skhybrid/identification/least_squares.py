@@ -67,7 +67,7 @@ class _LeastSquaresIdentifier(NetworkIdentifier):
         starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
         return search(
             partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
-            starts,
+            self._from_known(problem.searched, starts),
             problem.drop,
             polish=problem.minimise,
             n_jobs=self.n_jobs,

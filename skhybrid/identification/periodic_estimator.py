@@ -200,7 +200,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
         return search(
             lambda batch: [problem.minimise(start) for start in batch],
-            starts,
+            self._from_known(problem.searched, starts),
             problem.drop,
             per_round=2,
             enough=2,

@@ -1,0 +1,276 @@
+"""``update``, ``forecast(None, ...)`` and ``partial_fit``: the live state is that of the whole table."""
+
+from __future__ import annotations
+
+import pickle
+from copy import deepcopy
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from skhybrid import (
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+)
+from skhybrid.datasets import make_office
+from skhybrid.hybrid.ledger import Ledger
+from skhybrid.persistence import load_model, save_model
+
+DAY = 96
+#: the training ends within an hour, so that the first step is one of training rows and new ones
+N_TRAIN = 9 * DAY + 2
+KNOWN = {"Q_h": 6.0}
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=30, random_state=3)
+
+
+def _hybrid(gray_box=None, forecaster=None, **settings):
+    gray_box = gray_box if gray_box is not None else InputDisturbanceID(known=KNOWN, n_starts=1)
+    return HybridPredictor(gray_box, forecaster, random_state=0, **settings)
+
+
+@pytest.fixture(scope="module")
+def fitted(office):
+    return _hybrid().fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
+
+
+def _blocks(n, sizes):
+    """(begin, end) of blocks of rows of the given sizes, over and over, up to n rows."""
+    at, i = 0, 0
+    while at < n:
+        size = min(sizes[i % len(sizes)], n - at)
+        yield at, at + size
+        at, i = at + size, i + 1
+
+
+def _follow(model, X, begin, end, sizes):
+    for a, b in _blocks(end - begin, sizes):
+        model.update(X[begin + a : begin + b])
+    return model
+
+
+# ------------------------------------------------------------------------------------------------------ update
+MODELS = {
+    "ridge": lambda: _hybrid(),
+    "periodic, frozen": lambda: _hybrid(PeriodicDisturbanceID(known=KNOWN, n_starts=1), adapt=None),
+    "output disturbance": lambda: _hybrid(
+        OutputDisturbanceID(known=KNOWN, n_starts=1), DisturbanceForecaster("last_week"), disturbance="output"
+    ),
+    "conventional": lambda: _hybrid(GrayBoxRC(known=KNOWN, n_starts=1), DisturbanceForecaster("profile")),
+    "lstm": lambda: _hybrid(forecaster=DisturbanceForecaster("lstm", max_epochs=2, hidden_size=4)),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_live_state_is_that_of_the_whole_table(name, office):
+    """Row by row, in hours and in days, over more than a full week, after which the baselines are re-fitted."""
+    X = office.X.copy()
+    X.loc[X.index[N_TRAIN : N_TRAIN + 7], "T_za"] = np.nan  # asleep at first,
+    X.loc[X.index[N_TRAIN + 300 : N_TRAIN + 350], "T_za"] = np.nan  # and for half a day later
+    model = MODELS[name]().fit(X[:N_TRAIN], office.y[:N_TRAIN])
+    whole, now = deepcopy(model), N_TRAIN
+    for n_rows, sizes in ((3, [1]), (5 * DAY, [1, 4, 95]), (1, [1]), (4 * DAY + 50, [96, 7])):
+        _follow(model, X, now, now + n_rows, sizes)
+        now += n_rows
+        future = X[now : now + DAY].drop(columns="T_za")
+        live, along = model.forecast(None, future), whole.forecast(X[N_TRAIN:now], future)
+        assert live.index.equals(along.index)
+        np.testing.assert_allclose(live, along, rtol=0, atol=1e-8)
+        origins = np.array([2, DAY])
+        np.testing.assert_allclose(
+            model.predict_from(X[now : now + 3 * DAY], origins),
+            whole.predict_from(X[N_TRAIN : now + 3 * DAY], origins + now - N_TRAIN),
+            rtol=0,
+            atol=1e-8,
+        )
+
+
+def test_update_returns_itself_and_forgets_no_more_than_it_should(office, fitted):
+    """Beyond the kept fortnight, and under a later change of ``adapt``."""
+    model = deepcopy(fitted)
+    assert model.update(office.X[N_TRAIN : N_TRAIN + 1]) is model
+    now = N_TRAIN + 18 * DAY
+    model.update(office.X[N_TRAIN + 1 : now])
+    future = office.X[now : now + DAY].drop(columns="T_za")
+    for adapt in ("linear", None):
+        along = deepcopy(fitted).set_params(adapt=adapt).forecast(office.X[N_TRAIN:now], future)
+        np.testing.assert_allclose(model.set_params(adapt=adapt).forecast(None, future), along, rtol=0, atol=1e-8)
+    load = model.predict_load(office.X[now : now + DAY], 22.0)
+    assert np.isfinite(load["Q_hvac"]).all()
+
+
+def test_nothing_grows_but_the_record_of_what_is_to_be_learned(office, fitted):
+    model = _follow(deepcopy(fitted), office.X, N_TRAIN, N_TRAIN + 12 * DAY, [5])
+    kept = sum(table.n_rows for table in (model._tail, *model._recent))
+    assert kept <= 15 * DAY + DAY
+    assert model.gray_box_._tail.n_rows == 1
+    assert len(model._scheme._ledger.labels) <= 24 * 22
+
+
+def test_a_forecast_from_now_reads_no_temperature_ahead(office, fitted):
+    model = deepcopy(fitted).update(office.X[N_TRAIN : N_TRAIN + 30])
+    future = office.X[N_TRAIN + 30 : N_TRAIN + 30 + DAY]
+    clean = model.forecast(None, future)
+    np.testing.assert_array_equal(clean, model.forecast(None, future.assign(T_za=99.0)))
+    np.testing.assert_array_equal(clean, model.forecast(None, future.drop(columns="T_za")))
+
+
+@pytest.mark.parametrize("start", ["2023-03-25", "2023-10-28"], ids=["spring", "autumn"])
+def test_across_daylight_saving_and_in_another_zone(start, office):
+    """The clocks change while rows come in; their stamps may be those of UTC."""
+    stamps = pd.date_range(pd.Timestamp(start, tz="Europe/Berlin"), periods=len(office.X), freq="15min")
+    stamps = stamps - pd.Timedelta("9D")
+    X = office.X.set_axis(stamps)
+    model = _hybrid().fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    whole, now = deepcopy(model), N_TRAIN + 3 * DAY
+    model = _follow(model, X.tz_convert("UTC"), N_TRAIN, now, [1, 30])
+    future = X[now : now + DAY].drop(columns="T_za")
+    along = whole.forecast(X[N_TRAIN:now], future)
+    np.testing.assert_allclose(model.forecast(None, future), along, rtol=0, atol=1e-8)
+    in_utc = model.forecast(None, future.tz_convert("UTC"))
+    np.testing.assert_array_equal(in_utc, model.forecast(None, future))
+    assert str(in_utc.index.tz) == "UTC"
+    in_utc = X[now : now + DAY].tz_convert("UTC")
+    model.partial_fit(in_utc, in_utc["T_za"])
+    assert str(model.zeta_.index.tz) == "Europe/Berlin"
+    with pytest.raises(ValueError, match="the known table has the time zone Europe/Berlin, X None"):
+        model.update(X[now + DAY : now + DAY + 1].tz_localize(None))
+
+
+def test_rows_that_do_not_follow_are_refused(office, fitted):
+    model, X = deepcopy(fitted), office.X
+    for begin in (N_TRAIN + 1, N_TRAIN - 1):
+        words = f"X begins at {X.index[begin]}, but the last known row is {X.index[N_TRAIN - 1]}; it must begin one"
+        with pytest.raises(ValueError, match=words):
+            model.update(X[begin : begin + 4])
+    with pytest.raises(ValueError, match="but the last known row is"):
+        model.forecast(None, X[N_TRAIN + 1 : N_TRAIN + 9])
+    with pytest.raises(ValueError, match="future has no column 'T_oa'"):
+        model.forecast(None, X[N_TRAIN : N_TRAIN + 9].drop(columns="T_oa"))
+    model.update(X[N_TRAIN : N_TRAIN + 4])  # what was refused left nothing behind
+    assert model.forecast(None, X[N_TRAIN + 4 : N_TRAIN + 8]).shape == (4, 2)
+
+
+def test_a_table_without_stamps_goes_on_with_its_clock(office, fitted):
+    """Arrays hold no temperature, which then comes as y; the stamped office begins on another weekday."""
+    inputs = ["T_oa", "q_sol", "u_heat", "u_cool"]
+    stamped = office.X[inputs].set_axis(pd.date_range("2001-01-01", periods=len(office.X), freq="15min"))
+    names = {"q_sol": "q_sol", "u_2": "u_heat", "u_3": "u_cool"}
+    gray_box = InputDisturbanceID(known={"Q_2": 6.0}, n_starts=1, sampling_time="15min")
+    model = _hybrid(gray_box).fit(stamped.to_numpy()[:N_TRAIN], office.y[:N_TRAIN].to_numpy())
+    named = stamped.rename(columns={v: k for k, v in names.items()})
+    other = _hybrid(clone(gray_box)).fit(named[:N_TRAIN], office.y[:N_TRAIN].to_numpy())
+    with pytest.raises(ValueError, match="X has no column 'T_za'"):
+        model.update(stamped.to_numpy()[N_TRAIN : N_TRAIN + 1])
+    for a, b in ((N_TRAIN, N_TRAIN + 1), (N_TRAIN + 1, N_TRAIN + DAY)):
+        model.update(stamped.to_numpy()[a:b], office.y[a:b].to_numpy())
+        other.update(named[a:b], office.y[a:b].to_numpy())
+    future = named[N_TRAIN + DAY : N_TRAIN + 2 * DAY]
+    live = model._from_now(future.reset_index(drop=True).set_axis(range(4), axis=1))
+    np.testing.assert_allclose(live.temperature[0], other.forecast(None, future)["T_za"], rtol=0, atol=1e-10)
+
+
+def test_a_living_model_can_be_kept(office, fitted, tmp_path):
+    model = deepcopy(fitted).update(office.X[N_TRAIN : N_TRAIN + 8 * DAY + 3])
+    future = office.X[N_TRAIN + 8 * DAY + 4 : N_TRAIN + 9 * DAY]
+    save_model(model, tmp_path / "zone.skops")
+    for again in (load_model(tmp_path / "zone.skops"), pickle.loads(pickle.dumps(model))):
+        row = office.X[N_TRAIN + 8 * DAY + 3 : N_TRAIN + 8 * DAY + 4]
+        live = deepcopy(again).update(row).forecast(None, future)
+        np.testing.assert_array_equal(live, deepcopy(model).update(row).forecast(None, future))
+
+
+# ------------------------------------------------------------------------------------------------- partial_fit
+def test_partial_fit_learns_the_new_weeks(office, fitted):
+    """The forecaster becomes that of all steps, the gray box stays."""
+    now = N_TRAIN + 10 * DAY
+    model = deepcopy(fitted)
+    theta = model.gray_box_.theta_.copy()
+    model.partial_fit(office.X[N_TRAIN:now], office.y[N_TRAIN:now])
+    pd.testing.assert_series_equal(model.gray_box_.theta_, theta)
+    causal = fitted.gray_box_.estimate_disturbance(office.X[:now].assign(T_za=office.y[:now]))
+    weather = office.X[:now].drop(columns="T_za").assign(zeta=causal)
+    first, rest = weather[:N_TRAIN].resample("1h").mean(), weather.resample("1h").mean()
+    hours = pd.concat([first, rest[rest.index > first.index[-1]]])[:-1]  # the last hour is not over
+    truth = DisturbanceForecaster("ridge", random_state=0).fit(hours, hours["zeta"])
+    np.testing.assert_allclose(model.zeta_, hours["zeta"], atol=1e-6)
+    np.testing.assert_allclose(
+        model.forecaster_._base.static_.fit_.coef, truth._base.static_.fit_.coef, rtol=1e-5, atol=1e-6
+    )
+    assert not np.allclose(model.forecaster_._base.static_.fit_.coef, fitted.forecaster_._base.static_.fit_.coef)
+
+
+def test_what_update_has_seen_is_learned_once(office, fitted):
+    now = N_TRAIN + 6 * DAY
+    seen = deepcopy(fitted).update(office.X[N_TRAIN : now - 5])
+    seen.partial_fit(office.X[N_TRAIN + DAY : now], office.y[N_TRAIN + DAY : now])
+    fresh = deepcopy(fitted).partial_fit(office.X[N_TRAIN:now], office.y[N_TRAIN:now])
+    future = office.X[now : now + DAY]
+    np.testing.assert_allclose(seen.forecast(None, future), fresh.forecast(None, future), rtol=0, atol=1e-8)
+    with pytest.raises(ValueError, match="but the last known row is"):
+        seen.partial_fit(office.X[now + 1 : now + 5], office.y[now + 1 : now + 5])
+
+
+def test_a_network_keeps_its_weights_unless_asked(office):
+    quick = DisturbanceForecaster("mlp", max_epochs=2, hidden_size=4, residual_of=None)
+    now = N_TRAIN + 4 * DAY
+    for adapt in ("linear", "full"):
+        model = _hybrid(forecaster=clone(quick), adapt=adapt).fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
+        before, theta = model.forecaster_, model.gray_box_.theta_.copy()
+        model.partial_fit(office.X[N_TRAIN:now], office.y[N_TRAIN:now])
+        assert (model.forecaster_ is before) == (adapt == "linear")
+        assert model.gray_box_.theta_.equals(theta) == (adapt == "linear")
+
+
+@pytest.mark.parametrize("gray_box", [InputDisturbanceID, PeriodicDisturbanceID])
+def test_full_identifies_again_from_where_it_was(gray_box, office):
+    """One start, at the known parameters; the result is as likely as that of a fit of everything."""
+    n, now = 8 * DAY, 12 * DAY
+    model = _hybrid(gray_box(known=KNOWN, n_starts=3), adapt="full").fit(office.X[:n], office.y[:n])
+    for a, b in _blocks(now - n, [1, 100]):
+        model.update(office.X[n + a : n + b])
+    model.partial_fit(office.X[n:now], office.y[n:now])
+    whole = _hybrid(gray_box(known=KNOWN, n_starts=3)).fit(office.X[:now], office.y[:now])
+    assert len(model.gray_box_.starts_) == 1
+    assert model.gray_box_.loss_ == pytest.approx(whole.gray_box_.loss_, rel=1e-3, abs=0.5)
+    late = deepcopy(whole).set_params(adapt="full")
+    with pytest.raises(ValueError, match="adapt was set to 'full' behind fit"):
+        late.partial_fit(office.X[now : now + DAY], office.y[now : now + DAY])
+
+
+def test_the_first_partial_fit_fits(office, fitted):
+    model = clone(fitted).partial_fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
+    X = office.X[N_TRAIN : N_TRAIN + DAY]
+    np.testing.assert_array_equal(model.predict(X), fitted.predict(X))
+
+
+# ------------------------------------------------------------------------------------------------------- ledger
+def test_the_ledger_gathers_as_a_plain_loop_does():
+    rng = np.random.default_rng(0)
+    stamps = np.arange(300) * 15 * 60 * 10**9 + 7 * 60 * 10**9
+    rows = rng.normal(size=(300, 2))
+    rows[rng.uniform(size=300) < 0.4, 1] = np.nan
+    ledger = Ledger(["T_oa", "zeta"], pd.Timedelta("1h"), True, None)
+    for a, b in _blocks(260, [1, 2, 9, 31]):
+        ledger.add(stamps[a:b], rows[a:b])
+    hours = stamps // (3600 * 10**9)
+    with np.errstate(invalid="ignore"):
+        truth = {h: [np.mean(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in rows[hours == h].T]
+                 for h in np.unique(hours)}  # fmt: skip
+    np.testing.assert_array_equal(ledger.labels // (3600 * 10**9), np.unique(hours[:260])[:-1])
+    bins = ledger.extended(stamps[260:], rows[260:], 10)
+    shown = bins.frame.index.asi8 // pd.Timedelta("1h").as_unit(bins.frame.index.unit).value
+    np.testing.assert_allclose(bins.frame.to_numpy()[1:], [truth[h] for h in shown[1:]], atol=1e-12)
+    np.testing.assert_array_equal(shown[bins.of_row], hours[259:])
+    assert len(shown) == 1 + 10 + len(np.unique(hours[259:]))
+    ledger.drop_before(int(ledger.labels[-3]))
+    assert len(ledger.labels) == 3
