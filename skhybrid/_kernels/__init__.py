@@ -3,6 +3,7 @@
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretize import Discrete, discretize, divided_difference
 from .kalman import Smoothed, kalman_track, smooth_states
+from .leads import LeadSensitivity, filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
 from .predictor import (
     Model,
     Prediction,
@@ -17,6 +18,7 @@ __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
+    "LeadSensitivity",
     "Model",
     "Prediction",
     "Sensitivity",
@@ -25,9 +27,14 @@ __all__ = [
     "divided_difference",
     "filter_channels",
     "filter_channels_adjoint",
+    "filter_gains",
+    "filter_series",
     "kalman_track",
+    "lead_errors",
+    "lead_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
+    "simulate_inputs",
     "simulate_inverse",
     "simulate_path",
     "smooth_states",

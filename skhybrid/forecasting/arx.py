@@ -227,6 +227,38 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
                 errors[i] += np.nansum((paths - truth) ** 2)
         return _ALPHAS[int(np.argmin(errors))]
 
+    def left_out_paths(
+        self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, n_leads: int, blocks: np.ndarray
+    ) -> np.ndarray:
+        """Forecasts within the training table, each by coefficients that were fitted without its block of time.
+
+        Parameters
+        ----------
+        table : ZoneTable
+            The training table.
+        T : ndarray of shape (n_rows,)
+            Its temperature [degC], NaN where missing.
+        origins : ndarray of int, shape (n_origins,)
+            Rows of the table, increasing.
+        n_leads : int
+        blocks : ndarray of int, shape (n_origins,)
+            The block of every origin; a block's rows reach from its first origin to its last target.
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads)
+            [degC].
+        """
+        D, d, rows = self._pairs(table, T)
+        exogenous, penalty = self._exogenous(table), self._penalty(self.alpha_)
+        out = np.empty((len(origins), n_leads))
+        for block in np.unique(blocks):
+            mine = np.flatnonzero(blocks == block)
+            inside = (rows >= origins[mine[0]]) & (rows < origins[mine[-1]] + n_leads)
+            coef = self._moments.plus(D[inside], d[inside], sign=-1.0).ridge(penalty)
+            out[mine] = self._iterate(T, exogenous, origins[mine], n_leads, coef[None, :])
+        return out
+
     # ----------------------------------------------------------------------------------------------------- prediction
     def _read_X(self, X: Any) -> ZoneTable:
         return read_table(

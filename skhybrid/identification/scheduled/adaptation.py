@@ -1,0 +1,144 @@
+"""Forecasts of later rows, with what the rows up to each origin teach: coefficients re-solved, the network re-fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .coefficients import gram, solve_coefficients
+from .fit import LeadFit
+from .problem import Part, minimise
+from .responses import Sample, Stretch, respond
+
+#: how much a completed forecast of the history counts beside one of the training
+_RECENT = 2.0
+#: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
+_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 3, 2.0
+_DAY = 24.0
+_NEVER = np.iinfo(np.int64).max
+
+
+class Later(NamedTuple):
+    """Rows behind the training: as one stretch with it, or by themselves."""
+
+    stretch: Stretch
+    begin: int  # the first row that the training has not seen
+    joined: bool  # whether the rows before ``begin`` are the training's own
+
+
+class Followed(NamedTuple):
+    """Forecasts [K from the reference], and how wrong those of the history were."""
+
+    paths: np.ndarray  # (n_origins, n_leads)
+    errors: np.ndarray  # (O, L) [K] of the history's sample, made with what was known on the day; NaN where unknown
+
+
+@dataclass(frozen=True)
+class _Era:
+    """Rows over which the network stays as it is."""
+
+    psi: np.ndarray
+    gram: np.ndarray  # of the training forecasts under that network
+    start: int
+    stop: int
+
+
+def follow(
+    fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, sample: Sample, adapt: str | None
+) -> Followed:
+    """Forecast from each origin.
+
+    Parameters
+    ----------
+    fit : LeadFit
+    later : Later
+    origins : ndarray of int, shape (n_origins,)
+        Rows of the stretch, increasing.
+    n_leads : int
+    sample : Sample
+        Forecasts of the history, from ``later.begin`` on, that are learned from and whose errors are wanted.
+    adapt : {None, "linear", "full"}
+
+    Returns
+    -------
+    Followed
+    """
+    leads = np.arange(1, n_leads + 1)
+    if adapt is None or not len(origins):
+        found = respond(fit.model, fit.point.psi, later.stretch, origins)
+        paths = found.forecasts(fit.model, Sample(origins, leads), fit.point.solution.coef)
+        return Followed(paths, np.full((len(sample.origins), len(sample.leads)), np.nan))
+    paths = np.empty((len(origins), n_leads))
+    errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
+    for era in _eras(fit, later, int(origins[-1]), adapt):
+        mine = np.flatnonzero((origins >= era.start) & (origins < era.stop))
+        coefs, own = _learn(fit, later, era, origins[mine], sample)
+        past = np.isfinite(own)
+        errors[past] = own[past]
+        if len(mine):
+            found = respond(fit.model, era.psi, later.stretch, origins[mine])
+            paths[mine] = found.forecasts(fit.model, Sample(origins[mine], leads), coefs)
+    return Followed(paths, errors)
+
+
+def _eras(fit: LeadFit, later: Later, last: int, adapt: str) -> Iterator[_Era]:
+    """The training's network, and with ``adapt="full"`` one that is re-fitted every so many days."""
+    every = _REFIT_DAYS * round(_DAY / fit.model.step)
+    psi, learned, start, mark = fit.point.psi, fit.gram, 0, later.begin + every
+    while adapt == "full" and mark <= last:
+        yield _Era(psi, learned, start, mark)
+        psi = _refit(fit, later, psi, mark)
+        learned, start, mark = gram(fit.problem.columns(psi, fit.problem.parts[0])), mark, mark + every
+    yield _Era(psi, learned, start, _NEVER)
+
+
+def _refit(fit: LeadFit, later: Later, psi: np.ndarray, row: int) -> np.ndarray:
+    """The network's parameters from the rows up to ``row`` (that one included), beginning with ``psi``."""
+    a_day, step, leads = round(_DAY / fit.model.step), fit.model.step, fit.sample.leads
+    earliest = a_day if later.joined else later.begin
+    first = max(earliest, row + 1 - _WINDOW_DAYS * a_day)
+    origins = np.arange(first, row, max(1, round(_REFIT_EVERY / step)))
+    weight = np.where(origins >= later.begin, _RECENT, 1.0)
+    parts = [Part(later.stretch.until(row + 1), Sample(origins, leads), weight)]
+    if not later.joined:
+        own = fit.problem.parts[0]
+        parts.append(Part(own.stretch, Sample(own.sample.origins[::2], leads)))
+    return minimise(replace(fit.problem, parts=tuple(parts)), psi, most=_STEPS).psi
+
+
+def _learn(
+    fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (n_origins, J) of each origin, and the errors (O, L) of the era's history.
+
+    Errors are those of coefficients that were known at the start of the forecast's day.
+    """
+    problem, a_day = fit.problem, round(_DAY / fit.model.step)
+    last = int(origins[-1]) if len(origins) else min(era.stop, later.stretch.n_rows) - 1
+    errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
+    known = Sample(sample.origins[sample.origins < last], sample.leads)
+    if not len(known.origins):
+        coef = solve_coefficients(era.gram, problem.penalty, problem.positive).coef
+        return np.tile(coef, (len(origins), 1)), errors
+    part = Part(later.stretch, known, _RECENT)
+    root, E = problem.root_weights(part), problem.columns(era.psi, part)
+    ends = (known.origins[:, None] + known.leads).ravel()
+    order = np.argsort(ends, kind="stable")
+    day = (known.origins - later.begin) // a_day
+    ours = (known.origins >= era.start) & (known.origins < era.stop)
+    marks = later.begin + a_day * np.unique(day[ours])
+    total, done, coefs = era.gram, 0, np.empty((len(origins), len(problem.penalty)))
+    for row in np.unique(np.concatenate([origins, marks])):
+        stop = int(np.searchsorted(ends[order], row, side="right"))
+        total, done = total + gram(E[order[done:stop]]), stop
+        coef = solve_coefficients(total, problem.penalty, problem.positive).coef
+        coefs[origins == row] = coef
+        if row in marks:
+            chosen = np.flatnonzero(ours & (day == (row - later.begin) // a_day))
+            rows = (chosen[:, None] * len(known.leads) + np.arange(len(known.leads))).ravel()
+            e = (E[rows, -1] - E[rows, :-1] @ coef).reshape(len(chosen), -1)
+            errors[chosen] = np.where(root[chosen] > 0, e / np.where(root[chosen] > 0, root[chosen], 1.0), np.nan)
+    return coefs, errors

@@ -1,0 +1,157 @@
+"""Forecast errors at all leads as least squares: coefficients solved inside, the rest searched by Gauss-Newton."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from .channels import Plan
+from .coefficients import Solution, gram, solve_coefficients
+from .model import LeadModel
+from .responses import Sample, Stretch, error_columns, error_sensitivities
+
+#: hours within which forecasts overlap so much that they count as one
+_OVERLAP = 8.0
+#: penalty of coefficients that are not shrunk, which keeps the equations regular
+_LEAST = 1e-3
+#: unit of a window [m2] under that penalty
+_WINDOW = 10.0
+
+
+class Shrinkage(NamedTuple):
+    """Penalties of the schedules, in units of the known heat's spread."""
+
+    gain: float = 0.3
+    ua: float = 1.0
+    day_type: float = 1.0  # how much more the contrast of weekdays and weekends is shrunk
+
+    def by_group(self) -> np.ndarray:
+        """In the order of GROUPS."""
+        return np.array([_LEAST, self.gain, self.gain * self.day_type, self.ua, self.ua * self.day_type])
+
+
+class Part(NamedTuple):
+    """Forecasts of one stretch, and how much they count."""
+
+    stretch: Stretch
+    sample: Sample
+    weight: np.ndarray | float = 1.0  # of every origin
+
+
+class Point(NamedTuple):
+    """The objective at one psi."""
+
+    psi: np.ndarray
+    loss: float
+    solution: Solution
+    columns: tuple[np.ndarray, ...]  # of every part, (O L, J + 1), weighted
+
+
+@dataclass(frozen=True)
+class LeadProblem:
+    """Penalised least squares over the parts.
+
+    Parameters
+    ----------
+    model : LeadModel
+    parts : sequence of Part
+    centre, spread : ndarray of shape (p,)
+        Normal prior of psi.
+    shrinkage : Shrinkage
+    precision : ndarray of shape (L,)
+        Inverse variance of the errors at each lead [1/K2].
+    """
+
+    model: LeadModel
+    parts: Sequence[Part]
+    centre: np.ndarray
+    spread: np.ndarray
+    shrinkage: Shrinkage
+    precision: np.ndarray
+
+    @property
+    def plan(self) -> Plan:
+        """Its channels."""
+        return self.parts[0].stretch.plan
+
+    @property
+    def positive(self) -> np.ndarray:
+        """(J,) coefficients that are at least 0."""
+        own = self.parts[0].stretch.channels.positive
+        return np.append(own, True) if self.plan.emitter else own
+
+    @property
+    def penalty(self) -> np.ndarray:
+        """(J,) of every coefficient."""
+        return penalty_of(self.parts[0].stretch, self.shrinkage, self.model.heat_scale)
+
+    def root_weights(self, part: Part) -> np.ndarray:
+        """(O, L); 0 where the target is missing or beyond the stretch."""
+        rows, inside = part.sample.targets(part.stretch.n_rows)
+        origins = part.sample.origins
+        apart = (origins[-1] - origins[0]) / max(len(origins) - 1, 1) * self.model.step if len(origins) else 1.0
+        count = np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
+        return np.sqrt(np.where(inside & part.stretch.seen[rows], self.precision * count, 0.0))
+
+    def columns(self, psi: np.ndarray, part: Part) -> np.ndarray:
+        """(O L, J + 1) weighted columns and target."""
+        return error_columns(self.model, psi, part.stretch, part.sample, self.root_weights(part))
+
+    def evaluate(self, psi: np.ndarray) -> Point:
+        """Solve the coefficients at ``psi``."""
+        columns = tuple(self.columns(psi, part) for part in self.parts)
+        solution = solve_coefficients(sum(gram(E) for E in columns), self.penalty, self.positive)
+        prior = 0.5 * np.sum(((psi - self.centre) / self.spread) ** 2)
+        return Point(psi, solution.loss + float(prior), solution, columns)
+
+    def slopes(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (p,) and Gauss-Newton Hessian (p, p) of the objective with the coefficients projected out."""
+        free = np.flatnonzero(point.solution.free)
+        g, H = (point.psi - self.centre) / self.spread**2, np.diag(1.0 / self.spread**2)
+        inner, cross = np.diag(self.penalty[free]), np.zeros((len(free), len(g)))
+        for part, E in zip(self.parts, point.columns, strict=True):
+            root = self.root_weights(part)
+            e, de = error_sensitivities(self.model, point.psi, point.solution.coef, part.stretch, part.sample)
+            J = (root[..., None] * de).reshape(-1, len(g))
+            H = H + gram(J)
+            g = g + J.T @ (root * e).ravel()
+            cross += (E.T @ J)[free]
+            inner = inner + gram(E)[np.ix_(free, free)]
+        return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
+
+
+def penalty_of(stretch: Stretch, shrinkage: Shrinkage, heat_scale: float) -> np.ndarray:
+    """(J,) penalty of every coefficient of a stretch."""
+    channels = stretch.channels
+    strength = shrinkage.by_group()[channels.group]
+    unit = np.full(len(strength), heat_scale)
+    unit[[name.startswith("q_sol") for name in channels.names]] = _WINDOW
+    if stretch.plan.emitter:
+        strength, unit = np.append(strength, _LEAST), np.append(unit, 1.0)
+    return strength / unit**2
+
+
+def minimise(problem: LeadProblem, psi: np.ndarray, most: int = 12, tolerance: float = 1e-3) -> Point:
+    """Levenberg-Marquardt from ``psi``, at most ``most`` steps."""
+    point, damping = problem.evaluate(psi), 1e-2
+    for _ in range(most):
+        g, H = problem.slopes(point)
+        better = None
+        for _ in range(5):
+            move = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+            move *= min(1.0, 1.0 / max(float(np.abs(move).max()), 1e-12))  # e-fold at most
+            trial = problem.evaluate(point.psi + move)
+            if trial.loss < point.loss:
+                better, damping = trial, max(damping / 5.0, 1e-6)
+                break
+            damping = max(damping * 5.0, 1e-3)
+        if better is None:
+            break
+        gained, point = point.loss - better.loss, better
+        if gained < tolerance * max(1.0, point.loss):
+            break
+    return point
