@@ -276,15 +276,55 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
-        coefs = self.coef_[None, :] if self.adapt is None else self._refitted(table, T, origins)
+        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(table, T, origins, self._learned(table))
+        return self.paths_by(table, T, origins, n_leads, coefs)
+
+    def _learned(self, table: ZoneTable) -> int:
+        """How many rows of a table the training has seen."""
+        if self._tail.utc is None or table.utc is None:
+            return 0
+        return int((table.utc <= self._tail.utc[-1]).sum())
+
+    def paths_by(
+        self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, n_leads: int, coefs: np.ndarray
+    ) -> np.ndarray:
+        """Forecasts by given coefficients.
+
+        Parameters
+        ----------
+        table : ZoneTable
+        T : ndarray of shape (n_rows,)
+            Its temperature [degC], read up to each origin; NaN where missing.
+        origins : ndarray of int, shape (n_origins,)
+        n_leads : int
+        coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads)
+            [degC].
+        """
         return self._iterate(T, self._exogenous(table), origins, n_leads, coefs)
 
-    def _refitted(self, table: ZoneTable, T: np.ndarray, origins: np.ndarray) -> np.ndarray:
-        """Coefficients (n_origins, p) from the training pairs and the pairs of ``table`` that end by each origin."""
+    def refitted(self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, begin: int = 0) -> np.ndarray:
+        """Coefficients from the training pairs and the pairs of ``table`` that end by each origin.
+
+        Parameters
+        ----------
+        table : ZoneTable
+        T : ndarray of shape (n_rows,)
+            Its temperature [degC], NaN where missing.
+        origins : ndarray of int, shape (n_origins,)
+        begin : int
+            The first row that the training has not seen.
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_columns)
+        """
         D, d, rows = self._pairs(table, T)
-        if self._tail is not None and self._tail.utc is not None and table.utc is not None:
-            new = np.asarray(table.utc[rows + 1] > self._tail.utc[-1])  # training pairs are counted already
-            D, d, rows = D[new], d[new], rows[new]
+        new = rows + 1 >= begin  # the others are counted already
+        D, d, rows = D[new], d[new], rows[new]
         penalty, moments, done = self._penalty(self.alpha_), self._moments, 0
         coefs = np.empty((len(origins), len(penalty)))
         for i in np.argsort(origins, kind="stable"):

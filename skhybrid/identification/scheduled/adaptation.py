@@ -34,6 +34,8 @@ class Followed(NamedTuple):
 
     paths: np.ndarray  # (n_origins, n_leads)
     errors: np.ndarray  # (O, L) [K] of the history's sample, made with what was known on the day; NaN where unknown
+    heat: np.ndarray | None = None  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
+    learned: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # psi and coefficients of each origin
 
 
 @dataclass(frozen=True)
@@ -66,25 +68,27 @@ def follow(
     -------
     Followed
     """
-    leads = np.arange(1, n_leads + 1)
-    if adapt is None or not len(origins):
-        found = respond(fit.model, fit.point.psi, later.stretch, origins)
-        paths = found.forecasts(fit.model, Sample(origins, leads), fit.point.solution.coef)
-        return Followed(paths, np.full((len(sample.origins), len(sample.leads)), np.nan))
-    paths = np.empty((len(origins), n_leads))
+    paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
     errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
-    for era in _eras(fit, later, int(origins[-1]), adapt):
+    learned: list[tuple[np.ndarray, np.ndarray]] = []
+    for era in _eras(fit, later, int(origins[-1]) if len(origins) else 0, adapt):
         mine = np.flatnonzero((origins >= era.start) & (origins < era.stop))
-        coefs, own = _learn(fit, later, era, origins[mine], sample)
-        past = np.isfinite(own)
-        errors[past] = own[past]
+        if adapt is None:
+            coefs = np.tile(fit.point.solution.coef, (len(mine), 1))
+        else:
+            coefs, own = _learn(fit, later, era, origins[mine], sample)
+            past = np.isfinite(own)
+            errors[past] = own[past]
         if len(mine):
-            found = respond(fit.model, era.psi, later.stretch, origins[mine])
-            paths[mine] = found.forecasts(fit.model, Sample(origins[mine], leads), coefs)
-    return Followed(paths, errors)
+            ahead = Sample(origins[mine], np.arange(1, n_leads + 1))
+            found = respond(fit.model, era.psi, later.stretch, ahead.origins)
+            paths[mine] = found.forecasts(fit.model, ahead, coefs)
+            heat[mine] = found.unmeasured(later.stretch, ahead, coefs)
+            learned += [(era.psi, coef) for coef in coefs]
+    return Followed(paths, errors, heat, tuple(learned))
 
 
-def _eras(fit: LeadFit, later: Later, last: int, adapt: str) -> Iterator[_Era]:
+def _eras(fit: LeadFit, later: Later, last: int, adapt: str | None) -> Iterator[_Era]:
     """The training's network, and with ``adapt="full"`` one that is re-fitted every so many days."""
     every = _REFIT_DAYS * round(_DAY / fit.model.step)
     psi, learned, start, mark = fit.point.psi, fit.gram, 0, later.begin + every

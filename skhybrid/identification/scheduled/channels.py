@@ -18,6 +18,8 @@ from ...thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type")
+#: a stage need not give its heat in proportion: shares of its largest training value at which its slope may change
+_KNOTS = (0.2, 0.45)
 _HOURS = 24
 #: a unit of the conductance schedule is the heat at this difference [K]
 UA_DIFFERENCE = 10.0
@@ -33,6 +35,7 @@ class Plan(NamedTuple):
     sun: tuple[str, ...]  # irradiance roles
     fixed: tuple[tuple[str, float], ...]  # heat of a known capacity [kW per unit of the role]
     stages: tuple[tuple[str, float], ...]  # stages whose capacity is sought, with its sign
+    knots: tuple[tuple[str, float, float], ...]  # stages whose slope may change, where, and the capacity [kW]
     mean_outdoor: float  # [degC]
     noon: float  # local hour at which the sun is highest
     calendar: bool
@@ -81,11 +84,14 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
         given = [(moved[0], 6.0 * sign[moved[0]])]
     taken = {role for role, _ in given}
     sun = tuple(role for role in table.inputs if role.startswith("q_sol"))
+    tops = {role: float(np.quantile(table.inputs[role], 0.999)) for role, _ in given}
+    knots = tuple((role, share * tops[role], c) for role, c in given for share in _KNOTS if tops[role] > 0)
     return Plan(
         network,
         sun,
         (*measured, *given),
         tuple((role, sign[role]) for role in stages if role not in taken),
+        knots,
         float(table.inputs["T_oa"].mean()) if "T_oa" in table.inputs else 0.0,
         _noon(table, sun),
         calendar,
@@ -143,6 +149,8 @@ def _sunlight(plan: Plan, table: ZoneTable):
 def _equipment(plan: Plan, table: ZoneTable):
     for role, sign in plan.stages:
         yield role, sign * table.inputs[role], plan.heated, True, "free"
+    for role, knot, capacity in plan.knots:
+        yield f"{role}_{knot:.2g}", capacity * np.minimum(table.inputs[role], knot), plan.heated, False, "free"
 
 
 def _schedules(plan: Plan, table: ZoneTable):

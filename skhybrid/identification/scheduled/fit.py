@@ -46,6 +46,8 @@ class LeadFit:
         Its solution, without the columns.
     gram : ndarray of shape (J + 1, J + 1)
         Of the training forecasts, weighted.
+    blocks : ndarray of int, shape (O,)
+        Block of days of every origin.
     left_out : ndarray of shape (O, L)
         Errors [K] of the training forecasts whose block of days was left out, NaN where there is no measurement.
     reference : float
@@ -56,6 +58,7 @@ class LeadFit:
     problem: LeadProblem
     point: Point
     gram: np.ndarray
+    blocks: np.ndarray
     left_out: np.ndarray
     reference: float
 
@@ -118,9 +121,8 @@ def fit_leads(
     point = minimise(problem, point.psi, most=4)
     E = point.columns[0]
     total = gram(E)
-    return LeadFit(
-        model, problem, point._replace(columns=()), total, _left_out(problem, E, total, blocks), reference
-    )
+    left_out = _left_out(problem, E, total, blocks)
+    return LeadFit(model, problem, point._replace(columns=()), total, blocks, left_out, reference)
 
 
 def _start(model: LeadModel, part: Part) -> LeadProblem:

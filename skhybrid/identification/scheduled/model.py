@@ -13,8 +13,8 @@ from ...thermal.stencil import Stencil
 
 #: standard deviation of the thermometer [K]; only the others' ratios to it matter
 NOISE = 0.05
-#: what is unknown of the temperatures of a first row [K]
-_FIRST = 4.0
+#: what is unknown of the temperatures of a first row: of all together, and of each [K]
+_FIRST, _FIRST_EACH = 4.0, 1.0
 #: parameters beside the network's: walk of its temperatures [K/sqrt(h)], tracked heat [kW] and its memory [h], lag of an
 #: emitter [h]
 OWN = ("sigma_x", "sigma_g", "tau_g", "tau_e")
@@ -98,7 +98,8 @@ class LeadModel:
         dQ[node, node, k] = 2.0 * walk
         dQ[n, n, k + 1] = 2.0 * moved
         dQ[n, n, k + 2] = -2.0 * sigma_g**2 * phi * dphi
-        P0 = np.diag(np.append(np.full(n, _FIRST**2), self.heat_scale**2))
+        P0 = np.diag(np.append(np.full(n, _FIRST_EACH**2), self.heat_scale**2))
+        P0[:n, :n] += _FIRST**2
         return Matrices(d.A, d.B, dA, dB, F, Q, dF, dQ, P0)
 
 

@@ -69,6 +69,17 @@ class Responses(NamedTuple):
             out[i] = self.series[chosen, :-1] @ own + P @ held
         return out
 
+    def unmeasured(self, stretch: Stretch, sample: Sample, coefs: np.ndarray) -> np.ndarray:
+        """(O, L) heat of the schedules and of what the filter tracks, over the step of each row ahead [kW]."""
+        rows, _ = sample.targets(len(self.series))
+        scheduled = np.flatnonzero([name.startswith(("gain", "ua")) for name in stretch.channels.names])
+        out = np.empty(rows.shape)
+        for i, (chosen, coef) in enumerate(zip(rows, coefs, strict=True)):
+            tracked = self.states[i, -1, -1] - self.states[i, -1, :-1] @ np.append(coef, 1.0)
+            planned = stretch.channels.series[np.ix_(chosen, scheduled)] @ coef[scheduled]
+            out[i] = planned + tracked * self.matrices.F[-1, -1] ** sample.leads
+        return out
+
 
 def make_stretch(plan: Plan, table: ZoneTable, T: np.ndarray, reference: float) -> Stretch:
     """A table and its measured temperature (N,) [degC] as a stretch."""

@@ -1,0 +1,86 @@
+"""Weights of several models by lead, from their errors on left-out weeks and on the history so far."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+#: shares of the horizon at which groups of leads end, and at which their weights hold
+_ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
+#: pull toward equal weights, beside the mean squared error of the models
+_PULL = 0.1
+#: days after which an error of the history counts half
+_HALF_LIFE = 14.0
+
+
+def lead_groups(leads: np.ndarray, n_leads: int) -> np.ndarray:
+    """Group of every lead."""
+    return np.minimum(np.searchsorted(_ENDS * n_leads, leads), len(_ENDS) - 1)
+
+
+def moments(errors: np.ndarray, groups: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Sums of products of the models' errors by group of leads.
+
+    Parameters
+    ----------
+    errors : ndarray of shape (O, L, K)
+        NaN where any is not known.
+    groups : ndarray of int, shape (L,)
+    share : ndarray of shape (O, L)
+        How much each counts.
+
+    Returns
+    -------
+    ndarray of shape (n_groups, K, K)
+    """
+    K = errors.shape[2]
+    out = np.zeros((len(_ENDS), K, K))
+    known = np.isfinite(errors).all(axis=2) & (share > 0)
+    for g in range(len(_ENDS)):
+        rows = known & (groups == g)
+        E = errors[rows]
+        if len(E):
+            out[g] = (E * share[rows][:, None]).T @ E / max(int((groups == g).sum()), 1)
+    return out
+
+
+def faded(age: np.ndarray) -> np.ndarray:
+    """How much an error counts that many days later; 0 before it was known."""
+    return np.where(age >= 0, 0.5 ** (np.maximum(age, 0.0) / _HALF_LIFE), 0.0)
+
+
+def blend_weights(products: np.ndarray) -> np.ndarray:
+    """Weights (n_groups, K) that are not negative and sum to 1, with the least squared error of the blend.
+
+    Equal where nothing is known; a ridge pulls toward that.
+    """
+    return np.array([_weights(S) for S in products])
+
+
+def _weights(S: np.ndarray) -> np.ndarray:
+    K = len(S)
+    equal, size = np.full(K, 1.0 / K), float(np.trace(S)) / K
+    if size <= 0.0:
+        return equal
+    M = S / size + _PULL * np.eye(K)
+    best, least = equal, np.inf
+    for count in range(1, K + 1):
+        for chosen in combinations(range(K), count):
+            pick = list(chosen)
+            # the stationary point on that face of the simplex
+            inverse = np.linalg.inv(M[np.ix_(pick, pick)])
+            free = inverse @ np.full(count, _PULL / K)
+            share = free + inverse.sum(axis=1) * (1.0 - free.sum()) / inverse.sum()
+            w = np.zeros(K)
+            w[pick] = share
+            loss = w @ M @ w - 2.0 * _PULL * w.sum() / K
+            if (share >= -1e-12).all() and loss < least:
+                best, least = w, loss
+    return best
+
+
+def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
+    """Weights (span, K) of leads 1 ... span, joined by straight lines between the groups of ``n_leads``."""
+    at = _CENTRES * n_leads
+    return np.column_stack([np.interp(np.arange(1, span + 1), at, w) for w in weights.T])
