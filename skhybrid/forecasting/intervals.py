@@ -44,7 +44,8 @@ class PathClock(NamedTuple):
 
     def rows(self, chosen: np.ndarray | slice) -> PathClock:
         """The same for some of the origins."""
-        return PathClock(*(None if a is None else a[chosen] for a in self))
+        spread = None if self.spread is None else self.spread[chosen]
+        return PathClock(self.lead[chosen], self.slot[chosen], self.day[chosen], spread)
 
 
 class LeadIntervals:

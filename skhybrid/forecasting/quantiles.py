@@ -167,6 +167,11 @@ def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     return levels
 
 
+def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
+    """Names of the columns that hold quantiles: ``q_0.1`` ..."""
+    return [f"q_{level:g}" for level in levels]
+
+
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
     """Leads, hours and days of the rows after each origin; a lead counts from the last measurement before it.
 
