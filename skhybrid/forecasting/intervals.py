@@ -25,8 +25,8 @@ _SHAPE_DAYS, _PRIOR_DAYS = 10.0, 5.0
 _HOUR_DAYS = 10.0
 #: errors of a day-ahead forecast forget in half a day: so many independent ones a day
 _INDEPENDENT_A_DAY = 2.0
-#: leads [h] up to which errors share a shape
-_GROUP_ENDS = (2.0, 8.0)
+#: leads [h] up to which errors are pooled for a shape, and the leads that the shape is that of; between them it blends
+_GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
 #: leads of one bin of the scale differ by at most this factor
 _BIN_RATIO = 1.35
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
@@ -55,6 +55,13 @@ class LeadIntervals:
     shape come from errors on left-out training data, location and width from the forecasts of the last days, drawn
     towards 0 and 1 by five typical days.
 
+    Parameters
+    ----------
+    by_hour : bool, default True
+        Whether the scale depends on the hour of the target; else on the lead alone.
+    follow : bool, default True
+        Whether recent errors move location, width and shape; else those of the training stay.
+
     Attributes
     ----------
     lead_scale_ : ndarray of shape (2, n_bins)
@@ -62,10 +69,14 @@ class LeadIntervals:
     hour_scale_ : ndarray of shape (48,)
         Factor of each hour of a weekday and of a weekend day.
     shape_ : ndarray of shape (n_groups, 200)
-        Evenly spaced quantiles of the standardised errors, for leads up to 2 h, up to 8 h and above.
+        Evenly spaced quantiles of the standardised errors of leads up to 2 h, up to 8 h and above.
     n_days_ : int
         Days that the errors lie on.
     """
+
+    def __init__(self, *, by_hour: bool = True, follow: bool = True) -> None:
+        self.by_hour = by_hour
+        self.follow = follow
 
     def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
         """Learn scale and shape.
@@ -97,7 +108,7 @@ class LeadIntervals:
         groups = _groups(clock.lead)
         pooled = np.quantile(standard[known], _SHAPE_LEVELS)
         shapes = []
-        for group in range(len(_GROUP_ENDS) + 1):
+        for group in range(len(_GROUP_LEADS)):
             own = standard[known & (groups == group)]
             shapes.append(np.quantile(own, _SHAPE_LEVELS) if len(own) >= LEAST_ERRORS else pooled)
         self.shape_ = np.array(shapes)
@@ -115,6 +126,8 @@ class LeadIntervals:
         by_hour = np.ones(N_SLOTS)
         for _ in range(3):
             by_lead = np.maximum(np.bincount(bins, size / by_hour[slot]) / count, 1e-9)
+            if not self.by_hour:
+                break
             ratio = size / by_lead[bins]
             by_hour = _shrunk_hours(np.bincount(slot, ratio, N_SLOTS), np.bincount(slot, minlength=N_SLOTS), n_days)
             by_hour /= by_hour[slot].mean()
@@ -154,19 +167,21 @@ class LeadIntervals:
             Never decreasing from a lower to a higher quantile.
         """
         levels = np.asarray(quantiles, dtype=np.float64)
-        scale, groups = self.scale(clock)[0], _groups(clock.lead)[0]
-        out = np.empty((len(scale), len(levels)))
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
-        if recent is not None and now is not None and recent[0].size:
+        if self.follow and recent is not None and now is not None and recent[0].size:
             errors, past = recent
             age = now - past.day
             standard = np.where(age >= -1e-9, errors / self.scale(past), np.nan)
             of_recent = _groups(past.lead)
-        for group in np.unique(groups):
-            values, weights = _weighted(standard, age, of_recent == group)
-            chosen = groups == group
-            out[chosen] = scale[chosen, None] * self._standard_quantiles(group, levels, values, weights)
-        return out
+        by_group = np.array(
+            [
+                self._standard_quantiles(group, levels, *_weighted(standard, age, of_recent == group))
+                for group in range(len(_GROUP_LEADS))
+            ]
+        )
+        at = np.log(np.maximum(clock.lead[0], 1e-9))
+        blended = [np.interp(at, np.log(_GROUP_LEADS), column) for column in by_group.T]
+        return self.scale(clock)[0][:, None] * np.stack(blended, axis=1)
 
     def _standard_quantiles(
         self, group: int, levels: np.ndarray, values: np.ndarray, weights: np.ndarray

@@ -44,7 +44,10 @@ class QuantileForecastMixin(RollingForecastMixin):
     def _learn_intervals(self) -> LeadIntervals:
         raise NotImplementedError
 
-    def _lead_intervals(self) -> LeadIntervals:
+    @property
+    def intervals_(self) -> LeadIntervals:
+        """What was learned of the errors on left-out training data."""
+        check_is_fitted(self)
         if self._intervals is None:
             self._intervals = self._learn_intervals()
         return self._intervals
@@ -91,7 +94,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         value = self._cold_value(piece)
         if piece.T_za is not None and np.isfinite(piece.T_za[0]):
             return np.full(len(levels), value)
-        return value + self._lead_intervals().offsets(path_clock(piece, np.array([-1]), 1), levels)[0]
+        return value + self.intervals_.offsets(path_clock(piece, np.array([-1]), 1), levels)[0]
 
     @one_blas_thread
     def predict_quantiles_from(
@@ -136,7 +139,7 @@ class QuantileForecastMixin(RollingForecastMixin):
 
     def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
         """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table behind its tail."""
-        intervals, per_day = self._lead_intervals(), rows_per_day(table.step)
+        intervals, per_day = self.intervals_, rows_per_day(table.step)
         # what was forecast whole days before an origin has the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
         past = np.unique(earlier[earlier >= table.n_history])
