@@ -19,8 +19,8 @@ N_SLOTS = 48
 DAYS_BACK = 21
 #: days after which an error counts 1/e
 _MEMORY_DAYS = 10.0
-#: days of training errors that the shape, and typical days that location and scale, are worth beside the recent ones
-_SHAPE_DAYS, _PRIOR_DAYS = 10.0, 5.0
+#: days that the training's shape, and typical days that location and width, are worth beside the recent ones
+_SHAPE_DAYS, _LOCATION_DAYS, _WIDTH_DAYS = 5.0, 5.0, 2.0
 #: days that the average hour counts in the scale of one hour
 _HOUR_DAYS = 10.0
 #: errors of a day-ahead forecast forget in half a day: so many independent ones a day
@@ -53,7 +53,7 @@ class LeadIntervals:
 
     An error (measured - forecast) is taken as ``scale(lead, hour) * (location + width * shape)``: the scale and the
     shape come from errors on left-out training data, location and width from the forecasts of the last days, drawn
-    towards 0 and 1 by five typical days.
+    towards 0 and 1 by a few typical days; what the last days' errors are in that location and width joins the shape.
 
     Parameters
     ----------
@@ -191,11 +191,11 @@ class LeadIntervals:
         known = np.isfinite(values)
         filled, weights = np.where(known, values, 0.0), np.where(known, weights, 0.0)
         total = weights.sum()
-        location = np.sum(weights * filled) / (total + _PRIOR_DAYS)
+        location = np.sum(weights * filled) / (total + _LOCATION_DAYS)
         sizes = np.sum(weights * np.abs(filled - location)) / np.abs(shape).mean()
-        width = (sizes + _PRIOR_DAYS) / (total + _PRIOR_DAYS)
+        width = (sizes + _WIDTH_DAYS) / (total + _WIDTH_DAYS)
         from_training = min(_SHAPE_DAYS, self.n_days_)
-        pool = np.concatenate([shape, values[known] - location])
+        pool = np.concatenate([shape, (values[known] - location) / width])
         weight = np.concatenate([np.full(len(shape), from_training / len(shape)), weights[known]])
         squares = from_training**2 / self.n_days_ + np.sum(weights.sum(axis=-1) ** 2)
         n_independent = _INDEPENDENT_A_DAY * (from_training + total) ** 2 / squares

@@ -142,18 +142,28 @@ class QuantileForecastMixin(RollingForecastMixin):
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # what was forecast whole days before an origin has the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
-        past = np.unique(earlier[earlier >= table.n_history])
-        errors, clock = np.empty((0, per_day)), path_clock(table, past, per_day)
-        if len(past):
-            errors = measured_ahead(table, past, per_day) - np.asarray(self._forecast(table, past, per_day))
-        paths, ahead = np.asarray(self._forecast(table, origins, n_leads)), path_clock(table, origins, n_leads)
+        past = np.unique(earlier[earlier >= table.n_history]) if intervals.follow else origins[:0]
+        paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
+        errors = measured_ahead(table, past, per_day) - past_paths
+        ahead, behind = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
-            recent = (errors[own], clock.rows(own))
+            recent = (errors[own], behind.rows(own))
             out[i] = paths[i][:, None] + intervals.offsets(ahead.rows(slice(i, i + 1)), levels, recent, now)
         return out
+
+    def _both_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Paths from the origins and from earlier ones, in one go where that is not longer."""
+        if n_leads > n_past or not len(past):
+            earlier = self._forecast(table, past, n_past) if len(past) else np.empty((0, n_past))
+            return np.asarray(self._forecast(table, origins, n_leads)), np.asarray(earlier)
+        every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
+        paths = np.asarray(self._forecast(table, every, n_past))[where]
+        return paths[: len(origins), :n_leads], paths[len(origins) :]
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
