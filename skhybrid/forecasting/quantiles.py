@@ -44,6 +44,10 @@ class QuantileForecastMixin(RollingForecastMixin):
     def _learn_intervals(self) -> LeadIntervals:
         raise NotImplementedError
 
+    def _first_past(self, table: ZoneTable) -> int:
+        """The first row of a table from which forecasts tell about the present: none that the training has seen."""
+        return table.n_history
+
     @property
     def intervals_(self) -> LeadIntervals:
         """What was learned of the errors on left-out training data."""
@@ -142,7 +146,8 @@ class QuantileForecastMixin(RollingForecastMixin):
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # what was forecast whole days before an origin has the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
-        past = np.unique(earlier[earlier >= table.n_history]) if intervals.follow else origins[:0]
+        first = self._first_past(table) if intervals.follow else table.n_rows
+        past = np.unique(earlier[earlier >= first])
         paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         errors = measured_ahead(table, past, per_day) - past_paths
         ahead, behind = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
@@ -158,12 +163,17 @@ class QuantileForecastMixin(RollingForecastMixin):
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Paths from the origins and from earlier ones, in one go where that is not longer."""
-        if n_leads > n_past or not len(past):
-            earlier = self._forecast(table, past, n_past) if len(past) else np.empty((0, n_past))
-            return np.asarray(self._forecast(table, origins, n_leads)), np.asarray(earlier)
-        every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
+        earlier, tail = np.empty((len(past), n_past)), past < table.n_history
+        if tail.any():  # known rows that the estimator holds: forecast as those of a table of its own
+            earlier[tail] = self._forecast(table.replace(n_history=0), past[tail], n_past)
+        if n_leads > n_past or tail.all():
+            if not tail.all():
+                earlier[~tail] = self._forecast(table, past[~tail], n_past)
+            return np.asarray(self._forecast(table, origins, n_leads)), earlier
+        every, where = np.unique(np.concatenate([origins, past[~tail]]), return_inverse=True)
         paths = np.asarray(self._forecast(table, every, n_past))[where]
-        return paths[: len(origins), :n_leads], paths[len(origins) :]
+        earlier[~tail] = paths[len(origins) :]
+        return paths[: len(origins), :n_leads], earlier
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:

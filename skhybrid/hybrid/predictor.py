@@ -156,7 +156,7 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.sampling_time_ = table.step
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._training = table.replace(history={"T_za": target})  # intervals are learned from it, if ever asked for
-        self._intervals = None
+        self._intervals, self._learned_to = None, None if table.utc is None else table.utc[-1]
         self._keep(table, target, behind=False)
         return self
 
@@ -321,6 +321,7 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._scheme.learn(table, target)
         if table.n_rows:
             self._keep(table, target, behind=True)
+        self._learned_to = None if self._last_rows.utc is None else self._last_rows.utc[-1]
         return self
 
     def _in_own_zone(self, data: Any) -> Any:
@@ -393,10 +394,10 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return intervals_from(left_out, table)
 
     def _first_past(self, table: ZoneTable) -> int:
-        if table.utc is None or self._training.utc is None:
+        if table.utc is None or self._learned_to is None:
             return table.n_history
-        # what was taken in behind the training tells as well, once the filter has had a day to find the state
-        behind = int((table.utc <= self._training.utc[-1]).sum())
+        # what was taken in since, and not learned from, tells as well, once the filter has had a day to find the state
+        behind = int((table.utc <= self._learned_to).sum())
         return min(max(behind, rows_per_day(table.step)), table.n_history)
 
     def forecast(
