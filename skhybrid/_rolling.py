@@ -71,22 +71,26 @@ class RollingForecastMixin(RegressorMixin):
     def _predict_piece(self, piece: ZoneTable) -> np.ndarray:
         table, n_tail = self._behind_tail(piece)
         here = table.rows(slice(n_tail, None))
+        origins, leads = self._rolled_origins(table, n_tail)
+        if not leads.max():
+            return np.array([self._cold_value(here)], dtype=np.float64)
+        paths = np.asarray(self._forecast(table, origins, int(leads.max())))
+        out = np.full((here.n_rows, *paths.shape[2:]), np.nan)
+        if not n_tail:
+            out[0] = self._cold_value(here)
+        for origin, count, path in zip(origins - n_tail, leads, paths, strict=True):
+            out[origin + 1 : origin + 1 + count] = path[:count]
+        return out
+
+    def _rolled_origins(self, table: ZoneTable, n_tail: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of a table that are origins of ``predict``, and how many rows each of them covers."""
+        here = table.rows(slice(n_tail, None))
         origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
         if self.horizon is not None:
             rows_of(self.horizon, here.step)
         if n_tail:  # the row before X is an origin too: it forecasts the first row
             origins = np.concatenate([[-1], origins])
-        ends = np.append(origins[1:], here.n_rows - 1)
-        leads = ends - origins
-        if not leads.max():
-            return np.array([self._cold_value(here)], dtype=np.float64)
-        paths = np.asarray(self._forecast(table, origins + n_tail, int(leads.max())))
-        out = np.full((here.n_rows, *paths.shape[2:]), np.nan)
-        if not n_tail:
-            out[0] = self._cold_value(here)
-        for origin, count, path in zip(origins, leads, paths, strict=True):
-            out[origin + 1 : origin + 1 + count] = path[:count]
-        return out
+        return origins + n_tail, np.append(origins[1:], here.n_rows - 1) - origins
 
     @one_blas_thread
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
@@ -108,6 +112,17 @@ class RollingForecastMixin(RegressorMixin):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
+        rows, n_leads = self._checked_origins(table, n_tail, origins, horizon)
+        if not len(rows):
+            return np.empty((0, n_leads))
+        paths = np.array(self._forecast(table, rows + n_tail, n_leads), dtype=np.float64)
+        paths[rows[:, None] + np.arange(1, n_leads + 1) >= table.n_rows - n_tail] = np.nan
+        return paths
+
+    def _checked_origins(
+        self, table: ZoneTable, n_tail: int, origins: Sequence[int] | np.ndarray, horizon: Any
+    ) -> tuple[np.ndarray, int]:
+        """Row numbers of X as an array, and how many rows a horizon is."""
         rows = np.asarray(origins)
         n_here = table.n_rows - n_tail
         if not rows.size:
@@ -115,12 +130,7 @@ class RollingForecastMixin(RegressorMixin):
         if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
             raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
         span = horizon if horizon is not None else (self.horizon if self.horizon is not None else "1D")
-        n_leads = rows_of(span, table.step)
-        if not len(rows):
-            return np.empty((0, n_leads))
-        paths = np.array(self._forecast(table, rows + n_tail, n_leads), dtype=np.float64)
-        paths[rows[:, None] + np.arange(1, n_leads + 1) >= n_here] = np.nan
-        return paths
+        return rows, rows_of(span, table.step)
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`; rows without a measurement are left out.

@@ -76,6 +76,27 @@ def test_a_forecast_is_drawn_beside_the_measurement(frame):
     assert lines["hybrid"].get_color() != lines["ARX"].get_color()
 
 
+def _edges(band):
+    """Lowest and highest drawn value of a shaded band."""
+    return band.get_paths()[0].vertices[:, 1].min(), band.get_paths()[0].vertices[:, 1].max()
+
+
+def test_quantiles_are_shaded_and_named(frame):
+    wide = frame.assign(**{"q_0.1": 5.0, "q_0.25": 15.0, "q_0.5": 20.0, "q_0.75": 25.0, "q_0.9": 35.0})
+    ax = ForecastDisplay.from_predictions(wide).ax_
+    assert _legend(ax) == ["measured", "forecast", "80 % interval", "50 % interval"]
+    assert [_edges(band) for band in ax.collections] == [(5.0, 35.0), (15.0, 25.0)]
+    both = ForecastDisplay.from_predictions({"hybrid": wide, "ARX": frame}).ax_
+    assert _legend(both) == ["measured", "hybrid", "hybrid, 80 %", "hybrid, 50 %", "ARX"]
+
+
+def test_the_next_day_shows_its_interval():
+    forecast = pd.DataFrame({"T_za": 20.0, "zeta": 0.1, "q_0.05": 18.0, "q_0.95": 23.0}, index=INDEX[:24])
+    ax = DayAheadDisplay.from_predictions(forecast, setpoint=21.0).ax_
+    assert _legend(ax) == ["forecast", "90 % interval", "set-point"]
+    assert _edges(ax.collections[0]) == (18.0, 23.0)
+
+
 def test_only_the_chosen_span_is_drawn(frame):
     ax = ForecastDisplay.from_predictions(frame, start="2024-01-03", end="2024-01-04").ax_
     assert len(_lines(ax)["measured"].get_ydata()) == 25

@@ -81,6 +81,27 @@ def test_temperature_behind_an_origin_is_not_read(model, following, office):
             np.testing.assert_array_equal(fitted.predict(noisy)[:end], clean[:end])
 
 
+#: both of ARX, and the hybrid with an input disturbance, an output one and the profile
+QUANTILE_MODELS = {name: model for name, model in MODELS.items() if name[0] in "45679" and "ID" not in name}
+
+
+@pytest.mark.parametrize("model", QUANTILE_MODELS.values(), ids=QUANTILE_MODELS)
+def test_quantiles_do_not_read_the_temperature_behind_an_origin(model, office):
+    """Nor do the errors of the last days that they follow."""
+    fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+    X = office.X[14 * DAY :]
+    clean, origins = fitted.predict_quantiles(X), [0, 3 * DAY + 5, 8 * DAY - 1]
+    rolled = fitted.predict_quantiles_from(X, origins)
+    for i, origin in enumerate(origins):
+        noisy = noisy_after(X, origin, ["T_za"])
+        one, other = (fitted.predict_quantiles_from(table, [origin])[0] for table in (X, noisy))
+        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(fitted.predict_quantiles_from(noisy, origins)[: i + 1], rolled[: i + 1])
+        last = int(np.flatnonzero(X.index[: origin + 1] == X.index[: origin + 1].normalize())[-1])
+        np.testing.assert_array_equal(fitted.predict_quantiles(noisy)[: last + DAY + 1], clean[: last + DAY + 1])
+        assert not np.array_equal(fitted.predict_quantiles(noisy)[origin + DAY :], clean[origin + DAY :])
+
+
 @pytest.mark.parametrize("model", temperature_models()[6:9], ids=["input", "output", "lstm"])
 def test_load_does_not_read_the_temperature_behind_its_origin(model, office):
     fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])

@@ -12,9 +12,17 @@ from sklearn.base import BaseEstimator, RegressorMixin
 
 from .._clock import rows_of
 from .._contract import ZoneTable, read_table, read_target
-from .._rolling import RollingForecastMixin
 from .._threads import one_blas_thread
-from .features import day_type_hour, one_hot, target_rows
+from .features import day_type_hour, one_hot, rows_per_day, target_rows
+from .intervals import LEAST_ERRORS, LeadIntervals
+from .quantiles import (
+    LeftOut,
+    QuantileForecastMixin,
+    block_origins,
+    intervals_from,
+    left_out_blocks,
+    measured_ahead,
+)
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
@@ -36,7 +44,7 @@ class _Moments(NamedTuple):
         return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
 
 
-class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
+class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Ridge regression of the temperature step on lags, iterated over the horizon.
 
     ``T[k + 1] - T[k]`` is regressed on ``n_lags`` temperatures up to ``T[k]``, on ``n_input_lags`` rows of every input
@@ -141,6 +149,7 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self._moments = _Moments(np.zeros((D.shape[1],) * 2), np.zeros(D.shape[1])).plus(D, d)
         self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(table, T, D, d, rows)
         self.coef_ = self._moments.ridge(self._penalty(self.alpha_))
+        self._intervals = self._left_out_intervals(table.replace(history={"T_za": T}))
         self._tail = table.rows(slice(-self._warmup, None)).replace(history={"T_za": T[-self._warmup :]})
         return self
 
@@ -247,17 +256,36 @@ class ARXRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_origins, n_leads)
-            [degC].
+            [degC]; NaN where nothing else was measured to fit on.
         """
         D, d, rows = self._pairs(table, T)
         exogenous, penalty = self._exogenous(table), self._penalty(self.alpha_)
-        out = np.empty((len(origins), n_leads))
+        out = np.full((len(origins), n_leads), np.nan)
         for block in np.unique(blocks):
             mine = np.flatnonzero(blocks == block)
             inside = (rows >= origins[mine[0]]) & (rows < origins[mine[-1]] + n_leads)
+            if inside.all():
+                continue
             coef = self._moments.plus(D[inside], d[inside], sign=-1.0).ridge(penalty)
             out[mine] = self._iterate(T, exogenous, origins[mine], n_leads, coef[None, :])
         return out
+
+    # ------------------------------------------------------------------------------------------------------ intervals
+    def _left_out_intervals(self, table: ZoneTable) -> LeadIntervals | None:
+        """Learned from weeks that are left out in turn; None where the table is too short."""
+        T, per_day = table.history["T_za"], rows_per_day(table.step)
+        n_leads = max(per_day, rows_of(self.horizon if self.horizon is not None else "1D", table.step))
+        origins = [block_origins(block, per_day) for block in left_out_blocks(table.n_rows, per_day)]
+        blocks = np.repeat(np.arange(len(origins)), [len(rows) for rows in origins])
+        rows = np.concatenate(origins)
+        paths = self.left_out_paths(table, T, rows, n_leads, blocks)
+        left_out = LeftOut(measured_ahead(table, rows, n_leads) - paths, rows)
+        return intervals_from(left_out, table) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
+
+    def _learn_intervals(self) -> LeadIntervals:
+        raise ValueError(
+            "the training table was too short to learn intervals from; fit on two days or more, with T_za measured."
+        )
 
     # ----------------------------------------------------------------------------------------------------- prediction
     def _read_X(self, X: Any) -> ZoneTable:

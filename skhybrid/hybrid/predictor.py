@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -11,11 +11,13 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import origin_rows, spell
+from .._clock import origin_rows, rows_of, spell
 from .._contract import ZoneTable, append_tables, read_table, read_target
-from .._rolling import RollingForecastMixin
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
+from ..forecasting.features import rows_per_day
+from ..forecasting.intervals import LeadIntervals
+from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..identification import PeriodicDisturbanceID
 from ..thermal import RCNetwork, get_network
 from .published import PublishedScheme
@@ -26,7 +28,7 @@ from .tables import KEPT, in_zone_of, one_behind_another
 _GATHERED = 96
 
 
-class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
+class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Day-ahead forecast of temperature and load: an identified network driven by a forecast disturbance.
 
     The gray box is identified, the disturbance that it leaves is estimated (causally, as later in use), gathered into
@@ -153,6 +155,8 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self._scheme = scheme.fit(table, target)
         self.sampling_time_ = table.step
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
+        self._training = table.replace(history={"T_za": target})  # intervals are learned from it, if ever asked for
+        self._intervals, self._learned_to = None, None if table.utc is None else table.utc[-1]
         self._keep(table, target, behind=False)
         return self
 
@@ -317,6 +321,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self._scheme.learn(table, target)
         if table.n_rows:
             self._keep(table, target, behind=True)
+        self._learned_to = None if self._last_rows.utc is None else self._last_rows.utc[-1]
         return self
 
     def _in_own_zone(self, data: Any) -> Any:
@@ -382,7 +387,22 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
-    def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.DataFrame:
+    def _learn_intervals(self) -> LeadIntervals:
+        table = self._training
+        n_leads = max(rows_per_day(table.step), rows_of(self.horizon or "1D", table.step))
+        left_out = self._present_scheme().calibration_errors(table, table.history["T_za"], n_leads)
+        return intervals_from(left_out, table)
+
+    def _first_past(self, table: ZoneTable) -> int:
+        if table.utc is None or self._learned_to is None:
+            return table.n_history
+        # what was taken in since, and not learned from, tells as well, once the filter has had a day to find the state
+        behind = int((table.utc <= self._learned_to).sum())
+        return min(max(behind, rows_per_day(table.step)), table.n_history)
+
+    def forecast(
+        self, history: pd.DataFrame | None, future: pd.DataFrame, quantiles: Sequence[float] | None = None
+    ) -> pd.DataFrame:
         """Forecast from the last row of a history.
 
         Parameters
@@ -393,12 +413,14 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             milliseconds.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
+        quantiles : sequence of float, optional
+            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
 
         Returns
         -------
         DataFrame
             Index of ``future``; ``T_za`` [degC] at each stamp and ``zeta`` [kW, or K for an output disturbance] over
-            the step that begins there.
+            the step that begins there; with ``quantiles`` a column ``q_0.1`` [degC] for each of them.
 
         Raises
         ------
@@ -408,11 +430,18 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         if (history is not None and not len(history)) or not len(future):
             raise ValueError("history and future need at least one row each.")
-        paths = self._from_now(future) if history is None else self._from_history(history, future)
-        return pd.DataFrame({"T_za": paths.temperature[0], "zeta": paths.zeta[0]}, index=future.index)
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        paths, table = self._from_now(future) if history is None else self._from_history(history, future)
+        found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
+        if levels is not None:
+            table = append_tables(self._known_end(), table) if history is None else table
+            origin = np.array([table.n_rows - len(future) - 1])
+            bands = self._quantile_paths(table, origin, len(future), levels)[0]
+            found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
+        return pd.DataFrame(found, index=future.index)
 
     @one_blas_thread
-    def _from_now(self, future: pd.DataFrame) -> Paths:
+    def _from_now(self, future: pd.DataFrame) -> tuple[Paths, ZoneTable]:
         names = list(getattr(self, "feature_names_in_", future.columns))
         past = {"T_za", (self._columns() or {}).get("T_za", "T_za")}
         absent = [name for name in names if name not in future.columns and name not in past]
@@ -420,9 +449,9 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"future has no column {absent[0]!r}, which the training table has.")
         table = self._read_following(future.reindex(columns=names))
         self._refuse_unless_following(table)
-        return self._present_scheme().forecast_live(table)
+        return self._present_scheme().forecast_live(table), table
 
-    def _from_history(self, history: pd.DataFrame, future: pd.DataFrame) -> Paths:
+    def _from_history(self, history: pd.DataFrame, future: pd.DataFrame) -> tuple[Paths, ZoneTable]:
         stamps = in_zone_of(future.index, history.index)
         names = list(getattr(self, "feature_names_in_", history.columns))
         absent = [n for n in names if n not in future.columns and n in history.columns]
@@ -434,7 +463,7 @@ class HybridPredictor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
         table, n_tail = self._with_history(whole)
         origin = np.array([n_tail + len(history) - 1])
-        return self._present_scheme().forecast(table, origin, len(future))
+        return self._present_scheme().forecast(table, origin, len(future)), table
 
     # ---------------------------------------------------------------------------------------------------------- load
     def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:

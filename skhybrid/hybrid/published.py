@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,9 @@ from sklearn.base import clone
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
 from ..forecasting import DisturbanceForecaster
+from ..forecasting.features import rows_per_day
 from ..forecasting.forecaster import BASELINES
+from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.live import advance, drive_on, identify_again
 from .ledger import Ledger
 from .scheme import Paths
@@ -177,6 +180,26 @@ class PublishedScheme:
         rows = origins - table.n_history
         load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
         return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
+
+    def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
+        """Errors in weeks whose disturbance the forecaster was not fitted on; the network stays as identified.
+
+        Where the forecaster takes long to fit, one block is left out: the last quarter.
+        """
+        per_day = rows_per_day(table.step)
+        of_bin = gather(frame_by_role(table, ASSUMED_START), self.disturbance_step_).of_row
+        quick = _refits_fast(self.forecaster_)
+        found = []
+        for block in left_out_blocks(table.n_rows, per_day) if quick else [(3 * table.n_rows // 4, table.n_rows)]:
+            known = self._rows["zeta"].copy()
+            known.iloc[np.unique(of_bin[slice(*block)])] = np.nan
+            origins = block_origins(block, per_day)
+            if len(origins) and known.notna().any():
+                other = copy(self)
+                other.adapt, other.forecaster_ = None, clone(self.forecaster_).fit(self._rows, known)
+                paths = other.forecast(table, origins, n_leads).temperature
+                found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
+        return joined(found)
 
     @staticmethod
     def _here(table: ZoneTable) -> pd.DataFrame:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._contract import ZoneTable
+from ..forecasting.quantiles import LeftOut
 
 
 class Paths(NamedTuple):
@@ -49,3 +50,9 @@ class Scheme(Protocol):
 
     def learn(self, table: ZoneTable, target: np.ndarray) -> None:
         """Take in rows that follow the last known one (there may be none), and recalibrate on all that is known."""
+
+    def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
+        """Errors of forecasts of parts of the training table, each by what has not learned from that part.
+
+        ``table`` is that of ``fit``, with ``target`` as its history ``T_za``.
+        """

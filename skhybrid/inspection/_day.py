@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from ._style import COLORS, MEASURED, axes_or_new, legend, tidy, time_axis
+from ._style import COLORS, MEASURED, axes_or_new, bands, legend, tidy, time_axis
 
 
 class DayAheadDisplay:
@@ -17,7 +17,8 @@ class DayAheadDisplay:
     Parameters
     ----------
     forecast : DataFrame
-        Index = time; column ``T_za`` [degC], and ``Q_hvac`` [kW] where a load was forecast.
+        Index = time; column ``T_za`` [degC], ``q_0.1`` ... [degC] where its quantiles were forecast, and ``Q_hvac``
+        [kW] where a load was.
     measured : DataFrame, optional
         Index = time; ``T_za`` [degC] and ``Q_hvac`` [kW] where they are known; may begin before the forecast.
     setpoint : Series or float, optional
@@ -54,7 +55,8 @@ class DayAheadDisplay:
         Parameters
         ----------
         forecast : DataFrame
-            Index = time; column ``T_za`` [degC], and ``Q_hvac`` [kW] where a load was forecast.
+            Index = time; column ``T_za`` [degC], ``q_0.1`` ... where its quantiles were forecast, and ``Q_hvac`` [kW]
+            where a load was.
         measured : DataFrame, optional
             Index = time; the same columns, where they are known.
         setpoint : Series or float, optional
@@ -107,11 +109,12 @@ class DayAheadDisplay:
         if self.measured is not None and self.measured["T_za"].notna().any():
             ax.plot(self.measured.index, self.measured["T_za"], color=MEASURED, linewidth=1.6, label="measured")
         ax.plot(self.forecast.index, self.forecast["T_za"], color=COLORS[0], linewidth=1.8, label="forecast")
+        n_bands = bands(ax, self.forecast.index, self.forecast, COLORS[0])
         if self.setpoint is not None:
             held = pd.Series(self.setpoint, index=self.forecast.index)
             ax.plot(held.index, held, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
         tidy(ax, ylabel="zone temperature [degC]")
-        legend(ax, 3)
+        legend(ax, 3 + n_bands)
 
     def _load(self, ax: Any) -> None:
         if self.measured is not None and "Q_hvac" in self.measured and self.measured["Q_hvac"].notna().any():

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 
 from ..model_selection import backtest
-from ._style import MEASURED, axes_or_new, legend, line_style, tidy, time_axis
+from ._style import MEASURED, axes_or_new, bands, legend, line_style, tidy, time_axis
 
 
 class ForecastDisplay:
@@ -19,7 +19,8 @@ class ForecastDisplay:
     Parameters
     ----------
     frames : mapping of label to DataFrame
-        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them.
+        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them; between their quantiles, where they have
+        any, a band is shaded.
 
     Attributes
     ----------
@@ -44,6 +45,7 @@ class ForecastDisplay:
         *,
         horizon: Any = "1D",
         origin_step: Any = "1D",
+        quantiles: Sequence[float] | None = None,
         ax: Any = None,
         **kwargs: Any,
     ) -> ForecastDisplay:
@@ -58,6 +60,7 @@ class ForecastDisplay:
         y : Series or array-like of shape (n_samples,)
             Measured zone temperature [degC].
         horizon, origin_step : timedelta-like
+        quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
         ax : matplotlib Axes, optional
             Where to draw; default is a new figure.
@@ -68,7 +71,7 @@ class ForecastDisplay:
         -------
         ForecastDisplay
         """
-        return cls.from_predictions(_backtests(estimator, X, y, horizon, origin_step), ax=ax, **kwargs)
+        return cls.from_predictions(_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -79,7 +82,7 @@ class ForecastDisplay:
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
-            Back-tests with the columns origin, lead, time, y_true and y_pred.
+            Back-tests with the columns origin, lead, time, y_true and y_pred, and ``q_...`` for bands.
         ax : matplotlib Axes, optional
             Where to draw; default is a new figure.
         **kwargs
@@ -95,6 +98,8 @@ class ForecastDisplay:
         self, ax: Any = None, *, start: Any = None, end: Any = None, unit: str = "degC", title: str | None = None
     ) -> ForecastDisplay:
         """Draw the measured temperature, and each model's forecasts, joined at origins that do not overlap.
+
+        Where a back-test has quantiles, the pairs around its median are shaded, each named by its probability.
 
         Parameters
         ----------
@@ -116,13 +121,16 @@ class ForecastDisplay:
         chosen = {label: _within(_joined(frame), start, end) for label, frame in self.frames.items()}
         first = next(iter(chosen.values()))
         ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
+        n_entries = 1 + len(chosen)
         for number, (label, frame) in enumerate(chosen.items()):
-            ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **line_style(number))
+            style = line_style(number)
+            ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
+            n_entries += bands(ax, frame["time"], frame, style["color"], label if len(chosen) > 1 else "")
         for origin in first["origin"].unique():
             ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
         tidy(ax, ylabel=f"zone temperature [{unit}]")
         time_axis(ax, pd.Index(first["time"]))
-        legend(ax, 1 + len(chosen))
+        legend(ax, n_entries)
         if title:
             ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
         self.ax_, self.figure_ = ax, ax.figure
@@ -136,9 +144,14 @@ def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str,
     return found
 
 
-def _backtests(estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any) -> dict[str, pd.DataFrame]:
+def _backtests(
+    estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any, quantiles: Sequence[float] | None = None
+) -> dict[str, pd.DataFrame]:
     models = estimator if isinstance(estimator, Mapping) else {type(estimator).__name__: estimator}
-    return {label: backtest(model, X, y, horizon=horizon, origin_step=origin_step) for label, model in models.items()}
+    return {
+        label: backtest(model, X, y, horizon=horizon, origin_step=origin_step, quantiles=quantiles)
+        for label, model in models.items()
+    }
 
 
 def _joined(frame: pd.DataFrame) -> pd.DataFrame:

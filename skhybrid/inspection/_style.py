@@ -141,3 +141,20 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
             fontsize="small",
             handlelength=2.6,
         )
+
+
+def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> int:
+    """Shade between the quantile columns ``q_...`` of a frame, the outer pairs lighter.
+
+    Returns
+    -------
+    int
+        How many bands were drawn.
+    """
+    levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
+    pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
+    for low, high in pairs:
+        named = f"{label}, {100 * (high - low):.3g} %" if label else f"{100 * (high - low):.3g} % interval"
+        edges = frame[f"q_{low:g}"], frame[f"q_{high:g}"]
+        ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=named)
+    return len(pairs)

@@ -1,7 +1,7 @@
 """Splitting and scoring in time order: cross-validation blocks and day-ahead back-tests, and the choice of a model."""
 
-from .backtest import backtest, score_backtest
+from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
 from .splitters import RollingOriginSplit
 
-__all__ = ["ModelComparison", "RollingOriginSplit", "backtest", "compare_models", "score_backtest"]
+__all__ = ["ModelComparison", "RollingOriginSplit", "backtest", "compare_models", "score_backtest", "score_intervals"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,21 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._clock import ASSUMED_START, even_step, rows_of
+from ..forecasting.quantiles import quantile_columns
 
 _DAY = pd.Timedelta("1D")
 _COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")
 
 
 def backtest(
-    estimator: Any, X: Any, y: Any, *, horizon: Any = "1D", origin_step: Any = "1D", start: Any = None
+    estimator: Any,
+    X: Any,
+    y: Any,
+    *,
+    horizon: Any = "1D",
+    origin_step: Any = "1D",
+    start: Any = None,
+    quantiles: Sequence[float] | None = None,
 ) -> pd.DataFrame:
     """Forecast from every origin and set the forecasts beside the measurements.
 
@@ -37,19 +46,23 @@ def backtest(
     start : timestamp or int, optional
         No origin before it (a row number for an array): earlier rows are history only.  "First" above is then meant
         from here on.
+    quantiles : sequence of float, optional
+        Quantiles to forecast as well, in (0, 1), increasing; the estimator has ``predict_quantiles_from`` then.
 
     Returns
     -------
     DataFrame
         One row an (origin, lead): ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
-        (Timedelta), ``y_true`` and ``y_pred`` [degC].  Only origins whose whole horizon lies in X.
+        (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.  Only origins whose
+        whole horizon lies in X.
 
     Raises
     ------
     sklearn.exceptions.NotFittedError
         If the estimator is not fitted.
     ValueError
-        If the lengths of X and y differ, a duration is no multiple of the sampling time, or no origin fits.
+        If the lengths of X and y differ, a duration is no multiple of the sampling time, no origin fits, or quantiles
+        are asked of an estimator that forecasts none.
     """
     check_is_fitted(estimator)
     truth = np.asarray(y, dtype=np.float64)
@@ -73,7 +86,10 @@ def backtest(
         truth[rows.ravel()],
         np.asarray(paths, dtype=np.float64).ravel(),
     )
-    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+    frame = pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+    if quantiles is None:
+        return frame
+    return frame.assign(**_quantiles(estimator, X, origins, quantiles, pd.Timedelta(horizon)))
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -107,6 +123,51 @@ def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd
     )
 
 
+def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataFrame:
+    """Coverage, sharpness and pinball loss of the quantiles of a back-test.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        From :func:`backtest` with ``quantiles``, at least two of them; rows without a measurement are left out.
+    by : {None, "lead", "origin"} or array-like of shape (n_rows,), default=None
+        One number over all; one a lead or an origin; or one a value of a grouping of the caller's own.
+
+    Returns
+    -------
+    Series or DataFrame
+        ``nominal``, the probability [-] between the lowest and the highest quantile; ``coverage``, the share of
+        measurements there [-]; ``width`` between the two [K]; ``pinball``, the mean loss over all quantiles [K]
+        (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
+
+    Raises
+    ------
+    ValueError
+        If the frame has fewer than two columns ``q_...``.
+    """
+    levels = {c: float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_")}
+    if len(levels) < 2:
+        raise ValueError("the back-test has no interval: pass backtest(..., quantiles=(0.1, 0.9)) or more of them.")
+    names = sorted(levels, key=lambda c: levels[c])
+    known = frame["y_true"].notna() & frame[names].notna().all(axis=1)
+    seen, lowest, highest = frame[known], names[0], names[-1]
+    y = seen["y_true"]
+    losses = [np.maximum(levels[c] * (y - seen[c]), (levels[c] - 1.0) * (y - seen[c])) for c in names]
+    scores = pd.DataFrame(
+        {
+            "nominal": levels[highest] - levels[lowest],
+            "coverage": ((y >= seen[lowest]) & (y <= seen[highest])).astype(float),
+            "width": seen[highest] - seen[lowest],
+            "pinball": sum(losses) / len(losses),
+        }
+    )
+    if by is None:
+        return pd.concat([scores.mean(), pd.Series({"n": len(scores)})])
+    keys = frame[by] if isinstance(by, str) else pd.Series(np.asarray(by), index=frame.index)
+    groups = scores.groupby(keys[known])
+    return groups.mean().assign(n=groups.size())
+
+
 def _errors(error: np.ndarray) -> dict[str, float]:
     if not len(error):
         return {"rmse": np.nan, "mae": np.nan}
@@ -120,6 +181,17 @@ def _paths(estimator: Any, X: Any, origins: np.ndarray, rows: np.ndarray, horizo
     if hasattr(forecaster, "predict_from"):
         return forecaster.predict_from(table, origins, horizon=horizon)
     return np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
+
+
+def _quantiles(
+    estimator: Any, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: pd.Timedelta
+) -> dict[str, np.ndarray]:
+    """Columns ``q_...`` of the forecasts, by their names."""
+    forecaster, table = _unwrap(estimator, X)
+    if not hasattr(forecaster, "predict_quantiles_from"):
+        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
+    bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
+    return dict(zip(quantile_columns(quantiles), bands.reshape(-1, bands.shape[-1]).T, strict=True))
 
 
 def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:

@@ -1,0 +1,160 @@
+"""Do 80 % intervals cover 80 %, how wide are they, and what makes them good?
+
+Every model on every log of the forecast bench, with intervals whose scale is constant by lead, depends on lead and hour
+of day, and (the default) also follows the errors of the last days.  How that is done was chosen on the office's winter
+and summer, on home 1 and on other synthetic offices than these: the rows marked "chosen on" show what it looks like
+where it was tuned, the others what it is worth.  Writes ``results/intervals.md`` and a picture beside it; logs that are
+not beside the checkout are left out.  ``python benchmarks/intervals.py``
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+import warnings
+from functools import partial
+from unittest import mock
+
+import numpy as np
+import pandas as pd
+from _forecast_data import DataSet, data_sets
+from _report import RESULTS, write_table
+from sklearn.base import clone
+
+from skhybrid import ARXRegressor, HybridPredictor
+from skhybrid.exceptions import SkhybridWarning
+from skhybrid.forecasting import quantiles as quantile_module
+from skhybrid.forecasting.intervals import LeadIntervals
+from skhybrid.model_selection import backtest, score_intervals
+
+LEVELS = (0.1, 0.5, 0.9)
+KINDS = {
+    "by lead": {"by_hour": False, "follow": False},
+    "by lead and hour": {"follow": False},
+    "following (default)": {},
+}
+CHOSEN_ON = ("winter", "summer", "home 1", "regular")
+#: the goal of the coverage of 80 % intervals
+LEAST, MOST = 0.75, 0.85
+
+
+def models(memory: str) -> dict[str, object]:
+    """Estimators by name; a gray box is identified once for all kinds of interval."""
+    return {
+        "ARX": ARXRegressor(),
+        "ARX re-fitted": ARXRegressor(adapt="refit"),
+        "hybrid": HybridPredictor(memory=memory, random_state=0),
+    }
+
+
+def back_test(model: object, data: DataSet, settings: dict[str, bool]) -> pd.DataFrame:
+    """Fit and back-test with one kind of interval."""
+    train, later = (frame.drop(columns=["dni", "dhi"], errors="ignore") for frame in (data.train, data.later))
+    with (
+        warnings.catch_warnings(),
+        mock.patch.object(quantile_module, "LeadIntervals", partial(LeadIntervals, **settings)),
+    ):
+        warnings.simplefilter("ignore", SkhybridWarning)
+        fitted = clone(model).fit(train, train["T_za"])
+        return backtest(fitted, later, later["T_za"], origin_step=data.origin_step, start=data.start, quantiles=LEVELS)
+
+
+def lead_groups(frame: pd.DataFrame) -> np.ndarray:
+    """Which of three spans of leads each row is in."""
+    hours = frame["lead"] / pd.Timedelta("1h")
+    return np.select([hours <= 2, hours <= 8], ["to 2 h", "to 8 h"], "to 24 h")
+
+
+def measure(names: list[str]) -> pd.DataFrame:
+    """A row a log, model, kind of interval and span of leads."""
+    rows, loaders = [], data_sets()
+    with tempfile.TemporaryDirectory() as memory:
+        for name in names or list(loaders):
+            data = loaders[name](0)
+            for label, model in models(memory).items():
+                for kind, settings in KINDS.items():
+                    begin = time.perf_counter()
+                    frame = back_test(model, data, settings)
+                    spans = {"all": score_intervals(frame)}
+                    spans |= dict(score_intervals(frame, by=lead_groups(frame)).iterrows())
+                    origins = frame["origin"].nunique()
+                    for span, score in spans.items():
+                        key = {"log": name, "model": label, "interval": kind, "leads": span, "origins": origins}
+                        rows.append(key | score.drop(["nominal", "n"]).to_dict())
+                    seconds = time.perf_counter() - begin
+                    print(f"{name}, {label}, {kind}: {spans['all'].round(3).to_dict()} {seconds:.1f} s", flush=True)
+    return pd.DataFrame(rows)
+
+
+def _marked(name: str) -> str:
+    return f"{name} (chosen on)" if any(part in name for part in CHOSEN_ON) else name
+
+
+def tables(found: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """What the report shows."""
+    found = found.assign(log=found["log"].map(_marked))
+    whole = found[found["leads"] == "all"]
+    usual = found[found["interval"] == "following (default)"]
+
+    def wide(frame: pd.DataFrame, value: str, columns: list[str]) -> pd.DataFrame:
+        table = frame.pivot_table(index="log", columns=columns, values=value, sort=False)
+        return table.set_axis([", ".join(c) if isinstance(c, tuple) else c for c in table.columns], axis=1)
+
+    fresh = whole[~whole["log"].str.contains("chosen on")]
+    inside = fresh["coverage"].between(LEAST, MOST)
+    relative = fresh.pivot_table(index=["log", "model"], columns="interval", values="pinball", sort=False)
+    relative = np.exp(np.log(relative.div(relative["by lead"], axis=0)).groupby("model", sort=False).mean())
+    return {
+        "Coverage of 80 % intervals [-], default": wide(usual[usual["leads"] == "all"], "coverage", ["model"]),
+        "Width of 80 % intervals [K], default": wide(usual[usual["leads"] == "all"], "width", ["model"]),
+        "Pinball loss of 10, 50, 90 % [K], default": wide(usual[usual["leads"] == "all"], "pinball", ["model"]),
+        "Coverage by lead, default": wide(usual[usual["leads"] != "all"], "coverage", ["model", "leads"]),
+        "Width by lead [K], default": wide(usual[usual["leads"] != "all"], "width", ["model", "leads"]),
+        "Coverage by kind of interval": wide(whole, "coverage", ["model", "interval"]),
+        "Logs not chosen on with coverage from 75 to 85 %": inside.groupby(
+            [fresh["model"], fresh["interval"]], sort=False
+        ).agg(covered="sum", of="size"),
+        "Pinball loss relative to intervals by lead, logs not chosen on, geometric mean": relative,
+        "Origins": whole.groupby("log", sort=False)[["origins"]].first(),
+    }
+
+
+def picture(name: str) -> None:
+    """Five days of the hybrid's bands on one log."""
+    from skhybrid.inspection import ForecastDisplay
+
+    data = data_sets()[name](0)
+    frames = {}
+    with tempfile.TemporaryDirectory() as memory:
+        frames["hybrid"] = back_test(models(memory)["hybrid"], data, {})
+    origins = frames["hybrid"]["origin"]
+    midnight = origins.dt.hour.eq(origins.dt.hour.iloc[0])
+    frame = frames["hybrid"][midnight]
+    begin = frame["origin"].iloc[0] + pd.Timedelta("14D")
+    display = ForecastDisplay.from_predictions(frame, start=begin, end=begin + pd.Timedelta("7D"), title=name)
+    part = RESULTS / "intervals.part.png"
+    display.figure_.savefig(part, dpi=110)
+    part.replace(RESULTS / "intervals.png")
+
+
+def main() -> None:
+    """Run all, or the logs that are named, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("logs", nargs="*", help="names of logs, default all")
+    chosen = parser.parse_args().logs
+    found = measure(chosen)
+    if chosen:
+        return
+    write_table(
+        "intervals",
+        "Intervals of the day-ahead temperature",
+        "python benchmarks/intervals.py",
+        tables(found),
+        'Goal: 75-85 % on every log. "chosen on": its season or home was used to choose how intervals are made.',
+    )
+    picture("office autumn, new control")
+
+
+if __name__ == "__main__":
+    main()

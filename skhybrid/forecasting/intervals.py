@@ -1,0 +1,256 @@
+"""Intervals around a path forecast, learned from errors on data that the forecast was not fitted on.
+
+Arrays only.  The shape of the errors is conformal (quantiles of standardised errors, with a finite-sample correction);
+their scale depends on the lead and on the hour of the target; and where they lie and how wide they are follows the
+errors of the last days (weighted conformal prediction, Barber et al. 2023, doi:10.1214/23-AOS2276, around a location
+and a scale that forget).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+#: slots of :class:`PathClock`: hours of a weekday, then of a weekend day
+N_SLOTS = 48
+#: whole days before an origin whose forecasts tell about the present; the weight of the oldest is 0.12
+DAYS_BACK = 21
+#: days after which an error counts 1/e
+_MEMORY_DAYS = 10.0
+#: days that the training's shape, and typical days that location and width, are worth beside the recent ones
+_SHAPE_DAYS, _LOCATION_DAYS, _WIDTH_DAYS = 5.0, 5.0, 2.0
+#: days that the average hour counts in the scale of one hour
+_HOUR_DAYS = 10.0
+#: errors of a day-ahead forecast forget in half a day: so many independent ones a day
+_INDEPENDENT_A_DAY = 2.0
+#: leads [h] up to which errors are pooled for a shape, and the leads that the shape is that of; between them it blends
+_GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
+#: leads of one bin of the scale differ by at most this factor
+_BIN_RATIO = 1.35
+_SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
+#: fewer errors than these say nothing
+LEAST_ERRORS = 20
+
+
+class PathClock(NamedTuple):
+    """Which targets the errors of some forecast paths belong to."""
+
+    lead: np.ndarray  # (n_origins, n_leads) hours since the last measured value
+    slot: np.ndarray  # (n_origins, n_leads) int, hour of the local day, + 24 on weekends
+    day: np.ndarray  # (n_origins, n_leads) time of the target [days], from any one instant on
+    spread: np.ndarray | None = None  # (n_origins, n_leads) standard deviation that a model states, in units of y
+
+    def rows(self, chosen: np.ndarray | slice) -> PathClock:
+        """The same for some of the origins."""
+        spread = None if self.spread is None else self.spread[chosen]
+        return PathClock(self.lead[chosen], self.slot[chosen], self.day[chosen], spread)
+
+
+class LeadIntervals:
+    """Quantiles of the error of a path forecast, by lead and hour of the target.
+
+    An error (measured - forecast) is taken as ``scale(lead, hour) * (location + width * shape)``: the scale and the
+    shape come from errors on left-out training data, location and width from the forecasts of the last days, drawn
+    towards 0 and 1 by a few typical days; what the last days' errors are in that location and width joins the shape.
+
+    Parameters
+    ----------
+    by_hour : bool, default True
+        Whether the scale depends on the hour of the target; else on the lead alone.
+    follow : bool, default True
+        Whether recent errors move location, width and shape; else those of the training stay.
+
+    Attributes
+    ----------
+    lead_scale_ : ndarray of shape (2, n_bins)
+        Leads [h] and the mean absolute error there.
+    hour_scale_ : ndarray of shape (48,)
+        Factor of each hour of a weekday and of a weekend day.
+    shape_ : ndarray of shape (n_groups, 200)
+        Evenly spaced quantiles of the standardised errors of leads up to 2 h, up to 8 h and above.
+    n_days_ : int
+        Days that the errors lie on.
+    """
+
+    def __init__(self, *, by_hour: bool = True, follow: bool = True) -> None:
+        self.by_hour = by_hour
+        self.follow = follow
+
+    def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
+        """Learn scale and shape.
+
+        Parameters
+        ----------
+        errors : ndarray of shape (n_origins, n_leads)
+            Measured minus forecast on data that the forecast was not fitted on; NaN where unknown.
+        clock : PathClock
+
+        Returns
+        -------
+        LeadIntervals
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than 20 errors.
+        """
+        known = np.isfinite(errors)
+        if known.sum() < LEAST_ERRORS:
+            raise ValueError(
+                f"{known.sum()} errors on left-out training data are too few to learn intervals from; fit on a longer "
+                "table."
+            )
+        self._set_scales(np.abs(errors if clock.spread is None else errors / clock.spread)[known], known, clock)
+        standard = errors / self.scale(clock)
+        groups = _groups(clock.lead)
+        pooled = np.quantile(standard[known], _SHAPE_LEVELS)
+        shapes = []
+        for group in range(len(_GROUP_LEADS)):
+            own = standard[known & (groups == group)]
+            shapes.append(np.quantile(own, _SHAPE_LEVELS) if len(own) >= LEAST_ERRORS else pooled)
+        self.shape_ = np.array(shapes)
+        self.n_days_ = len(np.unique(np.floor(clock.day[known])))
+        return self
+
+    def _set_scales(self, size: np.ndarray, known: np.ndarray, clock: PathClock) -> None:
+        """Mean absolute error as a product of a lead's and an hour's part, each fitted given the other."""
+        lead, slot = clock.lead[known], clock.slot[known]
+        numbers = np.floor(np.log(lead / lead.min()) / np.log(_BIN_RATIO) + 1e-9).astype(np.int64)
+        bins = np.unique(numbers, return_inverse=True)[1]
+        count = np.bincount(bins)
+        met = np.unique(slot + N_SLOTS * np.floor(clock.day[known]).astype(np.int64)) % N_SLOTS
+        n_days = np.bincount(met, minlength=N_SLOTS).astype(np.float64)
+        by_hour = np.ones(N_SLOTS)
+        for _ in range(3):
+            by_lead = np.maximum(np.bincount(bins, size / by_hour[slot]) / count, 1e-9)
+            if not self.by_hour:
+                break
+            ratio = size / by_lead[bins]
+            by_hour = _shrunk_hours(np.bincount(slot, ratio, N_SLOTS), np.bincount(slot, minlength=N_SLOTS), n_days)
+            by_hour /= by_hour[slot].mean()
+        self.lead_scale_ = np.stack([np.exp(np.bincount(bins, np.log(lead)) / count), by_lead])
+        self.hour_scale_ = by_hour
+
+    def scale(self, clock: PathClock) -> np.ndarray:
+        """Typical absolute error of each target, (n_origins, n_leads)."""
+        leads, values = self.lead_scale_
+        by_lead = np.exp(np.interp(np.log(np.maximum(clock.lead, 1e-9)), np.log(leads), np.log(values)))
+        scale = by_lead * self.hour_scale_[clock.slot]
+        return scale if clock.spread is None else scale * clock.spread
+
+    def offsets(
+        self,
+        clock: PathClock,
+        quantiles: Sequence[float] | np.ndarray,
+        recent: tuple[np.ndarray, PathClock] | None = None,
+        now: float | None = None,
+    ) -> np.ndarray:
+        """What to add to one forecast path for each quantile.
+
+        Parameters
+        ----------
+        clock : PathClock
+            Of one origin, (1, n_leads).
+        quantiles : array-like of shape (n_quantiles,)
+            In (0, 1).
+        recent : tuple of (errors, PathClock), optional
+            Earlier paths of this forecaster, a row each; only what ``now`` knows is read.
+        now : float, optional
+            Day of the origin, on the clock of ``recent``.
+
+        Returns
+        -------
+        ndarray of shape (n_leads, n_quantiles)
+            Never decreasing from a lower to a higher quantile.
+        """
+        levels = np.asarray(quantiles, dtype=np.float64)
+        standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
+        if self.follow and recent is not None and now is not None and recent[0].size:
+            errors, past = recent
+            age = now - past.day
+            standard = np.where(age >= -1e-9, errors / self.scale(past), np.nan)
+            of_recent = _groups(past.lead)
+        by_group = np.array(
+            [
+                self._standard_quantiles(group, levels, *_weighted(standard, age, of_recent == group))
+                for group in range(len(_GROUP_LEADS))
+            ]
+        )
+        at = np.log(np.maximum(clock.lead[0], 1e-9))
+        blended = [np.interp(at, np.log(_GROUP_LEADS), column) for column in by_group.T]
+        return self.scale(clock)[0][:, None] * np.stack(blended, axis=1)
+
+    def _standard_quantiles(
+        self, group: int, levels: np.ndarray, values: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray:
+        """Quantiles (n_levels,) of the standardised error, from the training's shape and recent errors (n_days, n)."""
+        shape = self.shape_[group]
+        known = np.isfinite(values)
+        filled, weights = np.where(known, values, 0.0), np.where(known, weights, 0.0)
+        total = weights.sum()
+        location = np.sum(weights * filled) / (total + _LOCATION_DAYS)
+        sizes = np.sum(weights * np.abs(filled - location)) / np.abs(shape).mean()
+        width = (sizes + _WIDTH_DAYS) / (total + _WIDTH_DAYS)
+        from_training = min(_SHAPE_DAYS, self.n_days_)
+        pool = np.concatenate([shape, (values[known] - location) / width])
+        weight = np.concatenate([np.full(len(shape), from_training / len(shape)), weights[known]])
+        squares = from_training**2 / self.n_days_ + np.sum(weights.sum(axis=-1) ** 2)
+        n_independent = _INDEPENDENT_A_DAY * (from_training + total) ** 2 / squares
+        return location + width * weighted_quantiles(pool, weight, finite_sample_levels(levels, n_independent))
+
+
+def _groups(lead: np.ndarray) -> np.ndarray:
+    """Number of the group of leads that share a shape."""
+    return np.searchsorted(_GROUP_ENDS, lead - 1e-9)
+
+
+def _weighted(standard: np.ndarray, age: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of one group of leads, NaN elsewhere, and weights: a path that is all known counts exp(-age/memory)."""
+    values = np.where(chosen, standard, np.nan)
+    size = np.maximum(chosen.sum(axis=-1, keepdims=True), 1)
+    return values, np.exp(-np.maximum(age, 0.0) / _MEMORY_DAYS) / size
+
+
+def _shrunk_hours(total: np.ndarray, count: np.ndarray, n_days: np.ndarray) -> np.ndarray:
+    """Means by slot, (48,), of which little-seen ones lean on the hour of all days, and that on 1; smoothed."""
+    both = total.reshape(2, 24).sum(axis=0) / np.maximum(count.reshape(2, 24).sum(axis=0), 1)
+    n_both = n_days.reshape(2, 24).sum(axis=0)
+    hour = _smooth((n_both * both + _HOUR_DAYS) / (n_both + _HOUR_DAYS))
+    own, n_own = (total / np.maximum(count, 1)).reshape(2, 24), n_days.reshape(2, 24)
+    return np.concatenate([_smooth(day) for day in (n_own * own + _HOUR_DAYS * hour) / (n_own + _HOUR_DAYS)])
+
+
+def _smooth(day: np.ndarray) -> np.ndarray:
+    """Each hour with half of its neighbours, around the clock."""
+    return 0.25 * np.roll(day, 1) + 0.5 * day + 0.25 * np.roll(day, -1)
+
+
+def weighted_quantiles(values: np.ndarray, weights: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Quantiles of a weighted sample, linear between the middles of the sorted values' weights.
+
+    Parameters
+    ----------
+    values, weights : ndarray of shape (n,)
+    levels : ndarray of shape (n_levels,)
+
+    Returns
+    -------
+    ndarray of shape (n_levels,)
+    """
+    order = np.argsort(values, kind="stable")
+    weight = weights[order]
+    reached = np.cumsum(weight)
+    return np.interp(levels, (reached - 0.5 * weight) / reached[-1], values[order])
+
+
+def finite_sample_levels(levels: np.ndarray, n: float) -> np.ndarray:
+    """Levels whose quantiles in a sample of ``n`` cover the next value at the wanted ``levels``.
+
+    The next value is as likely to fall into each of the n + 1 gaps of the sample, so the upper quantile of level p is
+    the value of rank (n + 1) p (Vovk et al. 2005); likewise below, and the median stays.
+    """
+    upper, lower = levels * (n + 1) / n, 1.0 - (1.0 - levels) * (n + 1) / n
+    return np.clip(np.where(levels > 0.5, upper, np.where(levels < 0.5, lower, levels)), 0.0, 1.0)

@@ -1,0 +1,300 @@
+"""``predict_quantiles`` for every forecaster that rolls, and errors that its training did not see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
+
+from .._contract import ZoneTable
+from .._rolling import RollingForecastMixin
+from .._threads import one_blas_thread
+from .features import day_type_hour, rows_per_day, target_rows
+from .intervals import DAYS_BACK, LeadIntervals, PathClock
+
+#: 80 % between the outer two
+DEFAULT_QUANTILES = (0.1, 0.5, 0.9)
+_DAYS_A_BLOCK = 7
+_LEAST_BLOCKS = 3
+#: distance of the origins whose errors are learned from: every lead then meets every third hour [1/day]
+_ORIGINS_A_DAY = 8
+
+
+class LeftOut(NamedTuple):
+    """Errors of forecasts in blocks of a training table that the forecaster was not fitted on."""
+
+    errors: np.ndarray  # (n_origins, n_leads) measured - forecast; NaN where unknown
+    origins: np.ndarray  # (n_origins,) rows of the training table
+
+
+class QuantileForecastMixin(RollingForecastMixin):
+    """``predict_quantiles`` beside ``predict``.
+
+    A subclass sets ``_intervals`` in ``fit``: what it learned already, or None and gives the hook ``_learn_intervals``,
+    which is called when intervals are first asked for.
+    """
+
+    _intervals: LeadIntervals | None
+
+    def _learn_intervals(self) -> LeadIntervals:
+        raise NotImplementedError
+
+    def _first_past(self, table: ZoneTable) -> int:
+        """The first row of a table from which forecasts tell about the present: none that the training has seen."""
+        return table.n_history
+
+    @property
+    def intervals_(self) -> LeadIntervals:
+        """What was learned of the errors on left-out training data."""
+        check_is_fitted(self)
+        if self._intervals is None:
+            self._intervals = self._learn_intervals()
+        return self._intervals
+
+    @one_blas_thread
+    def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
+        """Quantiles of what will be measured at every row, forecast from the last origin before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            As in :meth:`predict`.  Forecasts of the rows before an origin tell how wide its intervals are now.
+        quantiles : sequence of float, default (0.1, 0.5, 0.9)
+            In (0, 1), increasing.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_quantiles), float64
+            Increasing along each row.  The median is the forecast shifted by what it missed lately.
+
+        Raises
+        ------
+        ValueError
+            If a quantile is not in (0, 1) or they do not increase, or the training table was too short.
+        """
+        check_is_fitted(self)
+        levels = read_quantiles(quantiles)
+        return np.concatenate([self._quantiles_of_piece(piece, levels) for piece in self._read_X(X).pieces])
+
+    def _quantiles_of_piece(self, piece: ZoneTable, levels: np.ndarray) -> np.ndarray:
+        table, n_tail = self._behind_tail(piece)
+        origins, leads = self._rolled_origins(table, n_tail)
+        out = np.empty((piece.n_rows, len(levels)))
+        if not n_tail:
+            out[0] = self._first_quantiles(piece, levels)
+        if leads.max():
+            paths = self._quantile_paths(table, origins, int(leads.max()), levels)
+            for origin, count, path in zip(origins - n_tail, leads, paths, strict=True):
+                out[origin + 1 : origin + 1 + count] = path[:count]
+        return out
+
+    def _first_quantiles(self, piece: ZoneTable, levels: np.ndarray) -> np.ndarray:
+        """Of the first row of a table without history: what is known, or the error long after a measurement."""
+        value = self._cold_value(piece)
+        if piece.T_za is not None and np.isfinite(piece.T_za[0]):
+            return np.full(len(levels), value)
+        return value + self.intervals_.offsets(path_clock(piece, np.array([-1]), 1), levels)[0]
+
+    @one_blas_thread
+    def predict_quantiles_from(
+        self,
+        X: Any,
+        origins: Sequence[int] | np.ndarray,
+        quantiles: Sequence[float] = DEFAULT_QUANTILES,
+        horizon: Any = None,
+    ) -> np.ndarray:
+        """Quantiles of the rows after each of the given origins.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; history is read only up to each origin.
+        origins : sequence of int
+            Row numbers of X.
+        quantiles : sequence of float, default (0.1, 0.5, 0.9)
+            In (0, 1), increasing.
+        horizon : timedelta-like, optional
+            How far ahead; default is the estimator's own, or one day.
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads, n_quantiles), float64
+            Of the rows ``origin + 1, origin + 2, ...``; NaN where X has ended.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`predict_quantiles`, and if an origin is no row of X.
+        """
+        check_is_fitted(self)
+        levels = read_quantiles(quantiles)
+        table, n_tail = self._with_history(X)
+        rows, n_leads = self._checked_origins(table, n_tail, origins, horizon)
+        if not len(rows):
+            return np.empty((0, n_leads, len(levels)))
+        paths = self._quantile_paths(table, rows + n_tail, n_leads, levels)
+        paths[target_rows(rows, n_leads) >= table.n_rows - n_tail] = np.nan
+        return paths
+
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
+        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table behind its tail."""
+        intervals, per_day = self.intervals_, rows_per_day(table.step)
+        # what was forecast whole days before an origin has the same hour at the same lead
+        earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
+        first = self._first_past(table) if intervals.follow else table.n_rows
+        past = np.unique(earlier[earlier >= first])
+        paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
+        errors = measured_ahead(table, past, per_day) - past_paths
+        ahead, behind = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
+        out = np.empty((*paths.shape, len(levels)))
+        for i, origin in enumerate(origins):
+            own = np.flatnonzero(np.isin(past, earlier[i]))
+            now = origin * table.step_hours / 24.0
+            recent = (errors[own], behind.rows(own))
+            out[i] = paths[i][:, None] + intervals.offsets(ahead.rows(slice(i, i + 1)), levels, recent, now)
+        return out
+
+    def _both_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Paths from the origins and from earlier ones, in one go where that is not longer."""
+        earlier, tail = np.empty((len(past), n_past)), past < table.n_history
+        if tail.any():  # known rows that the estimator holds: forecast as those of a table of its own
+            earlier[tail] = self._forecast(table.replace(n_history=0), past[tail], n_past)
+        if n_leads > n_past or tail.all():
+            if not tail.all():
+                earlier[~tail] = self._forecast(table, past[~tail], n_past)
+            return np.asarray(self._forecast(table, origins, n_leads)), earlier
+        every, where = np.unique(np.concatenate([origins, past[~tail]]), return_inverse=True)
+        paths = np.asarray(self._forecast(table, every, n_past))[where]
+        earlier[~tail] = paths[len(origins) :]
+        return paths[: len(origins), :n_leads], earlier
+
+
+def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Quantiles as an array, (n_quantiles,) float64.
+
+    Raises
+    ------
+    ValueError
+        If there is none, one is not in (0, 1), or they do not increase.
+    """
+    levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
+        raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
+    return levels
+
+
+def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
+    """Names of the columns that hold quantiles: ``q_0.1`` ..."""
+    return [f"q_{level:g}" for level in levels]
+
+
+def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
+    """Leads, hours and days of the rows after each origin; a lead counts from the last measurement before it.
+
+    Parameters
+    ----------
+    table : ZoneTable
+    origins : ndarray of int, shape (n_origins,)
+        Rows; -1 for one before the first.
+    n_leads : int
+    """
+    measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
+    last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
+    seen = np.where(origins < 0, -rows_per_day(table.step), last[np.maximum(origins, 0)])
+    rows = target_rows(origins, n_leads)
+    slots = day_type_hour(table.time)[np.minimum(rows, table.n_rows - 1)]
+    return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
+
+
+def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) measurements of the rows after each origin; NaN where there is none."""
+    rows = target_rows(origins, n_leads)
+    if table.T_za is None:
+        return np.full(rows.shape, np.nan)
+    return np.where(rows < table.n_rows, table.T_za[np.minimum(rows, table.n_rows - 1)], np.nan)
+
+
+def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
+    """Intervals learned from errors on left-out parts of a training table, whose history is its target.
+
+    Raises
+    ------
+    ValueError
+        If the errors are too few.
+    """
+    return LeadIntervals().fit(left_out.errors, path_clock(table, left_out.origins, left_out.errors.shape[1]))
+
+
+def left_out_blocks(n_rows: int, per_day: int) -> list[tuple[int, int]]:
+    """First and last-but-one rows of blocks to leave out in turn: weeks, or thirds of a table that has fewer."""
+    n_blocks = max(_LEAST_BLOCKS, round(n_rows / (_DAYS_A_BLOCK * per_day)))
+    return list(pairwise(np.linspace(0, n_rows, n_blocks + 1).astype(int).tolist()))
+
+
+def block_origins(block: tuple[int, int], per_day: int) -> np.ndarray:
+    """Origins in a block, every third hour, at the same hours in every block."""
+    apart = max(1, per_day // _ORIGINS_A_DAY)
+    rows = np.arange(*block)
+    return rows[(rows % apart == 0) & (rows < block[1] - 1)]
+
+
+def left_out_errors(estimator: RollingForecastMixin, X: Any, y: Any) -> LeftOut:
+    """Errors of any rolling forecaster on weeks of its training table, each forecast by a clone that has not seen it.
+
+    The clones are fitted with ``y`` missing in their week, so that this costs a fit a week; estimators that can leave
+    a week out at less give such errors themselves.
+
+    Parameters
+    ----------
+    estimator : estimator
+        With ``predict_from``; need not be fitted.
+    X : DataFrame of shape (n_samples, n_features)
+        The training table, with ``T_za`` as history.
+    y : array-like of shape (n_samples,)
+        Measured values.
+
+    Returns
+    -------
+    LeftOut
+        Leads reach over the horizon, or one day.
+    """
+    target = np.array(y, dtype=np.float64)
+    found = []
+    per_day = _rows_a_day(estimator, X)
+    for block in left_out_blocks(len(target), per_day):
+        hidden = target.copy()
+        hidden[slice(*block)] = np.nan
+        origins = block_origins(block, per_day)
+        if not len(origins) or not np.isfinite(hidden).any():
+            continue
+        paths = clone(estimator).fit(X, hidden).predict_from(X, origins)
+        found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
+    return joined(found)
+
+
+def joined(found: Sequence[LeftOut]) -> LeftOut:
+    """The errors of several blocks as one."""
+    if not found:
+        return LeftOut(np.empty((0, 1)), np.empty(0, dtype=np.int64))
+    return LeftOut(np.concatenate([f.errors for f in found]), np.concatenate([f.origins for f in found]))
+
+
+def errors_inside(target: np.ndarray, origins: np.ndarray, paths: np.ndarray, end: int) -> np.ndarray:
+    """Errors of paths, NaN behind the end of their block, whose rows the forecaster was fitted on."""
+    rows = target_rows(origins, paths.shape[1])
+    return np.where(rows < end, target[np.minimum(rows, len(target) - 1)], np.nan) - paths
+
+
+def _rows_a_day(estimator: Any, X: Any) -> int:
+    """Steps of a day, from the time stamps of X or the estimator's ``sampling_time``."""
+    index = getattr(X, "index", None)
+    if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
+        return rows_per_day(index[1] - index[0])
+    return rows_per_day(pd.Timedelta(getattr(estimator, "sampling_time", None) or "15min"))
