@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from _energyplus import GAINS, N_STEPS, load_model, prepare, schedules_of, simulate, site
+from _energyplus import GAINS, N_STEPS, load_model, prepare, read_schedules, schedules_of, simulate, site
 
 DAY = 96
 N_DAYS = N_STEPS // DAY
@@ -84,8 +84,7 @@ def make_tables(building: Building) -> dict[str, pd.DataFrame]:
     document = prepare(load_model(building.model), weather_files[building.climate])
     names = schedules_of(document, building.zones)
     wanted = tuple(sorted(set().union(*names.values())))
-    base = simulate(document, building.climate, read_schedules=wanted)
-    reference = {name: base[f"schedule:{name}"].to_numpy() for name in wanted}
+    reference = read_schedules(document, building.climate, wanted)
     gains = occupy(building, {kind: names[kind] for kind in GAINS}, reference)
     plans = plan_setpoints(building, names["heat"], names["cool"], reference)
     volumes = dict.fromkeys(building.zones, 1.0) if len(building.zones) == 1 else _volumes(document, building.zones)

@@ -92,6 +92,16 @@ def prepare(document: dict, weather: str) -> dict:
     return kept
 
 
+def read_schedules(document: dict, weather: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Values of schedules over the year, (N_STEPS,) each, from a run without any building."""
+    kinds = ("Version", "Building", "GlobalGeometryRules", "Timestep", "RunPeriod", "Site:Location")
+    bare = {k: v for k, v in document.items() if k in kinds or k.startswith(("Schedule", "RunPeriodControl"))}
+    control = document["SimulationControl"]["control"]
+    bare["SimulationControl"] = {"control": {k: "No" if "sizing_calc" in k else v for k, v in control.items()}}
+    run = simulate(bare, weather, schedules=names)
+    return {name: run[f"schedule:{name}"].to_numpy() for name in names}
+
+
 def _weather_header(weather: str) -> dict[str, float]:
     """Site and design conditions (99.6 % heating, 0.4 % cooling) from the head of an EPW file."""
     with Path(weather).open(encoding="utf-8", newline="") as file:
@@ -153,7 +163,7 @@ def simulate(
     weather: str,
     zones: tuple[str, ...] = (),
     overrides: dict[str, np.ndarray] | None = None,
-    read_schedules: tuple[str, ...] = (),
+    schedules: tuple[str, ...] = (),
 ) -> pd.DataFrame:
     """Run the year, with ``overrides`` (schedule name -> (N_STEPS,) values) in the place of schedules.
 
@@ -165,7 +175,7 @@ def simulate(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.epJSON"
         path.write_text(json.dumps(document), encoding="utf-8")
-        recorder = _Recorder(document, zones, overrides or {}, read_schedules)
+        recorder = _Recorder(document, zones, overrides or {}, schedules)
         _engine(folder, path, weather_files[weather], [], recorder)
     return recorder.frame()
 
@@ -191,14 +201,14 @@ def _engine(folder, model, weather, options, recorder=None) -> None:
 class _Recorder:
     """Sets schedules at the start of each step of the year and reads variables at the end of each system step."""
 
-    def __init__(self, document, zones, overrides, read_schedules):
+    def __init__(self, document, zones, overrides, schedules):
         self.kinds = {
             name.upper(): kind for kind in document if kind.startswith("Schedule:") for name in document[kind]
         }
         self.overrides = overrides
         self.held = {key: (name, "Environment") for key, name in _SITE.items()}
         self.held |= {f"{key}:{zone}": (name, zone) for zone in zones for key, name in _HELD.items()}
-        self.held |= {f"schedule:{name}": ("Schedule Value", name) for name in read_schedules}
+        self.held |= {f"schedule:{name}": ("Schedule Value", name) for name in schedules}
         self.held |= {f"T:{zone}": ("Zone Air Temperature", zone) for zone in zones}
         self.averaged = {f"{key}:{zone}": (name, zone) for zone in zones for key, name in _AVERAGED.items()}
         self.values = np.full((N_STEPS, len(self.held)), np.nan)

@@ -48,7 +48,7 @@ def on_planes(
         return {name: np.zeros(0) for name in azimuths}
     sun = get_solarposition(stamps, place.latitude, place.longitude, method="ephemeris")
     zenith, azimuth = sun["zenith"].to_numpy(), sun["azimuth"].to_numpy()
-    day = stamps.dayofyear.to_numpy()
+    day = stamps.day_of_year.to_numpy()
     above = np.asarray(get_extra_radiation(day)) / _W_PER_KW
     light = split(ghi, dni, dhi, zenith, day, above)
     from_sky, from_ground = pane_diffuse() if place.glazing else (1.0, 1.0)
