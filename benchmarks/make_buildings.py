@@ -27,14 +27,17 @@ def _write(table: pd.DataFrame, path: Path, index: bool = True) -> None:
 
 
 def _make(building: Building, folder: Path) -> None:
-    paths = {control: folder / f"{building.name}_{control}.csv" for control in CONTROLS}
-    if all(path.is_file() for path in paths.values()):
+    missing = tuple(control for control in CONTROLS if not _path(folder, building, control).is_file())
+    if not missing:
         return
     begin = time.perf_counter()
-    tables = make_tables(building)
-    for control, table in tables.items():
-        _write(table, paths[control])
-    print(f"{building.name}: {time.perf_counter() - begin:.0f} s", flush=True)
+    for control, table in make_tables(building, missing):
+        _write(table, _path(folder, building, control))
+        print(f"{building.name}, {control}: {time.perf_counter() - begin:.0f} s since its start", flush=True)
+
+
+def _path(folder: Path, building: Building, control: str) -> Path:
+    return folder / f"{building.name}_{control}.csv"
 
 
 def _meta(buildings: list[Building]) -> pd.DataFrame:
@@ -67,7 +70,7 @@ def main() -> None:
         for building in members:
             if args.only is None or building.name in args.only:
                 _make(building, folder)
-        made = [b for b in members if all((folder / f"{b.name}_{c}.csv").is_file() for c in CONTROLS)]
+        made = [b for b in members if all(_path(folder, b, c).is_file() for c in CONTROLS)]
         if made:
             _write(_meta(made), folder / "meta.csv", index=False)
 
