@@ -1,5 +1,7 @@
 """``FacadeIrradiance``: against pvlib by hand, symmetry of the sun's day, energy, night, time zones, pipelines."""
 
+import doctest
+
 import numpy as np
 import pandas as pd
 import pvlib
@@ -9,6 +11,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skhybrid import GrayBoxRC, persistence
+from skhybrid.datasets import load_small_office
 from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
 
 CHICAGO = {"latitude": 41.98, "longitude": -87.92}
@@ -98,6 +101,18 @@ def test_what_is_not_logged_follows_from_the_balance(given):
     rows = height > np.sin(np.radians(3.1))
     assert rows.sum() > 50
     np.testing.assert_allclose(one[FACADES][rows], both[FACADES][rows], atol=1e-12)
+
+
+def test_global_irradiance_alone_comes_near_to_what_all_three_say():
+    """Four months of EnergyPlus weather, which has direct and diffuse: the figures that the user guide quotes."""
+    office = load_small_office("irregular")
+    log = office.X[["q_sol"]].join(office.frame[["dni", "dhi"]])
+    logged = FacadeIrradiance(**CHICAGO, dni="dni", dhi="dhi").fit_transform(log)[FACADES]
+    modelled = FacadeIrradiance(**CHICAGO).fit_transform(log[["q_sol"]])[FACADES]
+    day = log["q_sol"] > 0
+    rms = np.sqrt(((modelled - logged)[day] ** 2).mean())
+    np.testing.assert_allclose(rms, [0.028, 0.033, 0.043, 0.014], atol=0.002)
+    np.testing.assert_allclose(logged[day].mean(), [0.157, 0.232, 0.144, 0.088], atol=0.002)
 
 
 def test_east_in_the_morning_is_west_in_the_afternoon():
@@ -218,3 +233,8 @@ def test_a_pipeline_feeds_an_estimator_and_is_saved(sky, tmp_path):
     assert np.isfinite(predicted).all()
     persistence.save_model(pipeline, tmp_path / "model.skh")
     np.testing.assert_array_equal(persistence.load_model(tmp_path / "model.skh").predict(log), predicted)
+
+
+def test_the_example_of_the_docstring_runs():
+    (example,) = doctest.DocTestFinder(recurse=False).find(FacadeIrradiance)
+    assert doctest.DocTestRunner().run(example) == (0, len(example.examples))

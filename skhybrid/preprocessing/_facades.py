@@ -76,10 +76,9 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
     --------
     >>> import pandas as pd
     >>> from skhybrid.preprocessing import FacadeIrradiance
-    >>> noon = pd.DataFrame({"q_sol": [0.4]}, index=pd.to_datetime(["2024-03-20 11:52:30+00:00"]))
-    >>> FacadeIrradiance(latitude=51.5, longitude=0.0).fit_transform(noon).round(2)
-                               q_sol  q_sol_east  q_sol_south  q_sol_west  q_sol_north
-    2024-03-20 11:52:30+00:00    0.4         0.0          0.0         0.0          0.0
+    >>> log = pd.DataFrame({"q_sol": [0.4]}, index=pd.to_datetime(["2024-03-20 09:00+00:00"]))
+    >>> FacadeIrradiance(latitude=51.5, longitude=0.0, sampling_time="1h").fit_transform(log).iloc[0].round(2).to_dict()
+    {'q_sol': 0.4, 'q_sol_east': 0.41, 'q_sol_south': 0.39, 'q_sol_west': 0.12, 'q_sol_north': 0.12}
     """
 
     def __init__(
