@@ -32,6 +32,8 @@ _HELD = {
     "set_heat": "Zone Thermostat Heating Setpoint Temperature",
     "set_cool": "Zone Thermostat Cooling Setpoint Temperature",
 }
+#: a zone in which nobody works has no such variable: nobody is there.
+_MAY_BE_ABSENT = ("Zone People Occupant Count",)
 _AVERAGED = {"heating": "Zone Air System Sensible Heating Rate", "cooling": "Zone Air System Sensible Cooling Rate"}
 _SITE = {
     "T_out": "Site Outdoor Air Drybulb Temperature",
@@ -243,7 +245,7 @@ class _Recorder:
     def _find(self, state) -> None:
         def variable(name, key):
             handle = self.exchange.get_variable_handle(state, name, key)
-            if handle < 0:
+            if handle < 0 and name not in _MAY_BE_ABSENT:
                 raise RuntimeError(f"EnergyPlus has no variable {name!r} for {key!r}")
             return handle
 
@@ -275,7 +277,7 @@ class _Recorder:
             return
         row, hours = self._row(state), self.exchange.system_time_step(state)
         read = self.exchange.get_variable_value
-        self.values[row] = [read(state, handle) for handle in self.handles[0]]
+        self.values[row] = [read(state, handle) if handle >= 0 else 0.0 for handle in self.handles[0]]
         self.means[row] += [hours * read(state, handle) for handle in self.handles[1]]
         self.hours[row] += hours
 

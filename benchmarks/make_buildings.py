@@ -10,6 +10,7 @@ spans of training and test.  Files that are there are not made again; a file is 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import time
 from pathlib import Path
 
@@ -63,6 +64,8 @@ def main() -> None:
     parser.add_argument("--group", choices=("dev", "held"))
     parser.add_argument("--only", nargs="+", choices=[b.name for b in BUILDINGS])
     args = parser.parse_args()
+    if importlib.util.find_spec("pyenergyplus") is None:
+        parser.exit(1, "make_buildings.py needs EnergyPlus: pip install pyenergyplus-lbnl\n")
     for group in ("dev", "held") if args.group is None else (args.group,):
         members = [b for b in BUILDINGS if b.held_out == (group == "held")]
         folder = args.out / group
