@@ -60,7 +60,9 @@ def prepare(document: dict, weather: str) -> dict:
 
     The programs of the prototypes shift set-points (optimum start) and dim lights; here both come from the schedules.
     """
-    dropped = ("Output:", "EnergyManagementSystem:", "RunPeriodControl:DaylightSavingTime", "UtilityCost:")
+    # the transformer only counts electricity, and its meters point at what the programs report
+    meters = ("Output:", "UtilityCost:", "Meter:Custom", "ElectricLoadCenter:Transformer")
+    dropped = (*meters, "EnergyManagementSystem:", "RunPeriodControl:DaylightSavingTime")
     kept = {kind: value for kind, value in document.items() if not kind.startswith(dropped)}
     kept["Timestep"] = {"Timestep 1": {"number_of_timesteps_per_hour": STEPS_PER_HOUR}}
     kept["RunPeriod"] = {
