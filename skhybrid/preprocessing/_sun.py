@@ -1,0 +1,103 @@
+"""Irradiance on vertical planes from irradiance on the horizontal: arrays in, arrays out, everything in kW/m2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+#: zenith angle [deg] of the lowest sun whose direct irradiance can be told from global and diffuse.
+LOWEST_SUN = 87.0
+_W_PER_KW = 1000.0
+
+
+class Place(NamedTuple):
+    """Where the planes stand, and what ground and panes do to light."""
+
+    latitude: float  # [deg] north
+    longitude: float  # [deg] east
+    albedo: float  # [-]
+    glazing: bool  # whether to weigh by the angle of incidence on a pane
+
+
+class Light(NamedTuple):
+    """Irradiance [kW/m2], each of shape (n,)."""
+
+    direct: np.ndarray  # on a plane that faces the sun
+    diffuse: np.ndarray  # from the sky, on the horizontal
+    total: np.ndarray  # on the horizontal
+
+
+def on_planes(
+    stamps: pd.DatetimeIndex,
+    ghi: np.ndarray,
+    dni: np.ndarray | None,
+    dhi: np.ndarray | None,
+    azimuths: Mapping[str, float],
+    place: Place,
+) -> dict[str, np.ndarray]:
+    """Irradiance on the vertical plane of each azimuth [deg from north], (n,), with the sun of ``stamps``."""
+    from pvlib.iam import physical
+    from pvlib.irradiance import aoi, get_extra_radiation
+    from pvlib.solarposition import get_solarposition
+
+    if not len(stamps):
+        return {name: np.zeros(0) for name in azimuths}
+    sun = get_solarposition(stamps, place.latitude, place.longitude, method="ephemeris")
+    zenith, azimuth = sun["zenith"].to_numpy(), sun["azimuth"].to_numpy()
+    day = stamps.day_of_year.to_numpy()
+    above = np.asarray(get_extra_radiation(day)) / _W_PER_KW
+    light = split(ghi, dni, dhi, zenith, day, above)
+    from_sky, from_ground = pane_diffuse() if place.glazing else (1.0, 1.0)
+    # a vertical plane sees half of an isotropic sky, and half of the ground
+    scattered = 0.5 * light.diffuse * from_sky + 0.5 * place.albedo * light.total * from_ground
+    planes = {}
+    for name, facing in azimuths.items():
+        incidence = np.asarray(aoi(90.0, facing, zenith, azimuth))
+        facing_sun = np.cos(np.radians(incidence)).clip(0.0)
+        through = np.asarray(physical(incidence)) if place.glazing else 1.0
+        planes[name] = scattered + light.direct * facing_sun * through
+    return planes
+
+
+def split(
+    ghi: np.ndarray,
+    dni: np.ndarray | None,
+    dhi: np.ndarray | None,
+    zenith: np.ndarray,
+    day: np.ndarray,
+    above: np.ndarray,
+) -> Light:
+    """Direct, diffuse and global irradiance, what is not given from what is.
+
+    ``zenith`` of the sun [deg], ``day`` of the year, ``above`` the irradiance above the atmosphere [kW/m2], which no
+    direct irradiance exceeds.  Negative readings count as zero; NaN stays.
+    """
+    from pvlib.irradiance import erbs
+
+    total = ghi.clip(0.0)
+    height = np.cos(np.radians(zenith)).clip(0.0)
+    if dni is not None:
+        direct = dni.clip(0.0) * (zenith < 90.0)
+        return Light(direct, (total - direct * height).clip(0.0) if dhi is None else dhi.clip(0.0), total)
+    if dhi is not None:
+        diffuse = dhi.clip(0.0)
+    else:
+        diffuse = np.asarray(erbs(total * _W_PER_KW, zenith, day, max_zenith=LOWEST_SUN)["dhi"]) / _W_PER_KW
+    # dividing by the sine of a low sun would turn a few watts of error into hundreds
+    high = zenith <= LOWEST_SUN
+    beam = (total - diffuse).clip(0.0) / np.where(high, height, 1.0)
+    direct = np.where(high, np.minimum(beam, above), 0.0)
+    return Light(direct, diffuse if dhi is not None else total - direct * height, total)
+
+
+@cache
+def pane_diffuse() -> tuple[float, float]:
+    """Share of diffuse light from sky and from ground that passes a vertical pane, relative to normal incidence."""
+    from pvlib.iam import marion_diffuse
+
+    shares = marion_diffuse("physical", 90.0)
+    return float(shares["sky"]), float(shares["ground"])

@@ -1,0 +1,226 @@
+"""The makers of EnergyPlus years (``benchmarks/make_buildings.py``): draws, plans, spans, files; runs no EnergyPlus."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+if not BENCHMARKS.is_dir():
+    pytest.skip("benchmarks/ is not beside the tests", allow_module_level=True)
+DAYS = 365
+
+
+@pytest.fixture
+def makers(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    yield tuple(importlib.import_module(name) for name in ("_buildings", "_energyplus", "make_buildings"))
+    for name in ("_buildings", "_energyplus", "make_buildings"):
+        sys.modules.pop(name, None)
+
+
+def _workday(low, high, first=8, last=18):
+    """A schedule: ``high`` on weekdays from ``first`` to ``last`` [h], else ``low``; 1 January is a Monday."""
+    days = np.full((DAYS, 96), float(low))
+    for day in range(DAYS):
+        if day % 7 < 5:
+            days[day, first * 4 : last * 4] = high
+    return days.ravel()
+
+
+def _building(makers, use="office", seed=1):
+    return makers[0].Building("b", "small_office", "usa_il_chicago", ("Core_ZN",), use, seed)
+
+
+GAINS = {"People": {"occ"}, "Lights": {"light"}, "ElectricEquipment": {"plug"}, "GasEquipment": set()}
+
+
+@pytest.mark.parametrize("use", ["office", "school", "shop", "restaurant", "home"])
+def test_occupancy_is_irregular_seeded_and_bounded(makers, use):
+    reference = {"occ": _workday(0, 0.95), "light": _workday(0.05, 0.9), "plug": _workday(0.4, 0.9)}
+    drawn = makers[0].occupy(_building(makers, use), GAINS, reference)
+    again = makers[0].occupy(_building(makers, use), GAINS, reference)
+    other = makers[0].occupy(_building(makers, use, seed=2), GAINS, reference)
+    for name, values in drawn.items():
+        np.testing.assert_array_equal(values, again[name])
+        assert np.abs(values - other[name]).max() > 0.1
+        assert values.shape == (DAYS * 96,)
+        assert (values >= 0).all()
+        assert (values <= 2).all()
+    people = drawn["occ"].reshape(DAYS, 96)
+    # nobody in the dead of night, nor on the week-ends that the reference leaves empty
+    assert (people[:, :12] == 0).all()
+    assert (people[5::7] == 0).all()
+    mondays = people[0::7, 40:60].mean(axis=1)
+    assert mondays.std() > 0.05 * mondays.mean()
+    # lights and stand-by never fall below what runs day and night
+    assert drawn["light"].min() == pytest.approx(0.05)
+    assert drawn["plug"].min() == pytest.approx(0.4)
+
+
+def test_warped_days_begin_later_and_end_earlier_as_drawn(makers):
+    days = _workday(0, 1)[:96].reshape(1, 96)
+    (late,) = makers[0]._warp(days, np.array([[1.0, -2.0]]))
+    hours = (np.arange(96) + 0.5) / 4
+    present = hours[late > 0.5]
+    assert present[0] == pytest.approx(9.125, abs=0.26)
+    assert present[-1] == pytest.approx(15.875, abs=0.26)
+
+
+def test_shifted_setpoints_are_new_every_day_and_keep_a_dead_band(makers):
+    reference = {"h": _workday(15.6, 21.0, 6, 22), "c": _workday(26.7, 24.0, 6, 22)}
+    plan = makers[0].plan_setpoints(_building(makers), {"h"}, {"c"}, reference)
+    assert (plan["c"] - plan["h"]).min() >= 1.5 - 1e-12
+    noon = plan["h"].reshape(DAYS, 96)[:, 60]
+    assert len(np.unique(noon.round(6))) > 0.9 * DAYS
+    # heating starts up to three hours early, and never later than in the reference
+    weekdays = np.flatnonzero(np.arange(DAYS) % 7 < 5)
+    starts = np.array([_first_rise(plan["h"].reshape(DAYS, 96)[d]) for d in weekdays])
+    assert starts.min() == 24 - 12
+    assert np.mean(starts <= 24) > 0.95
+    assert 13.0 < plan["h"].min() < plan["h"].max() < 24.0
+
+
+def _first_rise(day):
+    """Row of the first rise of a day."""
+    rises = np.flatnonzero(np.diff(day) > 1e-9)
+    return int(rises[0]) + 1 if len(rises) else -1
+
+
+def test_a_model_without_setback_gets_one_on_some_nights(makers):
+    flat = {"h": np.full(DAYS * 96, 21.0), "c": np.full(DAYS * 96, 24.0)}
+    nights = makers[0].plan_setpoints(_building(makers), {"h"}, {"c"}, flat)["h"].reshape(DAYS, 96)
+    depth = nights[:, 28] - nights[:, 8]  # 7 h against 2 h; events begin at 6 h at the earliest
+    assert 0.3 < np.mean(depth > 0.9) < 0.7
+    programmed = makers[0].programme_home({"h"}, {"c"}, flat)
+    for day, hour, heat, cool in ((0, 3, 19.0, 24.0), (0, 12, 19.5, 25.5), (5, 12, 21.0, 24.0), (0, 20, 21.0, 24.0)):
+        row = day * 96 + hour * 4
+        assert (programmed["h"][row], programmed["c"][row]) == (heat, cool)
+
+
+def test_spans_are_apart_and_give_150_origins_a_building(makers):
+    buildings = makers[0]
+    held = [b for b in buildings.BUILDINGS if b.held_out]
+    dev = [b for b in buildings.BUILDINGS if not b.held_out]
+    assert len(held) >= 4
+    assert len(dev) >= 4
+    for field in ("name", "seed", "climate"):
+        assert not {getattr(b, field) for b in held} & {getattr(b, field) for b in dev}
+    assert len({b.name for b in buildings.BUILDINGS}) == len(buildings.BUILDINGS)
+    for building in buildings.BUILDINGS:
+        origins = 0
+        for season in building.seasons:
+            first, last, begin, end = map(pd.Timestamp, buildings.SEASONS[season])
+            assert last - first == pd.Timedelta("41D")  # the last day counts too: six weeks
+            assert begin - last >= pd.Timedelta("7D")
+            origins += int((end - begin) / pd.Timedelta("25h")) + 1
+        assert origins >= 150
+
+
+def test_area_of_floors(makers):
+    corners = [(0, 0), (4, 0), (4, 3), (0, 3)]
+    floor = {
+        "zone_name": "A",
+        "surface_type": "Floor",
+        "vertices": [
+            {"vertex_x_coordinate": x, "vertex_y_coordinate": y, "vertex_z_coordinate": 2.7} for x, y in corners
+        ],
+    }
+    surfaces = {"1": floor, "2": {**floor, "zone_name": "B"}, "3": {**floor, "surface_type": "Wall"}}
+    area = makers[0]._volumes({"BuildingSurface:Detailed": surfaces}, ("A",))
+    assert area == {"A": pytest.approx(12.0)}
+
+
+def test_a_file_is_whole_or_absent_and_made_once(makers, tmp_path, monkeypatch):
+    _, _, make = makers
+    asked = []
+    table = pd.DataFrame({"T_in_degC": [1.0]}, index=pd.DatetimeIndex(["2018-01-01 00:15"]).tz_localize("-06:00"))
+
+    def tables(building, controls):
+        asked.append(controls)
+        yield controls[0], table
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        yield from ((control, table) for control in controls[1:])
+
+    monkeypatch.setattr(make, "make_tables", tables)
+    with pytest.raises(KeyboardInterrupt):
+        make._make(_building(makers), tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["b_irregular.csv"]
+    make._make(_building(makers), tmp_path)
+    make._make(_building(makers), tmp_path)
+    assert asked == [("irregular", "shifted"), ("shifted",)]
+    assert (tmp_path / "b_shifted.csv").read_text().splitlines() == [
+        "timestamp,T_in_degC",
+        "2018-01-01T00:15:00-06:00,1.0",
+    ]
+
+
+class _Exchange:
+    """As much of EnergyPlus as the recorder asks for: one step of two system steps, of 5 and of 10 minutes."""
+
+    def __init__(self):
+        self.minutes, self.set = 5, {}
+
+    def api_data_fully_ready(self, state):
+        return True
+
+    def kind_of_sim(self, state):
+        return 3
+
+    def warmup_flag(self, state):
+        return False
+
+    def day_of_year(self, state):
+        return 2
+
+    def hour(self, state):
+        return 1
+
+    def zone_time_step_number(self, state):
+        return 3
+
+    def system_time_step(self, state):
+        return self.minutes / 60
+
+    def request_variable(self, state, name, key):
+        pass
+
+    def get_variable_handle(self, state, name, key):
+        return {"Zone Air Temperature": 1, "Zone Air System Sensible Heating Rate": 2}.get(
+            name, -1 if "People" in name else 3
+        )
+
+    def get_actuator_handle(self, state, kind, what, name):
+        assert (kind, what) == ("Schedule:Compact", "Schedule Value")
+        return 7
+
+    def set_actuator_value(self, state, handle, value):
+        self.set[handle] = value
+
+    def get_variable_value(self, state, handle):
+        return {1: 20.0 + self.minutes, 2: 100.0 * self.minutes, 3: 1.0}[handle]
+
+
+def test_the_recorder_averages_power_and_keeps_the_last_temperature(makers):
+    energyplus = makers[1]
+    values = np.arange(energyplus.N_STEPS, dtype=float)
+    recorder = energyplus._Recorder({"Schedule:Compact": {"Occ": {}}}, ("Z",), {"OCC": values}, ())
+    recorder.exchange = exchange = _Exchange()
+    recorder._guard(recorder._set)(None)
+    row = 96 + 4 + 2
+    assert exchange.set == {7: row}
+    for exchange.minutes in (5, 10):
+        recorder._guard(recorder._read)(None)
+    assert recorder.error is None
+    assert recorder.hours[row] == pytest.approx(0.25)
+    held = dict(zip(recorder.held, recorder.values[row], strict=True))
+    assert held["T:Z"] == 30.0
+    assert held["people:Z"] == 0.0
+    mean = recorder.means[row, list(recorder.averaged).index("heating:Z")] / 0.25
+    assert mean == pytest.approx((5 * 500 + 10 * 1000) / 15)
+    with pytest.raises(RuntimeError, match="left out steps"):
+        recorder.frame()
