@@ -24,9 +24,12 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F.selu, "gelu": F.gelu}
-#: A vector register's worth of numbers, twice: what is left over at the end of a tensor is computed one by one, with
-#: other last bits, so that no member may begin in the middle.
+#: Windows of a batch come in multiples of this, two vector registers' worth of numbers: what is left over at the end of
+#: a tensor is computed one by one, with other last bits, so that no member may begin in the middle of a register.
 ALIGNMENT = 32
+#: Hidden and output widths are stored in multiples of this.  BLAS gives other last bits where a member's product begins
+#: at an odd address, or has a single column.  The weights of the filling are 0, and so are their gradients.
+_FILLED = 4
 _GATES = {"rnn": 1, "lstm": 4}
 
 
@@ -57,19 +60,33 @@ class _Layer(NamedTuple):
     """Weights of one layer of one member."""
 
     name: str
-    weight: tuple[int, ...]
-    n_out: int
+    shape: tuple[int, ...]  # of the weight, as stored
     fan_in: int  # what torch's own default draws by
+    rows: Tensor  # which inputs and outputs of a dense layer are no filling, bool
+    columns: Tensor
 
 
-def _dense(name: str, n_in: int, n_out: int, fan_in: int | None = None) -> _Layer:
-    return _Layer(name, (n_in, n_out), n_out, max(n_in if fan_in is None else fan_in, 1))
+def _live(*widths: int) -> Tensor:
+    """Which numbers of filled vectors, one behind the other, are no filling."""
+    return torch.cat([torch.arange(-(-width // _FILLED) * _FILLED) < width for width in widths])
+
+
+def _every(width: int) -> Tensor:
+    return torch.ones(width, dtype=torch.bool)
+
+
+def _dense(name: str, rows: Tensor, columns: Tensor, fan_in: int | None = None) -> _Layer:
+    n_in = int(rows.sum()) if fan_in is None else fan_in
+    return _Layer(name, (len(rows), len(columns)), max(n_in, 1), rows, columns)
 
 
 def _mlp_layers(spec: NetworkSpec) -> list[_Layer]:
-    widths = [spec.flat_width, *[spec.hidden_size] * spec.n_layers]
-    hidden = [_dense(f"hidden{i}", widths[i], widths[i + 1]) for i in range(spec.n_layers)]
-    return [*hidden, _dense("out", spec.hidden_size, spec.n_leads)]
+    hidden = _live(spec.hidden_size)
+    inputs = [_every(spec.flat_width), *[hidden] * spec.n_layers]
+    return [
+        *(_dense(f"hidden{i}", inputs[i], hidden) for i in range(spec.n_layers)),
+        _dense("out", hidden, _live(spec.n_leads)),
+    ]
 
 
 def _pooled(length: int, spec: NetworkSpec) -> int:
@@ -82,22 +99,24 @@ def _cnn_layers(spec: NetworkSpec) -> list[_Layer]:
     layers, length, channels = [], spec.flat_width, 1
     for i in range(spec.n_layers + 1):
         shape = (spec.n_channels, channels, spec.filter_size)
-        layers.append(_Layer(f"conv{i}", shape, spec.n_channels, channels * spec.filter_size))
+        layers.append(_Layer(f"conv{i}", shape, channels * spec.filter_size, _every(0), _every(spec.n_channels)))
         length = _pooled(length + 2 * (spec.filter_size // 2) - spec.filter_size + 1, spec)
         channels = spec.n_channels
-    return layers + _head_layers(length * channels, spec.n_leads, spec)
+    return layers + _head_layers(_every(length * channels), spec.n_leads, spec)
 
 
 def _recurrent_layers(spec: NetworkSpec) -> list[_Layer]:
-    n, n_gates = spec.hidden_size, _GATES[spec.kind] * spec.hidden_size
-    widths = [spec.n_past_columns + spec.reads_zeta, *[n] * (spec.n_layers - 1)]
-    # the rows of a weight: inputs, then the layer's own hidden state
-    cells = [_dense(f"cell{i}", width + n, n_gates, fan_in=n) for i, width in enumerate(widths)]
-    return cells + _head_layers(n, 1, spec)
+    n = spec.hidden_size
+    gates = _live(*[n] * _GATES[spec.kind])
+    below = [_every(spec.n_past_columns + spec.reads_zeta), *[_live(n)] * (spec.n_layers - 1)]
+    # the rows of a weight: what comes from below, then the layer's own hidden state
+    cells = [_dense(f"cell{i}", torch.cat([rows, _live(n)]), gates, fan_in=n) for i, rows in enumerate(below)]
+    return cells + _head_layers(_live(n), 1, spec)
 
 
-def _head_layers(n_in: int, n_out: int, spec: NetworkSpec) -> list[_Layer]:
-    return [_dense("hidden", n_in, spec.hidden_size), _dense("out", spec.hidden_size, n_out)]
+def _head_layers(rows: Tensor, n_out: int, spec: NetworkSpec) -> list[_Layer]:
+    hidden = _live(spec.hidden_size)
+    return [_dense("hidden", rows, hidden), _dense("out", hidden, _live(n_out))]
 
 
 _LAYERS = {"mlp": _mlp_layers, "cnn": _cnn_layers, "rnn": _recurrent_layers, "lstm": _recurrent_layers}
@@ -131,7 +150,8 @@ class NetworkStack(nn.Module):
         self.generators = list(generators)
         self.members = list(range(len(self.generators)))
         self.layers = _LAYERS[spec.kind](spec)
-        sizes = [torch.Size(shape).numel() for layer in self.layers for shape in (layer.weight, (layer.n_out,))]
+        self._width = len(_live(spec.hidden_size))
+        sizes = [torch.Size(shape).numel() for layer in self.layers for shape in (layer.shape, layer.columns.shape)]
         self._sizes = [-(-size // ALIGNMENT) * ALIGNMENT for size in sizes]
         self.flat = nn.Parameter(torch.zeros(len(self.generators), sum(self._sizes)))
         self._initialise(corrects)
@@ -143,17 +163,24 @@ class NetworkStack(nn.Module):
         weights = self.weights()
         for layer in self.layers[:-1] if corrects else self.layers:
             bound = layer.fan_in**-0.5
-            for part in ("weight", "bias"):
+            live = _every(1) if layer.name.startswith("conv") else layer.rows[:, None] & layer.columns
+            for part, where in (("weight", live), ("bias", layer.columns)):
                 for member, generator in zip(weights[f"{layer.name}.{part}"], self.generators, strict=True):
-                    member.uniform_(-bound, bound, generator=generator)
+                    member.uniform_(-bound, bound, generator=generator).mul_(where)
 
     def weights(self) -> dict[str, Tensor]:
-        """Views of the weights by name: ``<layer>.weight`` (n_members, n_in, n_out), of a convolution (n_members,
-        n_out, n_in, width), and ``<layer>.bias`` (n_members, n_out)."""
+        """Views of the weights by name.
+
+        Returns
+        -------
+        dict of str to Tensor
+            ``<layer>.weight`` (n_members, n_in, n_out), of a convolution (n_members, n_out, n_in, width), and
+            ``<layer>.bias`` (n_members, n_out), with the filling.
+        """
         pieces = iter(self.flat.split(self._sizes, dim=1))
         named = {}
         for layer in self.layers:
-            for part, shape in (("weight", layer.weight), ("bias", (layer.n_out,))):
+            for part, shape in (("weight", layer.shape), ("bias", layer.columns.shape)):
                 piece = next(pieces)[:, : torch.Size(shape).numel()]
                 named[f"{layer.name}.{part}"] = piece.unflatten(1, shape)
         return named
@@ -180,7 +207,7 @@ class NetworkStack(nn.Module):
         parts = [zeta[..., 1:]] if self.spec.reads_zeta else []
         psi = torch.cat([*parts, past.flatten(2), future.flatten(2)], dim=2)
         body = self._mlp if self.spec.kind == "mlp" else self._cnn
-        return base + body(weights, psi)
+        return base + body(weights, psi)[..., : self.spec.n_leads]
 
     def _phi(self, z: Tensor) -> Tensor:
         return _ACTIVATIONS[self.spec.activation](z)
@@ -204,7 +231,7 @@ class NetworkStack(nn.Module):
         """Eq. MLP."""
         z = psi
         for i in range(self.spec.n_layers):
-            z = self._hidden(weights, f"hidden{i}", z, self._mask(z.shape[1], self.spec.hidden_size))
+            z = self._hidden(weights, f"hidden{i}", z, self._mask(z.shape[1], self._width))
         return _linear(weights, "out", z)
 
     def _cnn(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
@@ -221,7 +248,7 @@ class NetworkStack(nn.Module):
                 z = self._phi(z)
             flattened.append(z.flatten(1))
         z = torch.stack(flattened)
-        return self._head(weights, z, self._mask(z.shape[1], self.spec.hidden_size))
+        return self._head(weights, z, self._mask(z.shape[1], self._width))
 
     def _head(self, weights: dict[str, Tensor], z: Tensor, mask: Tensor | None) -> Tensor:
         """``W_xi dropout(phi(W z + b)) + b_xi``, with which CNN, RNN and LSTM end."""
@@ -234,10 +261,10 @@ class NetworkStack(nn.Module):
         """
         reads, n_leads = self.spec.reads_zeta, base.shape[2]
         states = self._encode(weights, _steps(zeta[..., :-1] if reads else None, past))
-        own = weights["cell0.weight"][:, :1], weights["cell0.weight"][:, -self.spec.hidden_size :]
+        own = weights["cell0.weight"][:, :1], weights["cell0.weight"][:, -self._width :]
         recur = torch.cat(own, dim=1) if reads else own[1]
         driven = _sequence(_steps(None, future), weights["cell0.weight"][:, int(reads) :], weights["cell0.bias"])
-        mask = self._mask(n_leads, base.shape[1], self.spec.hidden_size)
+        mask = self._mask(n_leads, base.shape[1], self._width)
         masks = [None] * n_leads if mask is None else mask.unbind(1)
         previous, outputs = zeta[..., -1:], []
         for lead, inputs in enumerate(driven):
@@ -246,7 +273,7 @@ class NetworkStack(nn.Module):
             for i in range(1, self.spec.n_layers):
                 fed = torch.cat([states[i - 1][0], states[i][0]], dim=2)
                 states[i] = self._cell(_linear(weights, f"cell{i}", fed), states[i][1])
-            previous = base[..., lead : lead + 1] + self._head(weights, states[-1][0], masks[lead])
+            previous = base[..., lead : lead + 1] + self._head(weights, states[-1][0], masks[lead])[..., :1]
             outputs.append(previous)
         return torch.cat(outputs, dim=2)
 
@@ -256,8 +283,8 @@ class NetworkStack(nn.Module):
         n_members, _, n_windows, _ = steps.shape
         for i in range(self.spec.n_layers):
             weight = weights[f"cell{i}.weight"]
-            recur = weight[:, -self.spec.hidden_size :]
-            h = c = steps.new_zeros(n_members, n_windows, self.spec.hidden_size)
+            recur = weight[:, -self._width :]
+            h = c = steps.new_zeros(n_members, n_windows, self._width)
             path = []
             for inputs in _sequence(steps, weight, weights[f"cell{i}.bias"]):
                 h, c = self._cell(torch.baddbmm(inputs, h, recur), c)
@@ -271,7 +298,7 @@ class NetworkStack(nn.Module):
         """(h, c) after a step: torch's documented RNN cell (tanh) or LSTM cell, gates in the order i, f, o, g."""
         if self.spec.kind == "rnn":
             return torch.tanh(gates), c
-        n = self.spec.hidden_size
+        n = self._width
         i, f, o = torch.sigmoid(gates[..., : 3 * n]).split(n, dim=2)
         c = torch.addcmul(f * c, i, torch.tanh(gates[..., 3 * n :]))
         return o * torch.tanh(c), c
