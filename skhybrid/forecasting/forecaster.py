@@ -184,6 +184,40 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     _tail: ZoneTable
 
+    @classmethod
+    def published(cls, model: str = "lstm", case: str | ModelCase = "case01", **changes: Any) -> Self:
+        """A network as the paper trains it (3.2, 3.3, 4.4), with our ruling on validation.
+
+        The network stands alone, its forecast is used whole, and of ten repeats, each of at most 1000 epochs with a
+        patience of 150, the one with the lowest error on one week is kept.  That week is the last of the four that
+        train, not one of the test data.  The paper states neither optimiser, learning rate, batch size, dropout share
+        nor how the time features are encoded: they are this class's defaults.
+
+        Parameters
+        ----------
+        model : {"mlp", "cnn", "rnn", "lstm"}, default "lstm"
+            Framework.
+        case : str or ModelCase, default "case01"
+            Features; the paper's choice is ``"DEEP_AR_LSTM_FORECAST-case01"``.
+        **changes : dict
+            Other parameters, such as ``random_state`` or those of the model size (:func:`list_sizes`).
+
+        Returns
+        -------
+        DisturbanceForecaster
+            Not fitted.
+
+        Examples
+        --------
+        >>> from skhybrid import DisturbanceForecaster
+        >>> forecaster = DisturbanceForecaster.published("lstm", random_state=0)
+        >>> forecaster.n_repeats, forecaster.residual_of
+        (10, None)
+        """
+        settings = {"residual_of": None, "n_repeats": 10, "repeats": "best", "validation_fraction": 0.25}
+        settings |= {"max_epochs": 1000, "patience": 150}
+        return cls(model, case, **settings | changes)
+
     # ------------------------------------------------------------------------------------------------------------ fit
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
@@ -406,5 +440,5 @@ def draw_seed(random_state: int | np.random.RandomState | None) -> int:
 
 def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:
     """A seed for each of several networks: the first is ``seed`` itself, so that one network is the first of ten."""
-    later = np.random.SeedSequence(seed).generate_state(n_repeats - 1) if n_repeats > 1 else []
-    return (seed, *(int(value) for value in later))
+    later = np.random.SeedSequence(seed).generate_state(n_repeats)
+    return (seed, *(int(value) for value in later[: n_repeats - 1]))

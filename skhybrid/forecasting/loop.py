@@ -164,7 +164,7 @@ class MemberStopping(Callback):
 
     def results(self, stack: NetworkStack) -> list[Trained]:
         """What each member became, from a stack of its shape."""
-        named = [{n: v.detach().clone() for n, v in _holding(stack, row).weights().items()} for row in self.flat_]
+        named = [{n: v[0].detach().clone() for n, v in _holding(stack, row).weights().items()} for row in self.flat_]
         best = np.where(np.isfinite(self.best_), self.best_, np.nan)
         return [Trained(*found) for found in zip(named, self.histories_, best.tolist(), strict=True)]
 
@@ -250,4 +250,3 @@ def train_stack(
     except _InterruptedError:
         raise KeyboardInterrupt from None
     return fitted.results(stack)
-

@@ -5,7 +5,7 @@ The validation block is the end of the training table, with a gap of one horizon
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -164,11 +164,10 @@ def _plan(job: TrainingJob) -> _Plan:
 
 def _spec_of(job: TrainingJob, n_past_columns: int, n_future_columns: int) -> NetworkSpec:
     settings, case = job.settings, job.settings.case_
-    names = ("n_layers", "hidden_size", "activation", "dropout")
-    sizes = {name: getattr(settings, name) for name in names}
-    names = ("n_channels", "filter_size", "pool_size")
-    # others do not read them: candidates that differ in nothing else are of equal shape
-    sizes |= {name: getattr(settings, name) if settings.model == "cnn" else 0 for name in names}
+    sizes = {name: getattr(settings, name) for name in ("n_layers", "hidden_size", "activation", "dropout")}
+    for name in ("n_channels", "filter_size", "pool_size"):
+        # others do not read them: candidates that differ in nothing else are of equal shape
+        sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
     return NetworkSpec(
         kind=settings.model,
         n_past=int(case.pattern_days) * rows_per_day(job.table.step),
