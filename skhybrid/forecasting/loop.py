@@ -86,20 +86,20 @@ class StackNet(NeuralNet):
         except KeyboardInterrupt:
             raise _InterruptedError from None
 
-    def train_step_single(self, batch: Batch, **fit_params: Any) -> dict[str, Tensor]:
-        """Loss and gradients of a batch, clipped member by member."""
-        self.module_.train()
+    def train_step(self, batch: Batch, **fit_params: Any) -> dict[str, Tensor]:
+        """One step of the optimiser, with gradients clipped member by member."""
+        self.optimizer_.zero_grad()
         losses = self._losses(batch)
         loss = losses.sum()
         loss.backward()
         gradient = self.module_.flat.grad
         norms = torch.linalg.vector_norm(gradient, dim=1, keepdim=True)
         gradient.mul_(torch.clamp(_MAX_NORM / (norms + 1e-6), max=1.0))
+        self.optimizer_.step()
         return {"loss": loss, "losses": losses.detach()}
 
     def validation_step(self, batch: Batch, **fit_params: Any) -> dict[str, Tensor]:
         """Loss of a batch."""
-        self.module_.eval()
         with torch.no_grad():
             losses = self._losses(batch)
         return {"loss": losses.sum(), "losses": losses}
@@ -107,16 +107,17 @@ class StackNet(NeuralNet):
     def _losses(self, batch: Batch) -> Tensor:
         """Mean squared error of the known targets, (n_members,)."""
         errors = (self.module_(**batch.inputs) - batch.target) * batch.known
-        return (errors * errors).flatten(1).sum(dim=1) / batch.known.flatten(1).sum(dim=1).clamp(min=1.0)
+        return (errors * errors).flatten(1).sum(dim=1) / batch.n_known.clamp(min=1.0)
 
     def run_single_epoch(self, iterator: Batches | None, training: bool, prefix: str, step_fn: Any, **_: Any) -> None:
         """One pass over the batches, which records each member's mean over them, weighted by their known targets."""
         if iterator is None:
             return
+        self.module_.train(training)
         losses, counts = [], []
         for batch in iterator:
             losses.append(step_fn(batch)["losses"])
-            counts.append(batch.known.flatten(1).sum(dim=1))
+            counts.append(batch.n_known)
         weights = torch.stack(counts)
         means = (torch.stack(losses) * weights).sum(dim=0) / weights.sum(dim=0).clamp(min=1.0)
         self.history.record(f"{prefix}_loss", means.tolist())

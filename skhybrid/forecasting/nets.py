@@ -151,8 +151,10 @@ class NetworkStack(nn.Module):
         self.members = list(range(len(self.generators)))
         self.layers = _LAYERS[spec.kind](spec)
         self._width = len(_live(spec.hidden_size))
-        sizes = [torch.Size(shape).numel() for layer in self.layers for shape in (layer.shape, layer.columns.shape)]
-        self._sizes = [-(-size // ALIGNMENT) * ALIGNMENT for size in sizes]
+        self._sizes: list[int] = []  # of each weight and of what fills it up
+        for layer in self.layers:
+            for size in (torch.Size(layer.shape).numel(), len(layer.columns)):
+                self._sizes += [size, -size % ALIGNMENT]
         self.flat = nn.Parameter(torch.zeros(len(self.generators), sum(self._sizes)))
         self._initialise(corrects)
 
@@ -177,12 +179,12 @@ class NetworkStack(nn.Module):
             ``<layer>.weight`` (n_members, n_in, n_out), of a convolution (n_members, n_out, n_in, width), and
             ``<layer>.bias`` (n_members, n_out), with the filling.
         """
-        pieces = iter(self.flat.split(self._sizes, dim=1))
+        pieces = self.flat.split(self._sizes, dim=1)[::2]
+        n = len(self.flat)
         named = {}
-        for layer in self.layers:
-            for part, shape in (("weight", layer.shape), ("bias", layer.columns.shape)):
-                piece = next(pieces)[:, : torch.Size(shape).numel()]
-                named[f"{layer.name}.{part}"] = piece.unflatten(1, shape)
+        for layer, weight, bias in zip(self.layers, pieces[::2], pieces[1::2], strict=True):
+            named[f"{layer.name}.weight"] = weight.view(n, *layer.shape)
+            named[f"{layer.name}.bias"] = bias
         return named
 
     @torch.no_grad()

@@ -22,6 +22,7 @@ class Batch(NamedTuple):
     inputs: dict[str, Tensor]  # (n_members, n_windows, ...)
     target: Tensor  # (n_members, n_windows, n_leads), 0 where unknown
     known: Tensor  # the same shape: 1 where the target is known and the window no filling
+    n_known: Tensor  # (n_members,)
 
 
 class Windows(torch.utils.data.Dataset):
@@ -53,13 +54,14 @@ class Windows(torch.utils.data.Dataset):
         n = order.shape[1]
         rows = self.chosen[torch.nn.functional.pad(order, (0, -n % ALIGNMENT), value=0)]
         if len(self.parts) == 1:
-            taken = {name: view[rows] for name, view in self.parts[0].items()}
+            flat = rows.flatten()
+            taken = {k: v.index_select(0, flat).unflatten(0, rows.shape) for k, v in self.parts[0].items()}
         else:
-            each = [{k: v[r] for k, v in self.parts[m].items()} for m, r in zip(members, rows, strict=True)]
-            taken = {name: torch.stack([part[name] for part in each]) for name in each[0]}
+            each = [(self.parts[member], row) for member, row in zip(members, rows, strict=True)]
+            taken = {k: torch.stack([part[k].index_select(0, row) for part, row in each]) for k in self.parts[0]}
         target, known = taken.pop("target"), taken.pop("known")
         known[:, n:] = 0.0
-        return Batch(taken, target, known)
+        return Batch(taken, target, known, known.flatten(1).sum(dim=1))
 
 
 def _laid_out(view: Tensor) -> Tensor:
@@ -74,6 +76,7 @@ class Batches:
         self.size = size
         self.stack = stack
         self.shuffled = shuffled
+        self._plain: tuple[list[int], list[Batch]] = ([], [])  # for which members, and their batches in the plain order
 
     def __len__(self) -> int:
         return -(-len(self.windows) // self.size)
@@ -81,9 +84,13 @@ class Batches:
     def __iter__(self) -> Iterator[Batch]:
         n, generators = len(self.windows), self.stack.generators
         if self.shuffled:
-            order = torch.stack([torch.randperm(n, generator=generator) for generator in generators])
-        else:
-            order = torch.arange(n).expand(len(generators), n)
+            yield from self._slices(torch.stack([torch.randperm(n, generator=g) for g in generators]))
+            return
+        if self._plain[0] != self.stack.members:
+            self._plain = (self.stack.members, list(self._slices(torch.arange(n).expand(len(generators), n))))
+        yield from self._plain[1]
+
+    def _slices(self, order: Tensor) -> Iterator[Batch]:
         for rows in order.split(self.size, dim=1):
             yield self.windows.take(rows, self.stack.members)
 
