@@ -4,7 +4,7 @@ Importing this loads neither torch nor skorch; a network loads them when it is f
 """
 
 from .arx import ARXRegressor
-from .cases import ModelCase, list_cases
+from .cases import ModelCase, list_cases, list_sizes
 from .forecaster import DisturbanceForecaster
 
-__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "list_cases"]
+__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "list_cases", "list_sizes"]

@@ -122,6 +122,23 @@ RECURRENT_CASES: Mapping[str, ModelCase] = _table(
     ]
 )
 
+_ACTIVATIONS = ("relu", "selu", "gelu")
+_RECURRENT_SIZES = {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 40, 60), "activation": _ACTIVATIONS}
+#: the model sizes of paper 3.2, by parameter of ``DisturbanceForecaster``.
+SIZES: Mapping[str, Mapping[str, tuple[int | str, ...]]] = {
+    "mlp": {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 50, 100), "activation": _ACTIVATIONS},
+    "cnn": {
+        "n_layers": (1, 2),
+        "hidden_size": (10, 50, 100),
+        "n_channels": (10, 50, 100),
+        "filter_size": (6, 12),
+        "pool_size": (0, 4),
+        "activation": _ACTIVATIONS,
+    },
+    "rnn": _RECURRENT_SIZES,
+    "lstm": _RECURRENT_SIZES,
+}
+
 #: the paper's long names, such as ``DEEP_AR_LSTM_FORECAST-case01``: framework, then case.
 _LONG_NAME = re.compile(r"[A-Z0-9_]*?(?:^|_)(MLP|CNN|RNN|LSTM)(?:_[A-Z0-9_]*)?-(case\d+)\Z")
 
@@ -201,3 +218,25 @@ def list_cases(model: str | None = None) -> pd.DataFrame:
     columns = [field.name for field in fields(ModelCase)]
     rows = [(m, *(getattr(case, c) for c in columns)) for m in names for case in cases_of(m).values()]
     return pd.DataFrame(rows, columns=["model", *columns])
+
+
+def list_sizes(model: str) -> dict[str, list[int | str]]:
+    """The model sizes that the paper tries (3.2), as a parameter grid.
+
+    Parameters
+    ----------
+    model : {"mlp", "cnn", "rnn", "lstm"}
+        The framework.
+
+    Returns
+    -------
+    dict of str to list
+        Values by parameter of :class:`DisturbanceForecaster`.
+
+    Raises
+    ------
+    ValueError
+        If the framework is unknown.
+    """
+    cases_of(model)
+    return {name: list(values) for name, values in SIZES[model].items()}

@@ -21,7 +21,8 @@ from .linear import FlatRegressor, LinearForecaster
 from .rivals import LastWeek, Persistence, WeeklyProfile
 
 if TYPE_CHECKING:
-    from .training import TrainedNetwork
+    from .trained import TrainedNetwork
+    from .training import TrainedJob
 
 BASELINES: dict[str, Any] = {
     "profile": WeeklyProfile,
@@ -93,15 +94,25 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Step of a table without time stamps; default 1 h.
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
+    n_repeats : int, default 1
+        How many networks are trained, from seeds that ``random_state`` gives; they are trained side by side, and each
+        is to the bit what it would be alone.
+    repeats : {"best", "mean"}, default "best"
+        What becomes of several: the one with the lowest validation error forecasts (paper 4.4, which chooses by the
+        test error), or the mean of all.
 
     Attributes
     ----------
     case_ : ModelCase
         The case of a network.
     history_ : list of dict
-        Epoch, ``train_loss`` and ``valid_loss`` (mean squared z-score) of a network; empty otherwise.
+        Epoch, ``train_loss`` and ``valid_loss`` (mean squared z-score) of a network, of several the one with the lowest
+        validation error; empty otherwise.
     n_epochs_ : int
-        How many epochs were run.
+        How many epochs it ran.
+    repeats_ : DataFrame
+        One row a network: ``seed``, ``n_epochs``, ``train_loss`` of its last epoch, ``valid_loss`` of the weights that
+        are kept, and whether it is ``used``.
     network_weight_ : float
         Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
         its standard error.  0 drops the network, also where the table was too short for a validation block, since
@@ -142,6 +153,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         origin_step: Any = None,
         sampling_time: Any = None,
         max_missing: float = 0.5,
+        n_repeats: int = 1,
+        repeats: str = "best",
     ) -> None:
         self.model = model
         self.case = case
@@ -166,8 +179,44 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.origin_step = origin_step
         self.sampling_time = sampling_time
         self.max_missing = max_missing
+        self.n_repeats = n_repeats
+        self.repeats = repeats
 
     _tail: ZoneTable
+
+    @classmethod
+    def published(cls, model: str = "lstm", case: str | ModelCase = "case01", **changes: Any) -> Self:
+        """A network as the paper trains it (3.2, 3.3, 4.4), with our ruling on validation.
+
+        The network stands alone, its forecast is used whole, and of ten repeats, each of at most 1000 epochs with a
+        patience of 150, the one with the lowest error on one week is kept.  That week is the last of the four that
+        train, not one of the test data.  The paper states neither optimiser, learning rate, batch size, dropout share
+        nor how the time features are encoded: they are this class's defaults.
+
+        Parameters
+        ----------
+        model : {"mlp", "cnn", "rnn", "lstm"}, default "lstm"
+            Framework.
+        case : str or ModelCase, default "case01"
+            Features; the paper's choice is ``"DEEP_AR_LSTM_FORECAST-case01"``.
+        **changes : dict
+            Other parameters, such as ``random_state`` or those of the model size (:func:`list_sizes`).
+
+        Returns
+        -------
+        DisturbanceForecaster
+            Not fitted.
+
+        Examples
+        --------
+        >>> from skhybrid import DisturbanceForecaster
+        >>> forecaster = DisturbanceForecaster.published("lstm", random_state=0)
+        >>> forecaster.n_repeats, forecaster.residual_of
+        (10, None)
+        """
+        settings = {"residual_of": None, "n_repeats": 10, "repeats": "best", "validation_fraction": 0.25}
+        settings |= {"max_epochs": 1000, "patience": 150}
+        return cls(model, case, **settings | changes)
 
     # ------------------------------------------------------------------------------------------------------------ fit
     @one_blas_thread
@@ -202,6 +251,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.sampling_time_ = table.step
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
+        self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "used"])
         self._network: TrainedNetwork | None = None
         seed = draw_seed(self.random_state)
         if self._is_network:
@@ -232,6 +282,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             ("activation", ACTIVATIONS),
             ("time_encoding", TIME_ENCODINGS),
             ("residual_of", (None, *BASELINES)),
+            ("repeats", ("best", "mean")),
         ):
             if getattr(self, name) not in choices:
                 shown = ", ".join(map(repr, choices))
@@ -240,7 +291,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _check_numbers(self) -> None:
         least = {"n_layers": 1, "hidden_size": 1, "n_channels": 1, "filter_size": 1, "pool_size": 0}
-        least |= {"max_epochs": 1, "patience": 1, "batch_size": 1}
+        least |= {"max_epochs": 1, "patience": 1, "batch_size": 1, "n_repeats": 1}
         for name, low in least.items():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
@@ -261,18 +312,21 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _fit_network(self, table: ZoneTable, target: np.ndarray, seed: int) -> None:
         """Train on what a baseline of the earlier rows leaves over; then fit that baseline on all rows."""
-        from .training import chronological_split, train_network  # torch loads here
+        from .training import TrainingJob, chronological_split, train_networks  # torch loads here
 
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early = slice(0, split.train_end)
-        known_early = np.isfinite(target[early]).any()
         base = None
-        if self.residual_of is not None and known_early:
+        if self.residual_of is not None and np.isfinite(target[early]).any():
             base = self._fit_baseline(self.residual_of, table.rows(early), target[early])
-        self._network = train_network(self, table, target, base, split, self._n_leads, seed)
-        self.history_, self.n_epochs_ = self._network.history, len(self._network.history)
-        self.network_weight_ = self._network.weight
+        job = TrainingJob(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
+        self._take(train_networks([job], self.verbose)[0])
         self._base = base if self.residual_of is None else self._fit_baseline(self.residual_of, table, target)
+
+    def _take(self, trained: TrainedJob) -> None:
+        self._network, self.network_weight_ = trained.network, trained.weight
+        self.history_, self.n_epochs_ = trained.history, len(trained.history)
+        self.repeats_ = trained.repeats
 
     # ----------------------------------------------------------------------------------------------------- prediction
     def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.Series:
@@ -382,3 +436,9 @@ def draw_seed(random_state: int | np.random.RandomState | None) -> int:
     if isinstance(random_state, int | np.integer):
         return int(random_state)
     return int(random_state.randint(2**31 - 1))
+
+
+def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:
+    """A seed for each of several networks: the first is ``seed`` itself, so that one network is the first of ten."""
+    later = np.random.SeedSequence(seed).generate_state(n_repeats)
+    return (seed, *(int(value) for value in later[: n_repeats - 1]))

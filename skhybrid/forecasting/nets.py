@@ -1,25 +1,36 @@
-"""The four networks (paper Eqs. MLP, CNN, RNN, LSTM) as torch modules that own their randomness.
+"""The four networks (paper Eqs. MLP, CNN, RNN, LSTM), several of one shape side by side.
 
-All of them map the same window to the forecast of every lead, in z-scores:
+A network that is trained alone is a stack of one member.  All of them map the same window to the forecast of every
+lead, in z-scores; the first axis counts members, the second windows:
 
-====== ============================ =========================================================
-zeta   (n_windows, n_past + 1)      disturbance of the rows origin - n_past ... origin
-past   (n_windows, n_columns, n_past) columns of the rows origin - n_past + 1 ... origin
-future (n_windows, n_columns, n_leads) columns of the rows origin + 1 ... origin + n_leads
-base   (n_windows, n_leads)         baseline forecast that the network corrects; 0 where there is none
-====== ============================ =========================================================
+====== ======================================== =====================================================
+zeta   (n_members, n_windows, n_past + 1)         disturbance of the rows origin - n_past ... origin
+past   (n_members, n_windows, n_columns, n_past)  columns of the rows origin - n_past + 1 ... origin
+future (n_members, n_windows, n_columns, n_leads) columns of the rows origin + 1 ... origin + n_leads
+base   (n_members, n_windows, n_leads)            baseline forecast that is corrected; 0 where there is none
+====== ======================================== =====================================================
 
-Initial weights and dropout are drawn from an explicit generator: torch's global state is neither read nor changed.
+Initial weights and dropout of a member are drawn from its own generator: torch's global state is neither read nor
+changed, and a member is to the bit what it would be alone, as long as windows come in multiples of ``ALIGNMENT``.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
-_ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "selu": nn.SELU, "gelu": nn.GELU}
+_ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F.selu, "gelu": F.gelu}
+#: Windows of a batch come in multiples of this, two vector registers' worth of numbers: what is left over at the end of
+#: a tensor is computed one by one, with other last bits, so that no member may begin in the middle of a register.
+ALIGNMENT = 32
+#: Hidden and output widths are stored in multiples of this.  BLAS gives other last bits where a member's product begins
+#: at an odd address, or has a single column.  The weights of the filling are 0, and so are their gradients.
+_FILLED = 4
+_GATES = {"rnn": 1, "lstm": 4}
 
 
 class NetworkSpec(NamedTuple):
@@ -39,152 +50,275 @@ class NetworkSpec(NamedTuple):
     filter_size: int
     pool_size: int
 
-
-class LocalDropout(nn.Module):
-    """Dropout whose mask comes from a generator of one's own."""
-
-    def __init__(self, share: float, generator: torch.Generator) -> None:
-        super().__init__()
-        self.share = share
-        self.generator = generator
-
-    def forward(self, z: Tensor) -> Tensor:
-        """Drop and rescale in training; pass through otherwise."""
-        if not self.training or self.share == 0.0:
-            return z
-        kept = torch.rand(z.shape, generator=self.generator) >= self.share
-        return z * kept / (1.0 - self.share)
+    @property
+    def flat_width(self) -> int:
+        """Length of the one-dimensional input vector of MLP and CNN."""
+        return self.n_past * (self.n_past_columns + self.reads_zeta) + self.n_leads * self.n_future_columns
 
 
-def _bare(layer: type[nn.Module], *args: Any, **kwargs: Any) -> nn.Module:
-    """A layer without initial weights, which torch would draw from its global generator."""
-    return layer(*args, device="meta", **kwargs).to_empty(device="cpu")
+class _Layer(NamedTuple):
+    """Weights of one layer of one member."""
+
+    name: str
+    shape: tuple[int, ...]  # of the weight, as stored
+    fan_in: int  # what torch's own default draws by
+    rows: Tensor  # which inputs and outputs of a dense layer are no filling, bool
+    columns: Tensor
 
 
-@torch.no_grad()
-def _initialise(module: nn.Module, generator: torch.Generator) -> None:
-    """Torch's own default: every weight and bias uniform within 1 / sqrt(fan-in), in the order of the layers."""
-    for layer in module.modules():
-        if isinstance(layer, nn.Linear | nn.Conv1d):
-            fan_in = layer.weight[0].numel()
-        elif isinstance(layer, nn.RNNBase):
-            fan_in = layer.hidden_size
-        else:
-            continue
-        for parameter in layer.parameters(recurse=False):
-            parameter.uniform_(-(fan_in**-0.5), fan_in**-0.5, generator=generator)
+def _live(*widths: int) -> Tensor:
+    """Which numbers of filled vectors, one behind the other, are no filling."""
+    return torch.cat([torch.arange(-(-width // _FILLED) * _FILLED) < width for width in widths])
 
 
-def _head(n_in: int, spec: NetworkSpec, n_out: int, generator: torch.Generator) -> nn.Sequential:
-    """``W_xi dropout(phi(W z + b)) + b_xi``, with which CNN, RNN and LSTM end."""
-    return nn.Sequential(
-        _bare(nn.Linear, n_in, spec.hidden_size),
-        _ACTIVATIONS[spec.activation](),
-        LocalDropout(spec.dropout, generator),
-        _bare(nn.Linear, spec.hidden_size, n_out),
-    )
+def _every(width: int) -> Tensor:
+    return torch.ones(width, dtype=torch.bool)
 
 
-def _flat_width(spec: NetworkSpec) -> int:
-    width = spec.n_past * (spec.n_past_columns + spec.reads_zeta) + spec.n_leads * spec.n_future_columns
-    return max(width, 1)
+def _dense(name: str, rows: Tensor, columns: Tensor, fan_in: int | None = None) -> _Layer:
+    n_in = int(rows.sum()) if fan_in is None else fan_in
+    return _Layer(name, (len(rows), len(columns)), max(n_in, 1), rows, columns)
 
 
-class FeedForward(nn.Module):
-    """MLP and CNN: all features of past and future, one after the other, in; all leads out."""
-
-    def __init__(self, spec: NetworkSpec, generator: torch.Generator) -> None:
-        super().__init__()
-        self.spec = spec
-        body = _mlp_body if spec.kind == "mlp" else _cnn_body
-        self.body = body(spec, generator)
-
-    def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
-        """Forecast (n_windows, n_leads)."""
-        parts = [zeta[:, 1:]] if self.spec.reads_zeta else []
-        psi = torch.cat([*parts, past.flatten(1), future.flatten(1)], dim=1)
-        return base + self.body(psi)
+def _mlp_layers(spec: NetworkSpec) -> list[_Layer]:
+    hidden = _live(spec.hidden_size)
+    inputs = [_every(spec.flat_width), *[hidden] * spec.n_layers]
+    return [
+        *(_dense(f"hidden{i}", inputs[i], hidden) for i in range(spec.n_layers)),
+        _dense("out", hidden, _live(spec.n_leads)),
+    ]
 
 
-def _mlp_body(spec: NetworkSpec, generator: torch.Generator) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    width = _flat_width(spec)
-    for _ in range(spec.n_layers):
-        layers += [_bare(nn.Linear, width, spec.hidden_size), _ACTIVATIONS[spec.activation]()]
-        layers.append(LocalDropout(spec.dropout, generator))
-        width = spec.hidden_size
-    return nn.Sequential(*layers, _bare(nn.Linear, width, spec.n_leads))
+def _pooled(length: int, spec: NetworkSpec) -> int:
+    """Length after max-pooling; a vector shorter than the pool is left as it is."""
+    return length // spec.pool_size if 1 < spec.pool_size <= length else length
 
 
-def _cnn_body(spec: NetworkSpec, generator: torch.Generator) -> nn.Sequential:
+def _cnn_layers(spec: NetworkSpec) -> list[_Layer]:
     """``n_layers + 1`` convolutions over the one-dimensional input vector, as in Eq. CNN, then the head."""
-    layers: list[nn.Module] = [nn.Unflatten(1, (1, _flat_width(spec)))]
-    length, channels = _flat_width(spec), 1
-    padding = spec.filter_size // 2
-    for _ in range(spec.n_layers + 1):
-        layers.append(_bare(nn.Conv1d, channels, spec.n_channels, spec.filter_size, padding=padding))
-        length, channels = length + 2 * padding - spec.filter_size + 1, spec.n_channels
-        if 1 < spec.pool_size <= length:  # a vector shorter than the pool is left as it is
-            layers.append(nn.MaxPool1d(spec.pool_size))
-            length //= spec.pool_size
-        layers.append(_ACTIVATIONS[spec.activation]())
-    return nn.Sequential(*layers, nn.Flatten(), _head(length * channels, spec, spec.n_leads, generator))
+    layers, length, channels = [], spec.flat_width, 1
+    for i in range(spec.n_layers + 1):
+        shape = (spec.n_channels, channels, spec.filter_size)
+        layers.append(_Layer(f"conv{i}", shape, channels * spec.filter_size, _every(0), _every(spec.n_channels)))
+        length = _pooled(length + 2 * (spec.filter_size // 2) - spec.filter_size + 1, spec)
+        channels = spec.n_channels
+    return layers + _head_layers(_every(length * channels), spec.n_leads, spec)
 
 
-class Recurrent(nn.Module):
-    """RNN and LSTM: step k consumes zeta(k - 1) and the columns of row k.
-
-    The past is run with the measured disturbance; over the horizon the network's own outputs stand in for it.
-    """
-
-    def __init__(self, spec: NetworkSpec, generator: torch.Generator) -> None:
-        super().__init__()
-        if spec.n_past_columns != spec.n_future_columns:
-            raise ValueError("a recurrent network needs the same columns in past and future.")
-        self.spec = spec
-        cell = nn.RNN if spec.kind == "rnn" else nn.LSTM
-        width = max(spec.n_past_columns + spec.reads_zeta, 1)
-        self.cell = _bare(cell, width, spec.hidden_size, num_layers=spec.n_layers, batch_first=True)
-        self.head = _head(spec.hidden_size, spec, 1, generator)
-
-    def _inputs(self, zeta: Tensor, columns: Tensor) -> Tensor:
-        """(n_windows, n_steps, width) from zeta (n_windows, n_steps) and columns (n_windows, n_columns, n_steps)."""
-        steps = columns.transpose(1, 2)
-        return torch.cat([zeta[:, :, None], steps], dim=2) if self.spec.reads_zeta else steps
-
-    def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
-        """Forecast (n_windows, n_leads), decoded lead by lead."""
-        _, hidden = self.cell(self._inputs(zeta[:, :-1], past))
-        previous, outputs = zeta[:, -1:], []
-        for lead in range(base.shape[1]):
-            h, hidden = self.cell(self._inputs(previous, future[:, :, lead : lead + 1]), hidden)
-            previous = base[:, lead : lead + 1] + self.head(h[:, 0])
-            outputs.append(previous)
-        return torch.cat(outputs, dim=1)
+def _recurrent_layers(spec: NetworkSpec) -> list[_Layer]:
+    n = spec.hidden_size
+    gates = _live(*[n] * _GATES[spec.kind])
+    below = [_every(spec.n_past_columns + spec.reads_zeta), *[_live(n)] * (spec.n_layers - 1)]
+    # the rows of a weight: what comes from below, then the layer's own hidden state
+    cells = [_dense(f"cell{i}", torch.cat([rows, _live(n)]), gates, fan_in=n) for i, rows in enumerate(below)]
+    return cells + _head_layers(_live(n), 1, spec)
 
 
-def build_network(spec: NetworkSpec, generator: torch.Generator, corrects: bool = False) -> nn.Module:
-    """A network with initial weights.
+def _head_layers(rows: Tensor, n_out: int, spec: NetworkSpec) -> list[_Layer]:
+    hidden = _live(spec.hidden_size)
+    return [_dense("hidden", rows, hidden), _dense("out", hidden, _live(n_out))]
+
+
+_LAYERS = {"mlp": _mlp_layers, "cnn": _cnn_layers, "rnn": _recurrent_layers, "lstm": _recurrent_layers}
+
+
+class NetworkStack(nn.Module):
+    """Networks of one shape side by side, whose weights are the rows of one matrix.
 
     Parameters
     ----------
     spec : NetworkSpec
-        Its shape.
-    generator : torch.Generator
-        Source of the initial weights and, later, of dropout.
+        Shape of every member.
+    generators : sequence of torch.Generator
+        One a member: source of its initial weights and, later, of its dropout and batches.
     corrects : bool, default False
-        Whether it corrects a baseline: then its last layer begins at zero, which is the baseline itself.
+        Whether members correct a baseline: then their last layer begins at zero, which is the baseline itself.
 
-    Returns
-    -------
-    torch.nn.Module
-        Takes ``zeta``, ``past``, ``future``, ``base``.
+    Attributes
+    ----------
+    flat : Parameter of shape (n_members, n_weights)
+        All weights; the layers are views of it, so that an optimiser has one tensor to step.
+    members : list of int
+        The number of each row, which stays when others are taken out.
     """
-    module = (FeedForward if spec.kind in ("mlp", "cnn") else Recurrent)(spec, generator)
-    _initialise(module, generator)
-    if corrects:
-        last = [layer for layer in module.modules() if isinstance(layer, nn.Linear)][-1]
-        with torch.no_grad():
-            last.weight.zero_()
-            last.bias.zero_()
-    return module
+
+    def __init__(self, spec: NetworkSpec, generators: Sequence[torch.Generator], corrects: bool = False) -> None:
+        super().__init__()
+        if spec.kind in _GATES and spec.n_past_columns != spec.n_future_columns:
+            raise ValueError("a recurrent network needs the same columns in past and future.")
+        self.spec = spec
+        self.generators = list(generators)
+        self.members = list(range(len(self.generators)))
+        self.layers = _LAYERS[spec.kind](spec)
+        self._width = len(_live(spec.hidden_size))
+        self._sizes: list[int] = []  # of each weight and of what fills it up
+        for layer in self.layers:
+            for size in (torch.Size(layer.shape).numel(), len(layer.columns)):
+                self._sizes += [size, -size % ALIGNMENT]
+        self.flat = nn.Parameter(torch.zeros(len(self.generators), sum(self._sizes)))
+        self._initialise(corrects)
+
+    # -------------------------------------------------------------------------------------------------------- weights
+    @torch.no_grad()
+    def _initialise(self, corrects: bool) -> None:
+        """Torch's own default: every weight and bias uniform within 1 / sqrt(fan-in), in the order of the layers."""
+        weights = self.weights()
+        for layer in self.layers[:-1] if corrects else self.layers:
+            bound = layer.fan_in**-0.5
+            live = _every(1) if layer.name.startswith("conv") else layer.rows[:, None] & layer.columns
+            for part, where in (("weight", live), ("bias", layer.columns)):
+                for member, generator in zip(weights[f"{layer.name}.{part}"], self.generators, strict=True):
+                    member.uniform_(-bound, bound, generator=generator).mul_(where)
+
+    def weights(self) -> dict[str, Tensor]:
+        """Views of the weights by name.
+
+        Returns
+        -------
+        dict of str to Tensor
+            ``<layer>.weight`` (n_members, n_in, n_out), of a convolution (n_members, n_out, n_in, width), and
+            ``<layer>.bias`` (n_members, n_out), with the filling.
+        """
+        pieces = self.flat.split(self._sizes, dim=1)[::2]
+        n = len(self.flat)
+        named = {}
+        for layer, weight, bias in zip(self.layers, pieces[::2], pieces[1::2], strict=True):
+            named[f"{layer.name}.weight"] = weight.view(n, *layer.shape)
+            named[f"{layer.name}.bias"] = bias
+        return named
+
+    @torch.no_grad()
+    def set_weights(self, weights: dict[str, Tensor]) -> NetworkStack:
+        """Take weights named as :meth:`weights` names them."""
+        for name, view in self.weights().items():
+            view.copy_(weights[name])
+        return self
+
+    def keep(self, rows: list[int]) -> None:
+        """Take the other members out; ``flat`` is another parameter after it."""
+        self.generators = [self.generators[row] for row in rows]
+        self.members = [self.members[row] for row in rows]
+        self.flat = nn.Parameter(self.flat.detach()[rows])
+
+    # ------------------------------------------------------------------------------------------------------- equations
+    def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
+        """Forecast (n_members, n_windows, n_leads)."""
+        weights = self.weights()
+        if self.spec.kind in _GATES:
+            return self._decode(weights, zeta, past, future, base)
+        parts = [zeta[..., 1:]] if self.spec.reads_zeta else []
+        psi = torch.cat([*parts, past.flatten(2), future.flatten(2)], dim=2)
+        body = self._mlp if self.spec.kind == "mlp" else self._cnn
+        return base + body(weights, psi)[..., : self.spec.n_leads]
+
+    def _phi(self, z: Tensor) -> Tensor:
+        return _ACTIVATIONS[self.spec.activation](z)
+
+    def _mask(self, *shape: int) -> Tensor | None:
+        """Factors of dropout (n_members, *shape), each member's from its own generator; None where nothing drops."""
+        share = self.spec.dropout
+        if not self.training or share == 0.0:
+            return None
+        draws = torch.empty(len(self.generators), *shape)
+        for member, generator in zip(draws, self.generators, strict=True):
+            member.uniform_(generator=generator)
+        return draws.ge_(share).div_(1.0 - share)
+
+    def _hidden(self, weights: dict[str, Tensor], name: str, z: Tensor, mask: Tensor | None) -> Tensor:
+        """``dropout(phi(W z + b))``."""
+        z = self._phi(_linear(weights, name, z))
+        return z if mask is None else z * mask
+
+    def _mlp(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
+        """Eq. MLP."""
+        z = psi
+        for i in range(self.spec.n_layers):
+            z = self._hidden(weights, f"hidden{i}", z, self._mask(z.shape[1], self._width))
+        return _linear(weights, "out", z)
+
+    def _cnn(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
+        """Eq. CNN.  Convolutions keep a core busy by themselves: members take turns."""
+        names = [layer.name for layer in self.layers if layer.name.startswith("conv")]
+        filters = [(weights[f"{name}.weight"].unbind(), weights[f"{name}.bias"].unbind()) for name in names]
+        flattened = []
+        for member, vector in enumerate(psi.unbind()):
+            z = vector[:, None]
+            for weight, bias in filters:
+                z = F.conv1d(z, weight[member], bias[member], padding=self.spec.filter_size // 2)
+                if _pooled(z.shape[2], self.spec) != z.shape[2]:
+                    z = F.max_pool1d(z, self.spec.pool_size)
+                z = self._phi(z)
+            flattened.append(z.flatten(1))
+        z = torch.stack(flattened)
+        return self._head(weights, z, self._mask(z.shape[1], self._width))
+
+    def _head(self, weights: dict[str, Tensor], z: Tensor, mask: Tensor | None) -> Tensor:
+        """``W_xi dropout(phi(W z + b)) + b_xi``, with which CNN, RNN and LSTM end."""
+        return _linear(weights, "out", self._hidden(weights, "hidden", z, mask))
+
+    def _decode(self, weights: dict[str, Tensor], zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
+        """Eqs. RNN and LSTM: step k consumes zeta(k - 1) and the columns of row k.
+
+        The past is run with the measured disturbance; over the horizon the network's own outputs stand in for it.
+        """
+        reads, n_leads = self.spec.reads_zeta, base.shape[2]
+        states = self._encode(weights, _steps(zeta[..., :-1] if reads else None, past))
+        own = weights["cell0.weight"][:, :1], weights["cell0.weight"][:, -self._width :]
+        recur = torch.cat(own, dim=1) if reads else own[1]
+        driven = _sequence(_steps(None, future), weights["cell0.weight"][:, int(reads) :], weights["cell0.bias"])
+        mask = self._mask(n_leads, base.shape[1], self._width)
+        masks = [None] * n_leads if mask is None else mask.unbind(1)
+        previous, outputs = zeta[..., -1:], []
+        for lead, inputs in enumerate(driven):
+            fed = torch.cat([previous, states[0][0]], dim=2) if reads else states[0][0]
+            states[0] = self._cell(torch.baddbmm(inputs, fed, recur), states[0][1])
+            for i in range(1, self.spec.n_layers):
+                fed = torch.cat([states[i - 1][0], states[i][0]], dim=2)
+                states[i] = self._cell(_linear(weights, f"cell{i}", fed), states[i][1])
+            previous = base[..., lead : lead + 1] + self._head(weights, states[-1][0], masks[lead])[..., :1]
+            outputs.append(previous)
+        return torch.cat(outputs, dim=2)
+
+    def _encode(self, weights: dict[str, Tensor], steps: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Each layer's (h, c) after the past, from inputs (n_members, n_steps, n_windows, width)."""
+        states = []
+        n_members, _, n_windows, _ = steps.shape
+        for i in range(self.spec.n_layers):
+            weight = weights[f"cell{i}.weight"]
+            recur = weight[:, -self._width :]
+            h = c = steps.new_zeros(n_members, n_windows, self._width)
+            path = []
+            for inputs in _sequence(steps, weight, weights[f"cell{i}.bias"]):
+                h, c = self._cell(torch.baddbmm(inputs, h, recur), c)
+                path.append(h)
+            states.append((h, c))
+            if i + 1 < self.spec.n_layers:
+                steps = torch.stack(path, dim=1)
+        return states
+
+    def _cell(self, gates: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
+        """(h, c) after a step: torch's documented RNN cell (tanh) or LSTM cell, gates in the order i, f, o, g."""
+        if self.spec.kind == "rnn":
+            return torch.tanh(gates), c
+        n = self._width
+        i, f, o = torch.sigmoid(gates[..., : 3 * n]).split(n, dim=2)
+        c = torch.addcmul(f * c, i, torch.tanh(gates[..., 3 * n :]))
+        return o * torch.tanh(c), c
+
+
+def _linear(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
+    """``W z + b`` of every member, (n_members, n_windows, n_out)."""
+    return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])
+
+
+def _steps(zeta: Tensor | None, columns: Tensor) -> Tensor:
+    """(n_members, n_steps, n_windows, width) from (n_members, n_windows, [n_columns,] n_steps)."""
+    steps = columns.permute(0, 3, 1, 2)
+    return steps if zeta is None else torch.cat([zeta.transpose(1, 2)[..., None], steps], dim=3)
+
+
+def _sequence(steps: Tensor, weight: Tensor, bias: Tensor) -> tuple[Tensor, ...]:
+    """What the known inputs add to the gates, one (n_members, n_windows, n_gates) a step: one product for all steps."""
+    known = steps.reshape(steps.shape[0], -1, steps.shape[3])
+    driven = torch.baddbmm(bias[:, None], known, weight[:, : steps.shape[3]])
+    return driven.unflatten(1, steps.shape[1:3]).unbind(1)

@@ -1,31 +1,30 @@
-"""Training a network through skorch, on windows that are sliced from tensors in memory.
+"""Training networks: one job a forecaster, all networks of equal shape in one stack.
 
 The validation block is the end of the training table, with a gap of one horizon before it; no test block is ever seen.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import torch
-from skorch import NeuralNet
-from skorch.callbacks import Callback, EarlyStopping, GradientNormClipping
-from skorch.helper import predefined_split
-from skorch.utils import noop
-from threadpoolctl import threadpool_limits
 from torch import Tensor
-from tqdm.auto import tqdm
 
 from .._contract import ZoneTable
-from .cases import RECURRENT, ModelCase
-from .features import row_features, rows_per_day, zeta_of
-from .nets import NetworkSpec, build_network
-from .windows import Batches, Windows, padded_windows
+from .cases import ModelCase
+from .features import rows_per_day
+from .loop import LoopSettings, Trained, train_stack
+from .nets import NetworkSpec, NetworkStack
+from .trained import Scaler, TrainedNetwork, columns_of, evaluate, window_views
+from .windows import Windows, padded_windows
 
 #: epochs of a table that is too short for a validation block to say when to stop.
 _BLIND_EPOCHS = 20
-_PREDICT_WINDOWS = 2048
+#: networks of a stack; more of them leave the cache and gain nothing (``benchmarks/networks.py``).
+_MOST_MEMBERS = 20
 
 
 class Split(NamedTuple):
@@ -59,332 +58,178 @@ def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int
     return Split(train_end, valid_start)
 
 
-class Scaler(NamedTuple):
-    """Z-scores that the training block gave."""
+class TrainingJob(NamedTuple):
+    """The networks of one forecaster: the same settings and rows, one network a seed."""
 
-    zeta_mean: float
-    zeta_std: float
-    past_mean: np.ndarray
-    past_std: np.ndarray
-    future_mean: np.ndarray
-    future_std: np.ndarray
-
-
-def _spread(columns: np.ndarray) -> np.ndarray:
-    spread = columns.std(axis=0)
-    return np.where(spread > 1e-9, spread, np.inf)  # a constant column says nothing
+    settings: Any  # DisturbanceForecaster: its constructor's arguments and ``case_``
+    table: ZoneTable  # training table with history ``zeta``
+    target: np.ndarray  # (n_rows,), NaN where missing
+    base: Any  # the baseline to correct, fitted before the validation block; None: there is none
+    split: Split
+    n_leads: int  # rows of the horizon
+    seeds: tuple[int, ...]  # of weights, dropout and batches
 
 
-# ----------------------------------------------------------------------------------------------------------- training
-class _InterruptedError(Exception):
-    """Ctrl-C, past skorch, which takes it for the end of training."""
+class TrainedJob(NamedTuple):
+    """What a job gave."""
+
+    network: TrainedNetwork  # the one that is used, or all of them, to be averaged
+    weight: float  # share in [0, 1] of its correction that is used; 1 where there is no baseline
+    history: list[dict[str, float]]  # epochs of the network with the lowest validation error
+    repeats: pd.DataFrame  # one row a seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``used``
 
 
-class WindowNet(NeuralNet):
-    """skorch's loop over :class:`Batches`, with a loss that leaves out unknown targets."""
+class _Plan(NamedTuple):
+    """A job made ready: shape, z-scores, windows."""
 
-    def __init__(self, module: Any, *, generator: torch.Generator, **kwargs: Any) -> None:
-        self.generator = generator
-        super().__init__(module, **kwargs)
+    job: TrainingJob
+    spec: NetworkSpec
+    case: ModelCase
+    encoding: str
+    scaler: Scaler
+    loop: LoopSettings
+    views: dict[str, Tensor]
+    target: Tensor
+    train: Tensor  # numbers of the windows that train
+    valid: Tensor | None
 
-    def get_iterator(self, dataset: Windows, training: bool = False) -> Batches:
-        """Shuffled batches in training, the plain order otherwise."""
-        return Batches(dataset, self.batch_size, self.generator if training else None)
-
-    def fit_loop(self, *args: Any, **kwargs: Any) -> WindowNet:
-        """Skorch's loop, which lets a user's interruption through: early stopping is the only one that is meant."""
-        try:
-            return super().fit_loop(*args, **kwargs)
-        except KeyboardInterrupt:
-            stops = [c for _, c in self.callbacks_ if isinstance(c, EarlyStopping)]
-            if not any(stop.misses_ >= stop.patience for stop in stops):
-                raise _InterruptedError from None
-            raise
-
-    def get_loss(self, y_pred: Tensor, y_true: Tensor, X: Any = None, training: bool = False) -> Tensor:
-        """Mean squared error of the known targets."""
-        known = torch.isfinite(y_true)
-        errors = torch.where(known, y_pred - torch.nan_to_num(y_true), torch.zeros(()))
-        return (errors**2).sum() / known.sum().clamp(min=1)
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """What plans must share to be trained as one stack: the same windows by number, the same loop over them."""
+        return (self.spec, self.loop, self.job.base is not None, self.job.table.n_rows, self.job.split)
 
 
-class EpochBar(Callback):
-    """A progress bar of epochs."""
-
-    def on_train_begin(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
-        """Open the bar."""
-        self.bar_ = tqdm(total=net.max_epochs, desc="epochs", unit="epoch", leave=False)
-
-    def on_epoch_end(self, net: NeuralNet, **kwargs: Any) -> None:
-        """Advance it, with the newest losses."""
-        last = net.history[-1]
-        self.bar_.set_postfix({k: f"{last[k]:.3f}" for k in ("train_loss", "valid_loss") if k in last})
-        self.bar_.update()
-
-    def on_train_end(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
-        """Close it."""
-        self.bar_.close()
-
-
-class TrainedNetwork:
-    """A trained network: plain arrays, from which the module is built when it forecasts.
+def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[TrainedJob]:
+    """Train the networks of several forecasters, those of equal shape as one stack.
 
     Parameters
     ----------
-    spec : NetworkSpec
-        Shape of the network.
-    case : ModelCase
-        Its features.
-    encoding : str
-        Time encoding.
-    scaler : Scaler
-        Z-scores of the training block.
-    """
-
-    def __init__(self, spec: NetworkSpec, case: ModelCase, encoding: str, scaler: Scaler) -> None:
-        self.spec = spec
-        self.case = case
-        self.encoding = encoding
-        self.scaler = scaler
-        self.weights: dict[str, np.ndarray] = {}
-        self.history: list[dict[str, float]] = []
-        self.weight = 1.0
-
-    def views(self, table: ZoneTable, expected: np.ndarray | None, after: int) -> dict[str, Tensor]:
-        """Windows ``zeta``, ``past``, ``future`` of a table; window i has row i as its origin.
-
-        Parameters
-        ----------
-        table : ZoneTable
-            The rows.
-        expected : ndarray of shape (n_rows,) or None
-            What stands in for a missing disturbance; None: its mean.
-        after : int
-            Rows that are padded behind the table's end.
-        """
-        scaler, n_past, n_leads = self.scaler, self.spec.n_past, self.spec.n_leads
-        zeta = zeta_of(table)
-        filled = np.where(np.isfinite(zeta), zeta, scaler.zeta_mean if expected is None else expected)
-        past, future = columns_of(table, self.case, self.spec.kind, self.encoding)
-        past = (past - scaler.past_mean) / scaler.past_std
-        future = (future - scaler.future_mean) / scaler.future_std
-        return {
-            "zeta": padded_windows((filled - scaler.zeta_mean) / scaler.zeta_std, n_past, after, n_past + 1),
-            "past": padded_windows(past, n_past - 1, after, n_past),
-            "future": padded_windows(future, 0, after, n_leads)[1:],
-        }
-
-    def forecast(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, base: Any = None, expected: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Forecasts (n_origins, n_leads); beyond the trained horizon its own forecasts become history.
-
-        Parameters
-        ----------
-        table : ZoneTable
-            The rows.
-        origins : ndarray of int, shape (n_origins,)
-            Rows to forecast from.
-        n_leads : int
-            How many rows ahead.
-        base : ndarray of shape (n_origins, n_leads), optional
-            Baseline forecast that is corrected.
-        expected : ndarray of shape (n_rows,), optional
-            What stands in for a missing disturbance.
-        """
-        spec, scaler = self.spec, self.scaler
-        n_rounds = -(-n_leads // spec.n_leads)
-        views = self.views(table, expected, after=(n_rounds + 1) * spec.n_leads)
-        chosen = torch.from_numpy(np.asarray(origins, dtype=np.int64))
-        zeta = views["zeta"][chosen]
-        scaled = np.zeros((len(origins), n_leads)) if base is None else (base - scaler.zeta_mean) / scaler.zeta_std
-        whole = np.pad(scaled, [(0, 0), (0, n_rounds * spec.n_leads - n_leads)], mode="edge")
-        module, paths = self._module(), []
-        for block in torch.from_numpy(whole.astype(np.float32)).split(spec.n_leads, dim=1):
-            inputs = {"zeta": zeta, "past": views["past"][chosen], "future": views["future"][chosen], "base": block}
-            paths.append(_evaluate(module, inputs))
-            zeta = torch.cat([zeta, paths[-1]], dim=1)[:, -(spec.n_past + 1) :]
-            chosen = chosen + spec.n_leads
-        out = torch.cat(paths, dim=1)[:, :n_leads].numpy().astype(np.float64)
-        return out * scaler.zeta_std + scaler.zeta_mean
-
-    def _module(self) -> torch.nn.Module:
-        module = build_network(self.spec, torch.Generator().manual_seed(0))
-        module.load_state_dict({name: torch.from_numpy(value.copy()) for name, value in self.weights.items()})
-        return module.eval()
-
-
-def one_thread() -> threadpool_limits:
-    """A context in which the calling thread, and no other, computes without helpers.
-
-    The last bits of a matrix product depend on how many threads share it, so that a fit in a worker process, which has
-    fewer of them, would differ from one in the main process.  OpenMP keeps this number by calling thread: nothing
-    global is set, and networks of this size are no slower for it.
-    """
-    return threadpool_limits(limits=1, user_api="openmp")
-
-
-def _evaluate(module: torch.nn.Module, inputs: dict[str, Tensor]) -> Tensor:
-    with torch.no_grad(), one_thread():
-        n = len(inputs["zeta"])
-        parts = [
-            module(**{name: value[start : start + _PREDICT_WINDOWS] for name, value in inputs.items()})
-            for start in range(0, n, _PREDICT_WINDOWS)
-        ]
-    return torch.cat(parts)
-
-
-def columns_of(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of the past and of the future, (n_rows, n_columns) each, without ``zeta``.
-
-    A recurrent network reads the same columns in both: one that a part does not name is 0 there.
-    """
-    past, future = (tuple(f for f in part if f != "zeta") for part in (case.past, case.future))
-    if kind not in RECURRENT:
-        return row_features(table, past, encoding), row_features(table, future, encoding)
-    both = [f for f in case.features if f != "zeta"]
-    blocks = [row_features(table, (feature,), encoding) for feature in both]
-    empty = [np.empty((table.n_rows, 0))]
-    return (
-        np.hstack(empty + [block * (feature in past) for feature, block in zip(both, blocks, strict=True)]),
-        np.hstack(empty + [block * (feature in future) for feature, block in zip(both, blocks, strict=True)]),
-    )
-
-
-def _prepare(settings: Any, table: ZoneTable, target: np.ndarray, split: Split, n_leads: int) -> TrainedNetwork:
-    """An untrained network with the z-scores of the training block."""
-    case: ModelCase = settings.case_
-    past, future = columns_of(table, case, settings.model, settings.time_encoding)
-    early = slice(0, split.train_end)
-    known = target[early][np.isfinite(target[early])]
-    level, spread = (float(known.mean()), float(known.std())) if len(known) else (0.0, 1.0)
-    scaler = Scaler(
-        level,
-        spread if spread > 1e-9 else 1.0,
-        past[early].mean(axis=0),
-        _spread(past[early]),
-        future[early].mean(axis=0),
-        _spread(future[early]),
-    )
-    names = ("n_layers", "hidden_size", "activation", "dropout", "n_channels", "filter_size", "pool_size")
-    spec = NetworkSpec(
-        kind=settings.model,
-        n_past=int(case.pattern_days) * rows_per_day(table.step),
-        n_leads=n_leads,
-        n_past_columns=past.shape[1],
-        n_future_columns=future.shape[1],
-        reads_zeta="zeta" in case.past,
-        **{name: getattr(settings, name) for name in names},
-    )
-    return TrainedNetwork(spec, case, settings.time_encoding, scaler)
-
-
-def train_network(
-    settings: Any, table: ZoneTable, target: np.ndarray, base: Any, split: Split, n_leads: int, seed: int
-) -> TrainedNetwork:
-    """Train a network, and say how much of its correction to use.
-
-    Parameters
-    ----------
-    settings : DisturbanceForecaster
-        Its constructor's arguments and ``case_``.
-    table : ZoneTable
-        Training table with history ``zeta``.
-    target : ndarray of shape (n_rows,)
-        NaN where missing.
-    base : rival or None
-        The baseline to correct, fitted before the validation block.
-    split : Split
-        Training and validation rows.
-    n_leads : int
-        Rows of the horizon.
-    seed : int
-        Seed of weights, dropout and shuffling.
+    jobs : sequence of TrainingJob
+        Such as the candidates of a search.
+    verbose : int, default 0
+        1 shows a progress bar.
 
     Returns
     -------
-    TrainedNetwork
+    list of TrainedJob
+        In the order of the jobs; each to the bit what it would be if it were trained alone.
     """
-    network = _prepare(settings, table, target, split, n_leads)
-    scaler, n_rows = network.scaler, table.n_rows
-    expected = None if base is None else base.expected(table)
-    views = network.views(table, expected, after=n_leads)
-    origins = np.arange(n_rows)
-    baseline = None if base is None else base.forecast(table, origins, n_leads)
-    scaled = np.zeros((n_rows, n_leads)) if baseline is None else (baseline - scaler.zeta_mean) / scaler.zeta_std
-    views["base"] = torch.from_numpy(scaled.astype(np.float32))
-    ahead = np.append((target - scaler.zeta_mean) / scaler.zeta_std, np.full(n_leads, np.nan))
-    views_target = padded_windows(ahead[1:], 0, 0, n_leads)
-    return _fit(network, settings, views, views_target, base is not None, split, seed)
+    plans = [_plan(job) for job in jobs]
+    groups: dict[tuple[Any, ...], list[tuple[int, int]]] = {}
+    for i, plan in enumerate(plans):
+        groups.setdefault(plan.shape, []).extend((i, seed) for seed in plan.job.seeds)
+    found: dict[tuple[int, int], Trained] = {}
+    for members in groups.values():
+        for start in range(0, len(members), _MOST_MEMBERS):
+            part = members[start : start + _MOST_MEMBERS]
+            found.update(zip(part, _train(plans, part, verbose), strict=True))
+    return [_finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in enumerate(plans)]
 
 
-def _fit(
-    network: TrainedNetwork,
-    settings: Any,
-    views: dict[str, Tensor],
-    target: Tensor,
-    corrects: bool,
-    split: Split,
-    seed: int,
-) -> TrainedNetwork:
-    n_leads, n_rows = network.spec.n_leads, len(target)
+def _train(plans: Sequence[_Plan], members: Sequence[tuple[int, int]], verbose: int) -> list[Trained]:
+    """Train (plan, seed) pairs of equal shape as one stack."""
+    mine = [plans[i] for i, _ in members]
+    shared = all(plan is mine[0] for plan in mine)
+    parts = mine[:1] if shared else mine
+    views, targets = [plan.views for plan in parts], [plan.target for plan in parts]
+    first = mine[0]
+    train = Windows(views, targets, first.train)
+    valid = None if first.valid is None else Windows(views, targets, first.valid)
+    generators = [torch.Generator().manual_seed(seed) for _, seed in members]
+    stack = NetworkStack(first.spec, generators, corrects=first.job.base is not None)
+    return train_stack(stack, train, valid, first.loop, verbose)
+
+
+# ------------------------------------------------------------------------------------------------------- before, after
+def _plan(job: TrainingJob) -> _Plan:
+    """Z-scores of the training block, and all windows by them."""
+    settings, split, n_leads, n_rows = job.settings, job.split, job.n_leads, job.table.n_rows
+    case: ModelCase = settings.case_
+    past, future = columns_of(job.table, case, settings.model, settings.time_encoding)
+    early = slice(0, split.train_end)
+    scaler = Scaler.of(job.target[early], past[early], future[early])
+    spec = _spec_of(job, past.shape[1], future.shape[1])
     # A window whose past is mostly padding teaches little: it is used only where windows are few.
-    first = min(network.spec.n_past - 1, split.train_end // 4)
-    valid, last = None, n_rows - 1
+    first = min(spec.n_past - 1, split.train_end // 4)
+    valid, last, epochs = None, n_rows - 1, min(settings.max_epochs, _BLIND_EPOCHS)
     if split.valid_start is not None:
-        valid = Windows(views, target, torch.arange(split.valid_start - 1, n_rows - n_leads))
-        last = split.train_end - n_leads
-    train = Windows(views, target, torch.arange(first, max(last, first + 1)))
-    generator = torch.Generator().manual_seed(seed)
-    module = build_network(network.spec, generator, corrects)
-    net = _skorch_net(module, settings, valid, generator)
-    try:
-        with one_thread():
-            net.fit(train)
-    except _InterruptedError:
-        raise KeyboardInterrupt from None
-    network.weights = {name: value.numpy().copy() for name, value in net.module_.state_dict().items()}
-    names = [name for name in ("train_loss", "valid_loss") if name in net.history[0]]
-    network.history = [{"epoch": row["epoch"]} | {name: float(row[name]) for name in names} for row in net.history]
-    if corrects:
-        network.weight = 0.0 if valid is None else _correction_weight(net.module_.eval(), valid)
-    return network
+        valid = torch.arange(split.valid_start - 1, n_rows - n_leads)
+        last, epochs = split.train_end - n_leads, settings.max_epochs
+    loop = LoopSettings(settings.learning_rate, settings.batch_size, epochs, settings.patience)
+    train = torch.arange(first, max(last, first + 1))
+    plan = _Plan(job, spec, case, settings.time_encoding, scaler, loop, {}, torch.empty(0), train, valid)
+    ahead = np.append((job.target - scaler.zeta_mean) / scaler.zeta_std, np.full(n_leads, np.nan))
+    return plan._replace(views=_views(plan), target=padded_windows(ahead[1:], 0, 0, n_leads))
 
 
-def _skorch_net(module: torch.nn.Module, settings: Any, valid: Windows | None, generator: torch.Generator) -> WindowNet:
-    callbacks: list[Any] = [("clip", GradientNormClipping(1.0))]
-    if valid is not None:
-        stop = EarlyStopping(monitor="valid_loss", patience=settings.patience, load_best=True, sink=noop)
-        callbacks.append(("stop", stop))
-    if settings.verbose:
-        callbacks.append(("bar", EpochBar()))
-    return WindowNet(
-        module,
-        generator=generator,
-        criterion=torch.nn.MSELoss,
-        optimizer=torch.optim.Adam,
-        lr=settings.learning_rate,
-        max_epochs=settings.max_epochs if valid is not None else min(settings.max_epochs, _BLIND_EPOCHS),
-        batch_size=settings.batch_size,
-        train_split=None if valid is None else predefined_split(valid),
-        callbacks=callbacks,
-        callbacks__print_log=None,
-        verbose=0,
+def _spec_of(job: TrainingJob, n_past_columns: int, n_future_columns: int) -> NetworkSpec:
+    settings, case = job.settings, job.settings.case_
+    sizes = {name: getattr(settings, name) for name in ("n_layers", "hidden_size", "activation", "dropout")}
+    for name in ("n_channels", "filter_size", "pool_size"):
+        # others do not read them: candidates that differ in nothing else are of equal shape
+        sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
+    return NetworkSpec(
+        kind=settings.model,
+        n_past=int(case.pattern_days) * rows_per_day(job.table.step),
+        n_leads=job.n_leads,
+        n_past_columns=n_past_columns,
+        n_future_columns=n_future_columns,
+        reads_zeta="zeta" in case.past,
+        **sizes,
     )
 
 
-def _correction_weight(module: torch.nn.Module, valid: Windows) -> float:
+def _views(plan: _Plan) -> dict[str, Tensor]:
+    """Windows of the training table, with the baseline's forecast from every row."""
+    job, scaler, n_rows = plan.job, plan.scaler, plan.job.table.n_rows
+    expected = None if job.base is None else job.base.expected(job.table)
+    views = window_views(job.table, plan, expected, after=job.n_leads)
+    scaled = np.zeros((n_rows, job.n_leads))
+    if job.base is not None:
+        baseline = job.base.forecast(job.table, np.arange(n_rows), job.n_leads)
+        scaled = (baseline - scaler.zeta_mean) / scaler.zeta_std
+    return views | {"base": torch.from_numpy(scaled.astype(np.float32))}
+
+
+def _finish(plan: _Plan, found: Sequence[Trained]) -> TrainedJob:
+    """Choose among the repeats, or average them, and say how much of the correction to use."""
+    losses = np.array([one.valid_loss for one in found])
+    best = 0 if np.isnan(losses).all() else int(np.nanargmin(losses))
+    used = list(range(len(found))) if plan.job.settings.repeats == "mean" else [best]
+    weights = {name: torch.stack([found[i].weights[name] for i in used]) for name in found[0].weights}
+    arrays = {name: value.numpy() for name, value in weights.items()}
+    network = TrainedNetwork(plan.spec, plan.case, plan.encoding, plan.scaler, arrays)
+    weight = 1.0
+    if plan.job.base is not None:
+        weight = 0.0 if plan.valid is None else _correction_weight(plan, weights)
+    repeats = pd.DataFrame(
+        {
+            "seed": plan.job.seeds,
+            "n_epochs": [len(one.history) for one in found],
+            "train_loss": [one.history[-1]["train_loss"] for one in found],
+            "valid_loss": losses,
+            "used": [i in used for i in range(len(found))],
+        }
+    )
+    return TrainedJob(network, weight, found[best].history, repeats)
+
+
+def _correction_weight(plan: _Plan, weights: dict[str, Tensor]) -> float:
     """The share in [0, 1] of the correction to use, by least squares on the validation block less one standard error.
 
     The block that stopped the training flatters it: without the discount, corrections that do not last are kept.
     """
-    inputs, target = valid[torch.arange(len(valid))]
-    correction = (_evaluate(module, inputs) - inputs["base"]).double()
+    n_members = len(next(iter(weights.values())))
+    stack = NetworkStack(plan.spec, [torch.Generator() for _ in range(n_members)]).set_weights(weights).eval()
+    inputs = {name: view[plan.valid] for name, view in plan.views.items()}
+    zeta = inputs.pop("zeta").expand(n_members, -1, -1)
+    target = plan.target[plan.valid]
+    correction = evaluate(stack, zeta, inputs).mean(dim=0).double() - inputs["base"].double()
     left = (target - inputs["base"]).double()
     correction = torch.where(torch.isfinite(left), correction, 0.0)
     cross = (correction * torch.nan_to_num(left)).sum(dim=1).numpy()
     power = (correction**2).sum(dim=1).numpy()
-    return discounted_share(cross, power, n_blocks=max(2, len(valid) // target.shape[1]))
+    return discounted_share(cross, power, n_blocks=max(2, len(target) // target.shape[1]))
 
 
 def discounted_share(cross: np.ndarray, power: np.ndarray, n_blocks: int) -> float:

@@ -1,64 +1,103 @@
-"""Windows of a table as views of tensors in memory, and batches of them: nothing is copied before a batch is taken."""
+"""Windows of a table as tensors in memory, and batches of them: a batch is one slice, not a row at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.lib.stride_tricks import sliding_window_view
 from torch import Tensor
 
+from .nets import ALIGNMENT, NetworkStack
+
+#: windows to train on are laid out in memory up to this size [numbers], which slices faster; more of them stay views.
+_LAID_OUT = 2**24
+
+
+class Batch(NamedTuple):
+    """Windows of every member of a stack."""
+
+    inputs: dict[str, Tensor]  # (n_members, n_windows, ...)
+    target: Tensor  # (n_members, n_windows, n_leads), 0 where unknown
+    known: Tensor  # the same shape: 1 where the target is known and the window no filling
+    n_known: Tensor  # (n_members,)
+
 
 class Windows(torch.utils.data.Dataset):
-    """Windows of a table, one an origin, as views: nothing is copied before a batch is taken.
+    """Windows of one table for all members of a stack, or of one table each.
 
     Parameters
     ----------
-    views : dict of str to Tensor
-        ``zeta``, ``past``, ``future``, ``base``, each with one entry a window.
-    target : Tensor or None
-        (n_windows, n_leads), NaN where unknown.
+    views : sequence of dict of str to Tensor
+        ``zeta``, ``past``, ``future``, ``base``, each with one entry a window; one dict for all, or one a member.
+    targets : sequence of Tensor
+        (n_windows, n_leads), NaN where unknown; as many as ``views``.
     chosen : Tensor of int64
         The windows that this data set holds.
     """
 
-    def __init__(self, views: dict[str, Tensor], target: Tensor | None, chosen: Tensor) -> None:
-        self.views = views
-        self.target = target
+    def __init__(self, views: Sequence[dict[str, Tensor]], targets: Sequence[Tensor], chosen: Tensor) -> None:
+        self.parts = [
+            {name: _laid_out(view) for name, view in part.items()}
+            | {"target": torch.nan_to_num(target), "known": torch.isfinite(target).to(torch.float32)}
+            for part, target in zip(views, targets, strict=True)
+        ]
         self.chosen = chosen
 
     def __len__(self) -> int:
         return len(self.chosen)
 
-    def __getitem__(self, index: Any) -> tuple[dict[str, Tensor], Tensor]:
-        """The windows of an index array at once."""
-        rows = self.chosen[index]
-        target = torch.empty(len(rows)) if self.target is None else self.target[rows]
-        return {name: view[rows] for name, view in self.views.items()}, target
+    def take(self, order: Tensor, members: Sequence[int]) -> Batch:
+        """The windows ``order`` (n_members, n_windows) of the members, filled up to whole vector registers."""
+        n = order.shape[1]
+        rows = self.chosen[torch.nn.functional.pad(order, (0, -n % ALIGNMENT), value=0)]
+        if len(self.parts) == 1:
+            flat = rows.flatten()
+            taken = {k: v.index_select(0, flat).unflatten(0, rows.shape) for k, v in self.parts[0].items()}
+        else:
+            each = [(self.parts[member], row) for member, row in zip(members, rows, strict=True)]
+            taken = {k: torch.stack([part[k].index_select(0, row) for part, row in each]) for k in self.parts[0]}
+        target, known = taken.pop("target"), taken.pop("known")
+        known[:, n:] = 0.0
+        return Batch(taken, target, known, known.flatten(1).sum(dim=1))
+
+
+def _laid_out(view: Tensor) -> Tensor:
+    return view.contiguous() if view.numel() <= _LAID_OUT else view
 
 
 class Batches:
-    """Slices of a data set, shuffled by a generator where one is given."""
+    """Slices of a data set for a stack, in an order that each member's generator draws where they are shuffled."""
 
-    def __init__(self, windows: Windows, size: int, generator: torch.Generator | None = None) -> None:
+    def __init__(self, windows: Windows, size: int, stack: NetworkStack, shuffled: bool = False) -> None:
         self.windows = windows
         self.size = size
-        self.generator = generator
+        self.stack = stack
+        self.shuffled = shuffled
+        self._plain: tuple[list[int], list[Batch]] = ([], [])  # for which members, and their batches in the plain order
 
     def __len__(self) -> int:
         return -(-len(self.windows) // self.size)
 
-    def __iter__(self) -> Iterator[tuple[dict[str, Tensor], Tensor]]:
-        n = len(self.windows)
-        order = torch.arange(n) if self.generator is None else torch.randperm(n, generator=self.generator)
-        for chosen in order.split(self.size):
-            yield self.windows[chosen]
+    def __iter__(self) -> Iterator[Batch]:
+        n, generators = len(self.windows), self.stack.generators
+        if self.shuffled:
+            yield from self._slices(torch.stack([torch.randperm(n, generator=g) for g in generators]))
+            return
+        if self._plain[0] != self.stack.members:
+            self._plain = (self.stack.members, list(self._slices(torch.arange(n).expand(len(generators), n))))
+        yield from self._plain[1]
+
+    def _slices(self, order: Tensor) -> Iterator[Batch]:
+        for rows in order.split(self.size, dim=1):
+            yield self.windows.take(rows, self.stack.members)
 
 
 def padded_windows(values: np.ndarray, before: int, after: int, width: int) -> Tensor:
     """All windows of ``width`` rows (n_windows, [n_columns,] width) of a series padded with z-score 0."""
     padding = [(before, after)] + [(0, 0)] * (values.ndim - 1)
-    padded = np.pad(values, padding).astype(np.float32)
-    return torch.from_numpy(sliding_window_view(padded, width, axis=0, writeable=True))
+    series = np.ascontiguousarray(np.pad(values, padding).astype(np.float32).T)  # rows last: a window is a run of them
+    windows = sliding_window_view(series, width, axis=-1, writeable=True)
+    return torch.from_numpy(np.moveaxis(windows, -2, 0))

@@ -1,0 +1,161 @@
+"""The paper's networks: time of an epoch beside bare torch loops, and day-ahead errors on the paper's office.
+
+Writes ``results/networks_speed.md`` (three minutes on one core) and ``results/networks.md`` (ten to fifteen):
+``python benchmarks/networks.py``, or with ``speed`` or ``error`` one of the two.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+import warnings
+from copy import copy
+
+import numpy as np
+import pandas as pd
+from _network_loops import SIZES, bare, interleaved, ours, plain, random_data, spec_of
+from _report import write_table
+
+from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
+from skhybrid.model_selection import backtest, score_backtest
+
+COMMAND = "python benchmarks/networks.py"
+CLIMATES = {"oakland": "2023-07-08", "chicago": "2023-07-08"}
+TRAIN_DAYS, TEST_DAYS, SEEDS = 28, 42, 3
+NETWORKS = {"mlp": {}, "cnn": {"pool_size": 4}, "rnn": {}, "lstm": {}}
+
+
+# ---------------------------------------------------------------------------------------------------------------- speed
+def speed(n_rounds: int = 7) -> pd.DataFrame:
+    """One row a network: ms of processor time an epoch, and ratios of rounds (median, lowest to highest)."""
+    rows = {}
+    data = random_data()
+    for name, size in SIZES.items():
+        spec = spec_of(size)
+        n_epochs = {"mlp": 40, "cnn": 6, "rnn": 4, "lstm": 3}[spec.kind]
+        times = interleaved(
+            {
+                "ours": lambda n, s=spec: ours(s, data, 1, n),
+                "bare": lambda n, s=spec: bare(s, data, n),
+                "plain": lambda n, s=spec: plain(s, data, n),
+                "ten": lambda n, s=spec: ours(s, data, 10, n),
+            },
+            n_epochs,
+            n_rounds,
+        )
+        ten = times["ten"] / 10
+        rows[name] = {
+            "ours [ms]": float(np.median(times["ours"])),
+            "bare loop [ms]": float(np.median(times["bare"])),
+            "ours / bare": _spread(times["ours"], times["bare"]),
+            "bare, torch's layers [ms]": float(np.median(times["plain"])),
+            "ours / torch's layers": _spread(times["ours"], times["plain"]),
+            "ten at once, each [ms]": float(np.median(ten)),
+            "alone / of ten": _spread(times["ours"], ten),
+        }
+        print(name, rows[name], flush=True)
+    return pd.DataFrame(rows).T.rename_axis("network")
+
+
+def _spread(above: np.ndarray, below: np.ndarray) -> str:
+    ratios = above / below
+    return f"{np.median(above) / np.median(below):.2f} ({ratios.min():.2f}-{ratios.max():.2f})"
+
+
+# --------------------------------------------------------------------------------------------------------------- errors
+def _members(model: HybridPredictor) -> list[HybridPredictor]:
+    """A predictor for each network of one whose forecaster averages several."""
+    found = []
+    for i in range(len(model.forecaster_.repeats_)):
+        alone, forecaster = copy(model), copy(model.forecaster_)
+        forecaster._network = copy(forecaster._network)
+        weights = model.forecaster_._network.weights
+        forecaster._network.weights = {name: value[i : i + 1] for name, value in weights.items()}
+        alone.forecaster_ = forecaster
+        found.append(alone)
+    return found
+
+
+def _forecasters() -> dict[str, DisturbanceForecaster]:
+    several = {"n_repeats": SEEDS, "repeats": "mean", "random_state": 0}
+    networks = {k: DisturbanceForecaster.published(k, **several, **sizes) for k, sizes in NETWORKS.items()}
+    corrected = {
+        "lstm on ridge": networks["lstm"].__class__(**networks["lstm"].get_params() | {"residual_of": "ridge"})
+    }
+    simple = {name: DisturbanceForecaster(name) for name in ("profile", "ridge")}
+    return simple | networks | corrected
+
+
+def _errors(climate: str, memory: str) -> list[dict]:
+    """Rows of one climate: conventional, simple forecasters, networks; input and output disturbance."""
+    office = make_office(n_days=TRAIN_DAYS + TEST_DAYS, climate=climate, start=CLIMATES[climate], random_state=2024)
+    cut = TRAIN_DAYS * 96
+    train, test, start = office.X[:cut], office.X[cut - 10 * 96 :], office.X.index[cut]
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=12, random_state=0)
+
+    def rmse(model) -> float:
+        return float(score_backtest(backtest(model, test, test["T_za"], start=start))["rmse"])
+
+    rows = []
+    for kind in ("input", "output"):
+        for name, forecaster in _forecasters().items():
+            begin = time.process_time()
+            model = HybridPredictor(gray_box, forecaster, disturbance=kind, adapt=None, memory=memory)
+            model.fit(train, train["T_za"])
+            row = {"climate": climate, "disturbance": kind, "forecaster": name, "RMSE [K]": rmse(model)}
+            repeats = model.forecaster_.repeats_
+            if len(repeats):
+                each = np.array([rmse(one) for one in _members(model)])
+                row |= {"RMSE [K]": float(each.mean()), "lowest": float(each.min()), "highest": float(each.max())}
+                row |= {"best on validation": float(each[repeats["valid_loss"].to_numpy().argmin()])}
+                row |= {"mean of networks": rmse(model), "epochs": " ".join(map(str, repeats["n_epochs"]))}
+            rows.append(row | {"fit and test [s]": time.process_time() - begin})
+            print(rows[-1], flush=True)
+    conventional = {"climate": climate, "disturbance": "none", "forecaster": "conventional (OD)"}
+    return [*rows, conventional | {"RMSE [K]": rmse(model.gray_box_)}]
+
+
+def error() -> pd.DataFrame:
+    """One row a climate, disturbance and forecaster."""
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as memory:
+        warnings.simplefilter("ignore", SkhybridWarning)
+        rows = [row for climate in CLIMATES for row in _errors(climate, memory)]
+    return pd.DataFrame(rows).set_index(["climate", "disturbance", "forecaster"]).fillna("")
+
+
+def main(parts: list[str]) -> None:
+    """Run what is asked for and write its table."""
+    if "speed" in parts:
+        write_table(
+            "networks_speed",
+            "Time of an epoch of the paper's networks",
+            f"{COMMAND} speed",
+            {"Epochs": speed()},
+            "Case01 by hours, four weeks: 456 windows in batches of 128, then 145 windows of validation; Adam.  ms of "
+            "processor time of one thread, median of seven rounds in which the loops take turns; ratios of medians "
+            "(lowest to highest of the rounds).  *Bare loop*: the same module, a shuffled index, slices of tensors, "
+            "Adam, the validation error; no clipping, no record.  *torch's layers*: that loop over nn.Linear, "
+            "nn.Conv1d, nn.RNN, nn.LSTM.  *Ten at once*: ten repeats as one stack, time of each.",
+        )
+    if "error" in parts:
+        write_table(
+            "networks",
+            "Day-ahead error of the paper's networks on the paper's office",
+            f"{COMMAND} error",
+            {"RMSE of the room temperature": error()},
+            f"make_office, {TRAIN_DAYS} summer days of training, the {TEST_DAYS} days after them, an origin a day; "
+            "gray box OutputDisturbanceID with known Q_h.  Networks: DisturbanceForecaster.published (case01, 1 layer, "
+            "20 wide, relu; CNN with pools of 4): up to 1000 epochs, patience 150, the last week of training "
+            f"validates.  {SEEDS} seeds in the place of the paper's ten repeats, one case and one size in the place of "
+            "its design matrix, six weeks of test in the place of six months.  RMSE of a network: mean over seeds; "
+            "then the lowest and the highest, the one that the validation week chooses (the paper's use of repeats), "
+            "and the forecast that is the mean of the networks.  *lstm on ridge*: the same network correcting ridge, "
+            "its correction discounted.",
+        )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or ["speed", "error"])

@@ -1,0 +1,329 @@
+"""What training must do: validation, z-scores, corrections, repeats, and the same bits wherever it runs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_info
+
+from skhybrid.forecasting import DisturbanceForecaster
+from skhybrid.forecasting.forecaster import draw_seed, repeat_seeds
+from skhybrid.forecasting.training import Split, TrainingJob, chronological_split, discounted_share, train_networks
+
+
+def hourly(n_days, seed=0):
+    """Weekday gains, an effect of weather, and noise."""
+    rng = np.random.default_rng(seed)
+    index = pd.date_range("2023-07-03", periods=24 * n_days, freq="1h")
+    T_oa = 15 + 6 * np.sin(2 * np.pi * (index.hour - 9) / 24) + rng.normal(size=len(index))
+    q_sol = np.clip(np.sin(np.pi * (index.hour - 6) / 12), 0, None) * rng.uniform(0.2, 0.8, len(index))
+    gains = np.where(index.day_of_week >= 5, 0.5, 2.0) * ((index.hour >= 8) & (index.hour < 18))
+    zeta = gains + 0.1 * (15 - T_oa) + q_sol + 0.1 * rng.normal(size=len(index))
+    X = pd.DataFrame({"T_oa": T_oa, "q_sol": q_sol, "zeta": zeta}, index=index)
+    return X, X["zeta"]
+
+
+# ------------------------------------------------------------------------------------------------------------ training
+def test_the_validation_block_is_the_end_behind_a_gap_of_one_horizon():
+    assert chronological_split(1000, 24, 0.2, 24) == Split(train_end=776, valid_start=800)
+    assert chronological_split(1000, 24, 0.0, 24) == Split(1000, None)
+    assert chronological_split(80, 24, 0.2, 24) == Split(80, None)  # too short
+    assert chronological_split(200, 48, 0.3, 24) == Split(200, None)  # would leave less than two horizons to learn
+
+
+@pytest.mark.parametrize(("model", "epochs"), [("mlp", 25), ("cnn", 25), ("rnn", 10), ("lstm", 10)])
+def test_a_network_learns_a_weekly_signal(model, epochs):
+    X, y = hourly(28)
+    cut = 21 * 24
+    settings = {"max_epochs": epochs, "learning_rate": 0.02, "batch_size": 64, "dropout": 0.0, "random_state": 0}
+    forecaster = DisturbanceForecaster(model, residual_of=None, **settings).fit(X.iloc[:cut], y.iloc[:cut])
+    losses = [row["train_loss"] for row in forecaster.history_]
+    assert losses[-1] < 0.5 * losses[0]
+    assert forecaster.n_epochs_ == epochs
+    assert forecaster.network_weight_ == 1.0
+    later = X.iloc[cut:]
+    error = forecaster.predict(later) - y.iloc[cut:]
+    assert np.sqrt((error**2).mean()) < 0.8 * y.iloc[cut:].std()
+
+
+def test_the_best_epoch_is_kept_and_training_stops():
+    X, y = hourly(28)
+    forecaster = DisturbanceForecaster(
+        "mlp",
+        residual_of=None,
+        hidden_size=60,
+        dropout=0.0,
+        max_epochs=200,
+        patience=5,
+        learning_rate=0.02,
+        random_state=0,
+    )
+    forecaster.fit(X, y)
+    assert forecaster.n_epochs_ < 200
+    validation = [row["valid_loss"] for row in forecaster.history_]
+    split = chronological_split(len(X), 24, 0.2, 24)
+    origins = np.arange(split.valid_start - 1, len(X) - 24)
+    forecaster._tail = forecaster._tail.rows(slice(0, 1))  # so that the table itself is all the history
+    paths = forecaster.predict_from(X, origins)
+    errors = paths - y.to_numpy()[origins[:, None] + np.arange(1, 25)]
+    z_scored = errors / y.iloc[: split.train_end].std(ddof=0)
+    assert np.mean(z_scored**2) == pytest.approx(min(validation), rel=1e-3)
+
+
+def test_z_scores_see_the_training_block_only():
+    X, y = hourly(28)
+    split = chronological_split(len(X), 24, 0.2, 24)
+    settings = {"residual_of": None, "max_epochs": 1, "hidden_size": 3, "random_state": 0}
+    one = DisturbanceForecaster("mlp", **settings).fit(X, y)
+    moved = X.copy()
+    moved.iloc[split.train_end + 24 :] += 1.0
+    two = DisturbanceForecaster("mlp", **settings).fit(moved, y + (np.arange(len(y)) >= split.valid_start) * 50.0)
+    np.testing.assert_array_equal(one.predict(X.iloc[:200]), two.predict(X.iloc[:200]))
+
+
+@pytest.mark.parametrize("residual_of", ["ridge", "profile"])
+def test_a_correction_is_never_worse_on_the_validation_block(residual_of):
+    X, y = hourly(28)
+    settings = {"residual_of": residual_of, "max_epochs": 15, "learning_rate": 0.02, "random_state": 0}
+    forecaster = DisturbanceForecaster("mlp", **settings).fit(X, y)
+    weight = forecaster.network_weight_
+    assert 0.0 <= weight <= 1.0
+    # The baseline that the network corrected had not seen the validation block.
+    split = chronological_split(len(X), 24, 0.2, 24)
+    early = DisturbanceForecaster(residual_of).fit(X.iloc[: split.train_end], y.iloc[: split.train_end])
+    table = forecaster._read_X(X)
+    origins = np.arange(split.valid_start - 1, len(X) - 24)
+    base = early._base.forecast(table, origins, 24)
+    truth = y.to_numpy()[origins[:, None] + np.arange(1, 25)]
+    correction = forecaster._network.forecast(table, origins, 24, base, early._base.expected(table)) - base
+    errors = [np.mean((base + w * correction - truth) ** 2) for w in (weight, 0.0)]
+    assert errors[0] < errors[1] or weight == 0.0
+    assert weight <= np.clip(np.sum(correction * (truth - base)) / np.sum(correction**2), 0, 1)
+    assert np.any(correction != 0.0)
+    other = DisturbanceForecaster("mlp", **settings | {"residual_of": None}).fit(X, y)
+    assert other.network_weight_ == 1.0
+
+
+def test_the_share_of_a_correction_is_its_slope_less_a_standard_error():
+    power = np.ones(60)
+    assert discounted_share(0.5 * power, power, 6) == pytest.approx(0.5)
+    assert discounted_share(2.0 * power, power, 6) == 1.0
+    assert discounted_share(-power, power, 6) == 0.0
+    assert discounted_share(0.0 * power, 0.0 * power, 6) == 0.0
+    assert discounted_share(np.nan * power, power, 6) == 0.0
+    # With blocks of equal power the jackknife error is that of a mean of block means.
+    slopes = np.array([0.2, 0.9, 0.5, 0.7, 0.4, 0.6])
+    expected = slopes.mean() - slopes.std(ddof=1) / np.sqrt(6)
+    assert discounted_share(np.repeat(slopes, 10), power, 6) == pytest.approx(expected)
+
+
+def test_a_correction_of_noise_is_dropped_or_small():
+    rng = np.random.default_rng(0)
+    X, y = hourly(28)
+    noise = y * 0 + rng.normal(size=len(y))
+    forecaster = DisturbanceForecaster("mlp", max_epochs=30, random_state=0).fit(X.assign(zeta=noise), noise)
+    alone = DisturbanceForecaster("ridge").fit(X.assign(zeta=noise), noise)
+    difference = forecaster.predict(X) - alone.predict(X)
+    assert np.sqrt((difference**2).mean()) < 0.3
+
+
+def test_a_dropped_network_leaves_the_baseline_of_all_rows():
+    X, y = hourly(3)  # too short for a validation block
+    forecaster = DisturbanceForecaster("mlp", max_epochs=2, random_state=0).fit(X, y)
+    assert forecaster.network_weight_ == 0.0
+    np.testing.assert_array_equal(forecaster.predict(X), DisturbanceForecaster("ridge").fit(X, y).predict(X))
+
+
+def test_a_progress_bar_is_shown_on_demand(capsys):
+    X, y = hourly(10)
+    DisturbanceForecaster("mlp", max_epochs=2, verbose=1, random_state=0).fit(X, y)
+    assert "epochs" in capsys.readouterr().err
+    DisturbanceForecaster("mlp", max_epochs=2, random_state=0).fit(X, y)
+    silent = capsys.readouterr()
+    assert silent.out == silent.err == ""
+
+
+def test_a_seed_is_an_integer_whatever_is_given():
+    assert draw_seed(5) == 5
+    assert draw_seed(np.random.RandomState(0)) == draw_seed(np.random.RandomState(0))
+    assert draw_seed(None) != draw_seed(None)
+
+
+def test_an_interruption_by_the_user_ends_the_fit(monkeypatch):
+    from skhybrid.forecasting import loop
+
+    def interrupt(self, net, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(loop.MemberStopping, "on_epoch_begin", interrupt, raising=False)
+    X, y = hourly(10)
+    with pytest.raises(KeyboardInterrupt):
+        DisturbanceForecaster("mlp", max_epochs=2, random_state=0).fit(X, y)
+
+
+# ------------------------------------------------------------------------------------------------- repeats and stacks
+QUICK = {"max_epochs": 6, "patience": 2, "learning_rate": 0.02, "random_state": 3}
+
+
+def _same(one, other, member=0):
+    """Whether the first network of one forecaster is to the bit a member of the other's."""
+    pairs = [(one._network.weights[n][0], w[member]) for n, w in other._network.weights.items()]
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+@pytest.mark.parametrize("model", ["mlp", "cnn", "rnn", "lstm"])
+@pytest.mark.parametrize("sizes", [{}, {"n_layers": 2, "hidden_size": 10, "activation": "gelu", "batch_size": 50}])
+def test_a_repeat_is_to_the_bit_what_it_is_alone(model, sizes):
+    X, y = hourly(14)
+    settings = QUICK | sizes | {"residual_of": None}
+    several = DisturbanceForecaster(model, n_repeats=3, repeats="mean", **settings).fit(X, y)
+    assert not _same(several, several, member=1)
+    for i, seed in enumerate(repeat_seeds(3, 3)):
+        alone = DisturbanceForecaster(model, **settings | {"random_state": seed}).fit(X, y)
+        assert _same(alone, several, member=i)
+        row = several.repeats_.iloc[i]
+        assert (row["seed"], row["n_epochs"]) == (seed, alone.n_epochs_)
+        assert row["valid_loss"] == alone.repeats_["valid_loss"][0] == min(e["valid_loss"] for e in alone.history_)
+
+
+def test_members_stop_one_by_one():
+    X, y = hourly(14)
+    settings = QUICK | {"residual_of": None, "max_epochs": 60, "hidden_size": 40}
+    several = DisturbanceForecaster("mlp", n_repeats=6, repeats="mean", **settings).fit(X, y)
+    assert several.repeats_["n_epochs"].nunique() > 1
+    last = int(several.repeats_["n_epochs"].to_numpy().argmax())
+    alone = DisturbanceForecaster("mlp", **settings | {"random_state": repeat_seeds(3, 6)[last]}).fit(X, y)
+    assert _same(alone, several, member=last)
+
+
+def test_the_best_repeat_forecasts_or_the_mean_of_all():
+    X, y = hourly(14)
+    settings = QUICK | {"residual_of": None, "n_repeats": 3}
+    best = DisturbanceForecaster("mlp", **settings).fit(X, y)
+    mean = DisturbanceForecaster("mlp", repeats="mean", **settings).fit(X, y)
+    lowest = int(mean.repeats_["valid_loss"].to_numpy().argmin())
+    assert best.repeats_["used"].tolist() == [i == lowest for i in range(3)]
+    assert mean.repeats_["used"].all()
+    assert _same(best, mean, member=lowest)
+    alone = [
+        DisturbanceForecaster("mlp", **QUICK | {"random_state": s, "residual_of": None}) for s in repeat_seeds(3, 3)
+    ]
+    each = [one.fit(X, y).predict(X) for one in alone]
+    np.testing.assert_allclose(mean.predict(X), np.mean(each, axis=0), atol=1e-5)
+    np.testing.assert_array_equal(best.predict(X), each[lowest])
+
+
+def test_the_mean_of_networks_is_what_the_share_of_a_correction_is_found_for():
+    X, y = hourly(21)
+    settings = QUICK | {"residual_of": "profile", "n_repeats": 3, "repeats": "mean", "dropout": 0.0}
+    forecaster = DisturbanceForecaster("mlp", **settings).fit(X, y)
+    split = chronological_split(len(X), 24, 0.2, 24)
+    early = DisturbanceForecaster("profile").fit(X.iloc[: split.train_end], y.iloc[: split.train_end])
+    origins = np.arange(split.valid_start - 1, len(X) - 24)
+    table = forecaster._read_X(X)
+    base = early._base.forecast(table, origins, 24)
+    correction = forecaster._network.forecast(table, origins, 24, base, early._base.expected(table)) - base
+    left = y.to_numpy()[origins[:, None] + np.arange(1, 25)] - base
+    share = discounted_share((correction * left).sum(axis=1), (correction**2).sum(axis=1), len(origins) // 24)
+    assert forecaster.network_weight_ == pytest.approx(share, abs=1e-3)
+    assert 0.0 < share < 1.0
+
+
+def test_jobs_of_equal_shape_are_trained_as_one_and_each_as_alone(monkeypatch):
+    from skhybrid.forecasting import training
+
+    sizes = []
+    whole = training.train_stack
+    monkeypatch.setattr(training, "train_stack", lambda stack, *a: sizes.append(len(stack.members)) or whole(stack, *a))
+    settings = QUICK | {"residual_of": None}
+    jobs, alone = [], []
+    for seed, hidden in ((0, 8), (1, 8), (2, 12)):
+        X, y = hourly(14, seed)
+        alone.append(DisturbanceForecaster("rnn", hidden_size=hidden, **settings).fit(X, y))
+        table = alone[-1]._read_X(X)
+        split = chronological_split(len(X), 24, 0.2, 24)
+        jobs.append(TrainingJob(alone[-1], table, y.to_numpy(), None, split, 24, (3,)))
+    sizes.clear()
+    together = train_networks(jobs)
+    assert sizes == [2, 1]
+    for one, job in zip(alone, together, strict=True):
+        assert job.history == one.history_
+        for name, weight in job.network.weights.items():
+            np.testing.assert_array_equal(weight, one._network.weights[name])
+
+
+# ------------------------------------------------------------------------------------------------ where it is trained
+def _fitted(model):
+    X, y = hourly(10)
+    return DisturbanceForecaster(model, n_repeats=2, repeats="mean", **QUICK | {"max_epochs": 2}).fit(X, y).predict(X)
+
+
+@pytest.mark.parametrize("backend", ["loky", "threading"])
+def test_a_fit_is_the_same_to_the_bit_in_any_worker(backend):
+    models = ["mlp", "cnn", "lstm"]
+    found = Parallel(n_jobs=2, backend=backend)(delayed(_fitted)(model) for model in models)
+    for model, forecast in zip(models, found, strict=True):
+        np.testing.assert_array_equal(forecast, _fitted(model))
+
+
+PROGRAM = """
+import sys, hashlib
+sys.path.insert(0, {folder!r})
+import torch
+torch.set_num_threads({n})
+from test_forecasting_training import _fitted
+print(*[hashlib.sha256(_fitted(model).tobytes()).hexdigest() for model in ("mlp", "cnn", "lstm")])
+assert torch.get_num_threads() == {n}
+"""
+
+
+def test_a_fit_is_the_same_to_the_bit_with_one_and_with_two_threads():
+    folder = __file__.rpartition("/")[0]
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", PROGRAM.format(folder=folder, n=n)], capture_output=True, text=True, check=False
+        )
+        for n in (1, 2)
+    ]
+    assert runs[0].stdout.split(), runs[0].stderr
+    assert runs[0].stdout == runs[1].stdout, runs[1].stderr
+
+
+def test_nothing_global_is_left_changed():
+    state, threads, pools = torch.get_rng_state(), torch.get_num_threads(), threadpool_info()
+    numpy_state = np.random.get_state()[1].copy()  # noqa: NPY002
+    seen = []
+    other = threading.Thread(target=lambda: seen.append(torch.get_num_threads()))
+    other.start()
+    other.join()
+    before = seen.pop()
+    _fitted("mlp")
+    again = threading.Thread(target=lambda: seen.append(torch.get_num_threads()))
+    again.start()
+    again.join()
+    assert seen == [before]
+    assert torch.equal(torch.get_rng_state(), state)
+    assert torch.get_num_threads() == threads
+    assert [pool["num_threads"] for pool in threadpool_info()] == [pool["num_threads"] for pool in pools]
+    np.testing.assert_array_equal(np.random.get_state()[1], numpy_state)  # noqa: NPY002
+
+
+def test_the_published_training():
+    forecaster = DisturbanceForecaster.published("mlp", random_state=0)
+    params = forecaster.get_params()
+    wanted = {"n_repeats": 10, "max_epochs": 1000, "patience": 150, "residual_of": None, "repeats": "best"}
+    assert {name: params[name] for name in wanted} == wanted
+    X, y = hourly(28)
+    n_valid = round(params["validation_fraction"] * len(X))
+    assert n_valid == 7 * 24  # one week
+    quick = DisturbanceForecaster.published("mlp", "case04", max_epochs=3, n_repeats=2, random_state=0).fit(X, y)
+    assert quick.case_.name == "case04"
+    assert quick.network_weight_ == 1.0
+    assert len(quick.repeats_) == 2
