@@ -25,7 +25,7 @@ SEASONS = {
     "winter": ("2018-02-01", "2018-03-14", "2018-03-22", "2018-05-15"),
     "summer": ("2018-06-01", "2018-07-12", "2018-07-20", "2018-09-12"),
 }
-#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, since nobody says where the homes are.
+#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, as nobody says where the homes are.
 CHICAGO, NETHERLANDS = (41.98, -87.92), (52.1, 5.2)
 _BUILDING_COLUMNS = {
     "T_oa": "T_out_degC",
@@ -132,7 +132,8 @@ def _building_run(path: Path) -> pd.DataFrame:
     return read_zone_csv(path, _BUILDING_COLUMNS, label="right")
 
 
-def _office_run(file: str) -> pd.DataFrame:
+def office_run(file: str) -> pd.DataFrame:
+    """The small office under ``irregular``, ``shifted`` or ``regular``; of the shipped log where that is all there is."""
     path = SHARED / f"small_office_chicago_{file}.csv"
     if path.is_file():
         return _building_run(path)
@@ -142,14 +143,19 @@ def _office_run(file: str) -> pd.DataFrame:
 
 def _office(season: str, file: str, seed: int) -> DataSet:
     name = f"office {season}, " + {"irregular": "same control", "shifted": "new control"}.get(file, "regular occupancy")
-    trained = _office_run("irregular" if file == "shifted" else file)
-    tested = _office_run(file) if file == "shifted" else trained
+    trained = office_run("irregular" if file == "shifted" else file)
+    tested = office_run(file) if file == "shifted" else trained
     return split(name, trained, tested, SEASONS[season], "7h", site=CHICAGO)
 
 
-def _home(number: int, split_day: str, seed: int) -> DataSet:
+def read_home(number: int) -> pd.DataFrame:
+    """A Dutch home; the heating signal as a share of its highest value."""
     run = read_zone_csv(SHARED / f"dutch_home_{number}.csv", _HOME_COLUMNS, timezone="Europe/Amsterdam")
-    run["u_heat"] /= 78.0
+    return run.assign(u_heat=run["u_heat"] / 78.0)
+
+
+def _home(number: int, split_day: str, seed: int) -> DataSet:
+    run = read_home(number)
     last = pd.Timestamp(split_day)
     spans = (str(run.index[0].date()), split_day, str((last + pd.Timedelta("1D")).date()), "2021-12-31")
     return split(f"dutch home {number}", run, run, spans, "5h", site=NETHERLANDS, known={"Q_h": 8.0})
@@ -188,7 +194,7 @@ def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
 
 
 def _spans(row: Mapping[str, object]) -> dict[str, tuple[str, str, str, str]]:
-    """``label:first/last/start/end;...`` of a row of ``meta.csv``; the seasons of the small office where it has none."""
+    """``label:first/last/start/end;...`` of a row of ``meta.csv``; where it has none, those of the small office."""
     text = row.get("spans")
     if not isinstance(text, str) or not text.strip():
         return dict(SEASONS)

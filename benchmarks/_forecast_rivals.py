@@ -9,13 +9,12 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from _forecast_data import Truth
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from skhybrid._clock import rows_of
 from skhybrid.datasets.office import true_system
-
-from _forecast_data import Truth
 
 
 class _WithPast(RegressorMixin, BaseEstimator):

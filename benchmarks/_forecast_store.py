@@ -50,13 +50,22 @@ class Run(NamedTuple):
 
 
 def by_hour(origin: Any, hour: Any, error: Any) -> Errors:
-    """Gather errors, one an element, by origin and hour ahead (1 ... 24); NaN and later hours are left out."""
-    frame = pd.DataFrame({"origin": origin, "hour": np.asarray(hour), "square": np.asarray(error) ** 2}).dropna()
-    frame = frame[(frame["hour"] >= 1) & (frame["hour"] <= HOURS)]
-    found = frame.groupby(["origin", "hour"])["square"].agg(["sum", "count"]).unstack("hour")
-    wanted = pd.Index(range(1, HOURS + 1))
-    square, count = (found[name].reindex(columns=wanted).fillna(0.0) for name in ("sum", "count"))
-    return Errors(found.index, square.to_numpy(), count.to_numpy())
+    """Gather errors, one an element, by origin and hour ahead (1 ... 24); NaN and later hours are left out.
+
+    Raises
+    ------
+    ValueError
+        If no error is left.
+    """
+    values, hours = np.asarray(error, dtype=np.float64) ** 2, np.asarray(hour, dtype=np.int64)
+    row, names = pd.factorize(np.asarray(origin))
+    known = np.isfinite(values) & (hours >= 1) & (hours <= HOURS) & (row >= 0)
+    square, count = np.zeros((len(names), HOURS)), np.zeros((len(names), HOURS))
+    np.add.at(square, (row[known], hours[known] - 1), values[known])
+    np.add.at(count, (row[known], hours[known] - 1), 1.0)
+    if not known.any():
+        raise ValueError("no forecast meets a measurement.")
+    return Errors(pd.Index(names), square, count)
 
 
 # ---------------------------------------------------------------------------------------------------------- one run
@@ -104,7 +113,7 @@ def load_errors(model: Any, data: DataSet, later: pd.DataFrame) -> tuple[Errors 
     As in a study (``skhybrid.study``), the measured temperature stands in for the set-point.
     """
     delivered = data.delivered()
-    if delivered is None or data.truth is not None and hasattr(model, "truth"):
+    if delivered is None or (data.truth is not None and hasattr(model, "truth")):
         return None, np.nan
     block = ((_wall(later.index) - _wall(later.index)[0].normalize()) // LOAD_STEP).to_numpy()
     first = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1])
@@ -114,10 +123,10 @@ def load_errors(model: Any, data: DataSet, later: pd.DataFrame) -> tuple[Errors 
     stages = [power * load[role] for role, power in data.capacity.items() if role in load]
     heat = sum(stages[1:], start=stages[0]) if stages else load["Q_hvac"]
     origin_row = first[np.searchsorted(first, np.arange(len(later)), side="right") - 1]
-    hour = (np.arange(len(later)) - origin_row) * ((later.index[1] - later.index[0]) / pd.Timedelta("1h")) // 1 + 1
+    hour = (np.arange(len(later)) - origin_row) * (later.index[1] - later.index[0]) // pd.Timedelta("1h") + 1
     known = later["T_za"].notna() & later["T_za"].shift(-1).notna() & (later.index[origin_row] >= data.start)
-    error = (heat - delivered).where(known)
-    return by_hour(later.index[origin_row].astype(str), hour, error), float(delivered[known].abs().mean())
+    errors = by_hour(later.index[origin_row].astype(str)[known], hour[known], (heat - delivered)[known])
+    return errors, float(delivered[known].abs().mean())
 
 
 def _wall(index: pd.DatetimeIndex) -> pd.DatetimeIndex:

@@ -24,6 +24,7 @@ from _forecast_data import DataSet, data_sets, varies
 from _forecast_models import MODELS, Model
 from _forecast_store import STORE, assess, is_done, write_run
 from _forecast_tables import write_results
+from _report import RESULTS
 
 QUICK_DATA = ("dutch home 2", "dutch home 3", "office autumn, new control")
 QUICK_MODELS = ("yesterday", "hour-of-week mean", "ARX", "ARX re-fitted", "hybrid, linear")
@@ -91,7 +92,8 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--no-hybrid", action="store_true", help="without the hybrid default")
     parser.add_argument("--quick", action="store_true", help="a small subset")
     parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
-    parser.add_argument("--store", type=Path, default=STORE, help=argparse.SUPPRESS)
+    parser.add_argument("--store", type=Path, default=STORE, help="where runs are kept")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="where tables and figure are written")
     options = parser.parse_args(arguments)
     if options.quick:
         options.data, options.models = options.data or [*QUICK_DATA], options.models or [*QUICK_MODELS]
@@ -104,7 +106,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = read_options(arguments)
     if not options.tables_only:
         fill(options)
-    for path in write_results(options.store):
+    for path in write_results(options.store, options.results):
         print(path)
 
 
