@@ -65,9 +65,14 @@ class DataSet:
         """Heat that was delivered in the later rows [kW]; None where a stage is all that was logged."""
         if "Q_hvac" in self.later:
             return self.later["Q_hvac"]
-        if not self.capacity:
+        return self.later[list(self.capacity)] @ pd.Series(self.capacity) if self.capacity else None
+
+    def limits(self) -> tuple[float, float] | None:
+        """The least and most heat that the plant ever gave [kW], for want of a nameplate; None where stages tell."""
+        if "Q_hvac" not in self.later:
             return None
-        return sum((self.later[role] * power for role, power in self.capacity.items()), start=0.0 * self.later["T_za"])
+        heat = pd.concat([self.train["Q_hvac"], self.later["Q_hvac"]])
+        return min(0.0, float(heat.min())), max(0.0, float(heat.max()))
 
 
 def data_sets(buildings: Path | None = None) -> dict[str, Callable[[int], DataSet]]:
@@ -133,7 +138,7 @@ def _building_run(path: Path) -> pd.DataFrame:
 
 
 def office_run(file: str) -> pd.DataFrame:
-    """The small office under ``irregular``, ``shifted`` or ``regular``; of the shipped log where that is all there is."""
+    """A run of the small office (irregular, shifted, regular); the shipped autumn where that is all there is."""
     path = SHARED / f"small_office_chicago_{file}.csv"
     if path.is_file():
         return _building_run(path)
@@ -181,28 +186,14 @@ def _synthetic(climate: str, seed: int, train_days: int = 28, test_days: int = 2
 
 # ------------------------------------------------------------------------------------------------ further buildings
 def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
-    """A data set a building, season and control of ``meta.csv``."""
-    meta = pd.read_csv(folder / "meta.csv")
+    """A data set a building, season and control; ``meta.csv`` has a row a building and season (``make_buildings.py``)."""
     found: dict[str, Callable[[int], DataSet]] = {}
-    for row in meta.to_dict("records"):
-        for season, spans in _spans(row).items():
-            for control, file in (("same", "irregular"), ("new", "shifted")):
-                name = f"fresh {row['name']} {season}, {control} control"
-                site = (float(row["latitude"]), float(row["longitude"]))
-                found[name] = partial(_fresh_run, name, folder / str(row["name"]), file, spans, site)
-    return found
-
-
-def _spans(row: Mapping[str, object]) -> dict[str, tuple[str, str, str, str]]:
-    """``label:first/last/start/end;...`` of a row of ``meta.csv``; where it has none, those of the small office."""
-    text = row.get("spans")
-    if not isinstance(text, str) or not text.strip():
-        return dict(SEASONS)
-    found = {}
-    for part in text.split(";"):
-        label, _, days = part.strip().partition(":")
-        first, last, start, end = days.split("/")
-        found[label] = (first, last, start, end)
+    for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
+        spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
+        site = (float(row["latitude"]), float(row["longitude"]))
+        for control, file in (("same", "irregular"), ("new", "shifted")):
+            name = f"fresh {row['name']} {row['season']}, {control} control"
+            found[name] = partial(_fresh_run, name, folder / str(row["name"]), file, spans, site)
     return found
 
 

@@ -13,17 +13,29 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from _forecast_data import is_fresh
-from _forecast_models import ARX, HYBRID, ORACLE, REFITTED
+from _forecast_models import AIR_ORACLE, ARX, HYBRID, ORACLE, REFITTED
 from _forecast_store import HOURS
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
-from skhybrid.inspection._style import COLORS, DASHES, grid_or_new, shared_legend, tidy
+from skhybrid.inspection._style import COLORS, grid_or_new, tidy
 
 #: who is drawn; more lines than these hide one another.
-LINES = ("CONV", "hour-of-week mean", "ridge", ARX, REFITTED, HYBRID)
+LINES = ("CONV", "hour-of-week mean", "ridge", ARX, REFITTED, HYBRID, ORACLE, AIR_ORACLE)
+#: the same look in every figure
+STYLES = {
+    "yesterday": {"color": COLORS[5], "linestyle": ":"},
+    "last temperature": {"color": COLORS[5], "linestyle": "--"},
+    "CONV": {"color": COLORS[2], "linestyle": "-."},
+    "hour-of-week mean": {"color": COLORS[4], "linestyle": ":"},
+    "ridge": {"color": COLORS[3], "linestyle": (0, (5, 1))},
+    ARX: {"color": COLORS[1], "linestyle": "--"},
+    REFITTED: {"color": COLORS[1], "linestyle": "-"},
+    HYBRID: {"color": COLORS[0], "linestyle": "-", "linewidth": 2.6},
+    ORACLE: {"color": "#777777", "linestyle": ":"},
+    AIR_ORACLE: {"color": "#777777", "linestyle": "-"},
+}
 #: a panel reaches as high as these.
 _FRAME = ("ridge", ARX, REFITTED, HYBRID)
-_TRUTH = {ORACLE: (0, (1, 1)), "oracle with air": "-"}
 
 
 def draw(runs: dict[tuple[str, str], list[Any]], path: Path) -> Path:
@@ -40,16 +52,16 @@ def draw(runs: dict[tuple[str, str], list[Any]], path: Path) -> Path:
 def draw_learning(frame: pd.DataFrame, models: tuple[str, ...], path: Path) -> Path:
     """Error by days of training, a panel a log: every date a point, their geometric mean the line."""
     logs = list(dict.fromkeys(frame["log"]))
-    axes = grid_or_new(None, len(logs), 3, (3.6, 2.8))
+    axes = grid_or_new(None, len(logs), 3, (4.4, 3.0))
     for ax, log in zip(axes, logs, strict=True):
-        for i, model in enumerate(models):
+        for model in models:
             mine = frame[(frame["log"] == log) & (frame["model"] == model)]
             if mine.empty:
                 continue
-            style = {"color": COLORS[i % 6], "linestyle": DASHES[i % 6], "linewidth": 2.4 if model == HYBRID else 1.4}
+            style = {"linewidth": 1.5, **STYLES[model]}
             curve = np.exp(np.log(mine["rmse"]).groupby(mine["days"]).mean())
             ax.plot(curve.index, curve, label=model, marker="o", markersize=3.5, **style)
-            ax.plot(mine["days"], mine["rmse"], ".", color=COLORS[i % 6], alpha=0.35, markersize=4)
+            ax.plot(mine["days"], mine["rmse"], ".", color=style["color"], alpha=0.35, markersize=4)
         tidy(ax, ylabel="RMSE [K]", xlabel="days of training", title=log)
         ax.set(xscale="log", yscale="log", xticks=sorted(frame["days"].unique()))
         ax.xaxis.set_major_formatter("{x:.0f}")
@@ -62,7 +74,19 @@ def draw_learning(frame: pd.DataFrame, models: tuple[str, ...], path: Path) -> P
 
 def _saved(axes: np.ndarray, path: Path) -> Path:
     """Write a figure, whole or not at all."""
-    shared_legend(axes)
+    entries: dict[str, Any] = {}
+    for ax in axes:
+        entries |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    order = [name for name in STYLES if name in entries]
+    handles = [entries[name] for name in order]
+    axes[0].figure.legend(
+        handles,
+        order,
+        loc="outside upper left",
+        ncols=3 if len(axes) < 3 else len(order),
+        frameon=False,
+        handlelength=3,
+    )
     part = path.with_suffix(".part")
     axes[0].figure.savefig(part, format="png", dpi=110)
     part.replace(path)
@@ -73,13 +97,9 @@ def _saved(axes: np.ndarray, path: Path) -> Path:
 def _panel(ax: Any, models: dict[str, list[Any]], title: str) -> None:
     hours = np.arange(1, HOURS + 1)
     curves = {name: _curve(mine) for name, mine in models.items()}
-    for i, name in enumerate(LINES):
+    for name in LINES:
         if name in curves:
-            bold = 2.4 if name == HYBRID else 1.4
-            ax.plot(hours, curves[name], color=COLORS[i % 6], linestyle=DASHES[i % 6], linewidth=bold, label=name)
-    for name, dashes in _TRUTH.items():
-        if name in curves:
-            ax.plot(hours, curves[name], color="#888888", linestyle=dashes, linewidth=1.6, label=name)
+            ax.plot(hours, curves[name], label=name, **{"linewidth": 1.5, **STYLES[name]})
     tidy(ax, ylabel="RMSE [K]", title=title)
     top = max((curves[name].max() for name in _FRAME if name in curves), default=None)
     ax.set_ylim(0.0, None if top is None else 1.25 * top)

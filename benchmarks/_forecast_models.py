@@ -23,6 +23,7 @@ Make = Callable[[DataSet, int], Any]
 ADAPTING = {None: "hybrid, static", "linear": "hybrid, linear", "full": "hybrid, full"}
 #: the default, of which ratios are told; what they are ratios to; and which of the models are the conventional ones.
 HYBRID, ARX, REFITTED, ORACLE = ADAPTING[HybridPredictor().adapt], "ARX", "ARX re-fitted", "oracle"
+AIR_ORACLE = "oracle with air"
 CONVENTIONAL = ("CONV", "ID alone", "OD alone")
 #: the paper's final configuration (4.2, 4.4) of every framework; case01 has the same features in all four.
 NETWORK_CASE = {"case": "case01", "n_layers": 1, "activation": "relu", "residual_of": None}
@@ -102,7 +103,7 @@ MODELS: dict[str, Model] = {
         with_facades(lambda data, seed: HybridPredictor(random_state=seed)), "hybrid", facades=True, applies=has_facades
     ),
     ORACLE: Model(lambda data, seed: Oracle(data.truth), applies=lambda data: data.truth is not None),
-    "oracle with air": Model(
+    AIR_ORACLE: Model(
         lambda data, seed: Oracle(data.truth, knows_air=True), applies=lambda data: data.truth is not None
     ),
 }

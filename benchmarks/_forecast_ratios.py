@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,14 @@ def drawn_rows(n: int, length: int, n_draws: int, rng: np.random.Generator) -> n
     starts = rng.integers(n, size=(n_draws, -(-n // length)))
     rows = starts[:, :, None] + np.arange(min(length, n))
     return rows.reshape(n_draws, -1)[:, :n] % n
+
+
+@lru_cache(maxsize=64)
+def draw_counts(n: int, length: int, seed: int) -> np.ndarray:
+    """(N_DRAWS, n) how often each draw holds each origin: sums over a draw are a product with it."""
+    rows = drawn_rows(n, length, N_DRAWS, np.random.default_rng(seed))
+    flat = (rows + n * np.arange(N_DRAWS)[:, None]).ravel()
+    return np.bincount(flat, minlength=N_DRAWS * n).reshape(N_DRAWS, n).astype(np.float64)
 
 
 def blocks_of(origin: pd.Index) -> int:
@@ -65,15 +74,14 @@ def ratio(mine: Sequence[Errors], other: Sequence[Errors], key: str) -> Ratio:
     key : str
         Data sets of one key (a building and its season) have the same origins drawn, since they share their weather.
     """
-    rng = np.random.default_rng(zlib.crc32(key.encode()))
     size = max(len(mine), len(other))
     sums, draws = np.zeros(2), np.zeros((2, N_DRAWS))
     for i in range(size):
         first, second, origin = paired(mine[i % len(mine)], other[i % len(other)])
-        rows = drawn_rows(len(origin), blocks_of(origin), N_DRAWS, rng)
+        counts = draw_counts(len(origin), blocks_of(origin), zlib.crc32(f"{key} {i}".encode()))
         for j, squares in enumerate((first, second)):
             sums[j] += squares.sum()
-            draws[j] += squares[rows].sum(axis=1)
+            draws[j] += counts @ squares
     return with_interval(float(np.sqrt(sums[0] / sums[1])), np.sqrt(draws[0] / draws[1]))
 
 

@@ -76,10 +76,10 @@ class LeftAlone(RegressorMixin, BaseEstimator):
         leads = rows_of(horizon, self.gray_box_.sampling_time_)
         return self.gray_box_.drive(X, origins, np.zeros((len(origins), leads)))
 
-    def load_from(self, X: pd.DataFrame, setpoint: Any, origins: np.ndarray) -> pd.DataFrame:
+    def load_from(self, X: pd.DataFrame, setpoint: Any, origins: np.ndarray, limits: Any = None) -> pd.DataFrame:
         """The load without unmeasured heat, the state being taken at the origins."""
         leads = int(np.diff(np.append(origins, len(X))).max())
-        return self.gray_box_.required_heat(X, setpoint, origins, np.zeros((len(origins), leads)))
+        return self.gray_box_.required_heat(X, setpoint, origins, np.zeros((len(origins), leads)), limits=limits)
 
 
 class Boosted(_WithPast):

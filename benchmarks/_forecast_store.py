@@ -117,7 +117,7 @@ def load_errors(model: Any, data: DataSet, later: pd.DataFrame) -> tuple[Errors 
         return None, np.nan
     block = ((_wall(later.index) - _wall(later.index)[0].normalize()) // LOAD_STEP).to_numpy()
     first = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1])
-    load = _predicted_load(model, later, later["T_za"].interpolate(limit_direction="both"), first)
+    load = _predicted_load(model, later, later["T_za"].interpolate(limit_direction="both"), first, data)
     if load is None:
         return None, np.nan
     stages = [power * load[role] for role, power in data.capacity.items() if role in load]
@@ -133,16 +133,17 @@ def _wall(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
     return index.tz_localize(None) if index.tz is not None else index
 
 
-def _predicted_load(model: Any, rows: pd.DataFrame, setpoint: pd.Series, origins: np.ndarray) -> pd.DataFrame | None:
+def _predicted_load(model: Any, rows: pd.DataFrame, setpoint: pd.Series, origins: np.ndarray, data: DataSet) -> Any:
+    """The load with the state taken at the origins, or None of a model that predicts none."""
     if isinstance(model, Pipeline):
         model, rows = model[-1], model[:-1].transform(rows)
     if hasattr(model, "load_from"):
-        return model.load_from(rows, setpoint, origins)
+        return model.load_from(rows, setpoint, origins, data.limits())
     if not hasattr(model, "predict_load"):
         return None
     usual = model.origin_step
     try:
-        return model.set_params(origin_step=LOAD_STEP).predict_load(rows, setpoint)
+        return model.set_params(origin_step=LOAD_STEP).predict_load(rows, setpoint, data.limits())
     finally:
         model.set_params(origin_step=usual)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from _forecast_data import data_sets, is_fresh
-from _forecast_models import ARX, CONVENTIONAL, HYBRID, MODELS, ORACLE, REFITTED
+from _forecast_models import AIR_ORACLE, ARX, CONVENTIONAL, HYBRID, MODELS, ORACLE, REFITTED
 from _forecast_ratios import Ratio, geometric_mean, ratio
 from _forecast_store import Errors, Run, read_runs
 from _report import RESULTS, write_table
@@ -20,9 +20,9 @@ NOTE = (
     "model at the same origins.  *New control*: trained on one plan of set-points, tested on another.  ± is the "
     "standard deviation over seeds (of the data in `make_office`, of the network's start elsewhere).  Brackets: 90 % "
     "interval of a paired bootstrap by blocks of three days of origins.  Load: the heat that would have held the "
-    "measured temperature against the heat delivered, origins 25 h apart.  *Alone*: no disturbance is forecast.  "
-    "*Oracle*: true network and state, hour-of-week mean of the true gains of the training weeks (with air: outdoor air by its "
-    "conductance, which the change of season does not spoil).  Times are of one core."
+    "measured temperature, within what the plant ever gave, against the heat delivered; origins 25 h apart.  *Alone*: "
+    "no disturbance is forecast.  *Oracle*: true network and state, hour-of-week mean of the true gains of the training weeks (with air: outdoor "
+    "air by its conductance, which the change of season does not spoil).  Times are of one core."
 )
 Runs = dict[tuple[str, str], list[Run]]
 
@@ -147,7 +147,13 @@ def by_lead(runs: Runs, keep: Callable[[str], bool]) -> pd.DataFrame:
 def goals(runs: Runs) -> pd.DataFrame:
     """What the default reaches of what it is asked for, on every data set."""
     rows: dict[str, dict[str, str]] = {}
-    asked = ((ARX, 0.85), (REFITTED, 0.95), (ORACLE, 1.10), ("best of " + ", ".join(CONVENTIONAL), 1.0))
+    asked = (
+        (ARX, 0.85),
+        (REFITTED, 0.95),
+        (ORACLE, 1.10),
+        (AIR_ORACLE, 1.10),
+        ("best of " + ", ".join(CONVENTIONAL), 1.0),
+    )
     for data in dict.fromkeys(data for data, model in runs if model == HYBRID):
         alone = [m for m in CONVENTIONAL if (data, m) in runs]
         best = min(alone, key=lambda m: np.mean([rmse(r.temperature) for r in runs[data, m]]), default=None)

@@ -2,8 +2,8 @@
 
 ``python benchmarks/learning_curve.py`` runs what is not yet there (kept in ``benchmarks/.forecast/learning``, as for
 ``forecast.py``) and writes ``results/learning_curve.md``, ``learning_curve.csv`` and ``learning_curve.png``.  On every
-log there are several dates; the training ends at the date, however long it is, and the two weeks behind it are the test,
-so that the lengths are compared at the same origins.
+log there are several dates; training of any length ends at the date, and the two weeks behind it are the test, so that
+the lengths are compared at the same origins.
 
     python benchmarks/learning_curve.py --quick             one date of two logs, 3 and 7 days
     python benchmarks/learning_curve.py --models "hybrid*" --tag blend
@@ -47,7 +47,7 @@ def _cut(run: Callable[[], pd.DataFrame], log: str, date: str, days: int, step: 
 
 
 def _paper_run(climate: str, date: str) -> pd.DataFrame:
-    """Four weeks before the date and two behind it; the perturbed weekend is the first of the last week of training."""
+    """Four weeks before the date and two behind it; the perturbed weekend is the first, which only 28 days reach."""
     start = pd.Timestamp(date) - pd.Timedelta(max(DAYS), unit="D")
     return make_office(max(DAYS) + TEST_DAYS, climate, start=start, random_state=start.day_of_year).X
 
@@ -108,7 +108,7 @@ def means(frame: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def default_against(runs: dict[tuple[str, str, int, str], Run], frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratio of the default to each rival over all logs and dates; and how often it is worse than the best simple one."""
+    """Ratio of the default to each rival over all cases, and how often it is worse than the best simple one."""
     rows: dict[str, dict[str, str]] = {}
     for days in sorted(frame["days"].unique()):
         mine = {key[:3]: run for key, run in runs.items() if key[2] == days and key[3] == HYBRID}

@@ -113,7 +113,7 @@ def test_a_load_that_is_one_kilowatt_off_has_an_error_of_one_kilowatt_at_every_h
         def __init__(self, origin_step=None):
             self.origin_step = origin_step
 
-        def predict_load(self, X, setpoint):
+        def predict_load(self, X, setpoint, limits):
             # known stages, 1 kW too much at first and then too little
             extra = np.where(np.arange(len(X)) < 96, 1.0, -1.0) / 6.0
             return pd.DataFrame({"u_heat": X["u_heat"] + extra, "u_cool": X["u_cool"]})
