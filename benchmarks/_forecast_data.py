@@ -186,7 +186,7 @@ def _synthetic(climate: str, seed: int, train_days: int = 28, test_days: int = 2
 
 # ------------------------------------------------------------------------------------------------ further buildings
 def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
-    """A data set a building, season and control; ``meta.csv`` has a row a building and season (``make_buildings.py``)."""
+    """A data set a building, season and control of what ``make_buildings.py`` left in a folder."""
     found: dict[str, Callable[[int], DataSet]] = {}
     for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
         spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))

@@ -196,7 +196,7 @@ def read_run(path: Path) -> Run:
 
 def read_runs(store: Path = STORE) -> Iterator[Run]:
     """All kept runs."""
-    for path in sorted(store.glob("*/*.csv")):
+    for path in sorted(store.glob("*/*__*.csv")):
         yield read_run(path)
 
 

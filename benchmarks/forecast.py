@@ -93,8 +93,10 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="a small subset")
     parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
     parser.add_argument("--store", type=Path, default=STORE, help="where runs are kept")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="where tables and figure are written")
+    parser.add_argument("--results", type=Path, help="where tables and figure are written")
     options = parser.parse_args(arguments)
+    if options.results is None:  # a subset must not replace the tables of the whole
+        options.results = options.store / "quick" if options.quick else RESULTS
     if options.quick:
         options.data, options.models = options.data or [*QUICK_DATA], options.models or [*QUICK_MODELS]
         options.seeds = 1

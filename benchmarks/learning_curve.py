@@ -164,8 +164,10 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="one date of two logs, 3 and 7 days")
     parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
     parser.add_argument("--store", type=Path, default=STORE / "learning", help="where runs are kept")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="where tables and figure are written")
+    parser.add_argument("--results", type=Path, help="where tables and figure are written")
     options = parser.parse_args(arguments)
+    if options.results is None:  # a subset must not replace the tables of the whole
+        options.results = options.store / "quick" if options.quick else RESULTS
     options.models = list(CURVES) if options.models is None else chosen(list(MODELS), options.models)
     return options
 
