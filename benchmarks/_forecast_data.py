@@ -6,7 +6,7 @@ learns on may use the time between training and test; no origin lies before ``st
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
@@ -75,13 +75,13 @@ class DataSet:
         return min(0.0, float(heat.min())), max(0.0, float(heat.max()))
 
 
-def data_sets(buildings: Path | None = None) -> dict[str, Callable[[int], DataSet]]:
+def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataSet]]:
     """Loaders by name, each taking a seed; only synthetic data differ by it.
 
     Parameters
     ----------
-    buildings : Path, optional
-        Folder with further EnergyPlus runs: ``meta.csv`` and ``<name>_{irregular,shifted}.csv``.
+    buildings : sequence of Path
+        Folders of further EnergyPlus runs: ``meta.csv`` and ``<name>_{irregular,shifted}.csv``.
     """
     found: dict[str, Callable[[int], DataSet]] = {}
     for season in SEASONS:
@@ -95,7 +95,9 @@ def data_sets(buildings: Path | None = None) -> dict[str, Callable[[int], DataSe
             found[f"dutch home {number}"] = partial(_home, number, split)
     for climate in ("oakland", "chicago"):
         found[f"make_office {climate}"] = partial(_synthetic, climate)
-    return found | (_fresh(buildings) if buildings is not None else {})
+    for folder in buildings:
+        found |= _fresh(folder)
+    return found
 
 
 def varies(name: str) -> bool:
@@ -103,9 +105,9 @@ def varies(name: str) -> bool:
     return name.startswith("make_office")
 
 
-def is_fresh(name: str) -> bool:
-    """Whether a data set is one of the further EnergyPlus runs."""
-    return name.startswith("fresh ")
+def group_of(name: str) -> str:
+    """The folder of a further EnergyPlus run (``dev``, ``held``), else nothing."""
+    return name.partition(": ")[0] if ": " in name else ""
 
 
 def split(
@@ -192,7 +194,7 @@ def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
         spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
         site = (float(row["latitude"]), float(row["longitude"]))
         for control, file in (("same", "irregular"), ("new", "shifted")):
-            name = f"fresh {row['name']} {row['season']}, {control} control"
+            name = f"{folder.name}: {row['name']} {row['season']}, {control} control"
             found[name] = partial(_fresh_run, name, folder / str(row["name"]), file, spans, site)
     return found
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from _forecast_data import data_sets, is_fresh
+from _forecast_data import data_sets, group_of
 from _forecast_models import AIR_ORACLE, ARX, CONVENTIONAL, HYBRID, MODELS, ORACLE, REFITTED
 from _forecast_ratios import Ratio, geometric_mean, ratio
 from _forecast_store import Errors, Run, read_runs
@@ -22,7 +23,8 @@ NOTE = (
     "interval of a paired bootstrap by blocks of three days of origins.  Load: the heat that would have held the "
     "measured temperature, within what the plant ever gave, against the heat delivered; origins 25 h apart.  *Alone*: "
     "no disturbance is forecast.  *Oracle*: true network and state, hour-of-week mean of the true gains of the "
-    "training weeks (with air: outdoor air by its conductance, which the change of season does not spoil).  Times are of one core."
+    "training weeks (with air: outdoor air by its conductance, which the change of season does not spoil).  Times are "
+    "of one core."
 )
 Runs = dict[tuple[str, str], list[Run]]
 
@@ -190,8 +192,9 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
     groups = {
         "small office": lambda data: data.startswith("office"),
         "homes and the paper's office": lambda data: data.startswith(("dutch", "make_office")),
-        "further buildings": is_fresh,
     }
+    for folder in dict.fromkeys(group_of(data) for data, _ in runs if group_of(data)):
+        groups[f"further buildings, {folder}"] = partial(_is_of, folder)
     tables: dict[str, pd.DataFrame] = {}
     if any(model == HYBRID for _, model in runs):
         tables[f"What is asked of the default ({HYBRID}): ratio of errors"] = goals(runs)
@@ -199,7 +202,7 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
         if any(keep(data) for data, _ in runs):
             tables |= _group_tables(runs, label, keep)
     tables["RMSE by hour ahead [K], geometric mean of all data sets but further buildings"] = by_lead(
-        runs, lambda data: not is_fresh(data)
+        runs, lambda data: not group_of(data)
     )
     tables["Times"] = times(runs)
     folder.mkdir(parents=True, exist_ok=True)
@@ -212,6 +215,10 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
     return [md, csv, draw(runs, folder / "forecast.png")]
 
 
+def _is_of(folder: str, data: str) -> bool:
+    return group_of(data) == folder
+
+
 def _group_tables(runs: Runs, label: str, keep: Callable[[str], bool]) -> dict[str, pd.DataFrame]:
     """Errors, ratios and loads of the data sets of one kind; of many data sets a row each."""
     tables = {f"RMSE [K], {label}": crossed(runs, keep, error_cell)}
@@ -222,5 +229,5 @@ def _group_tables(runs: Runs, label: str, keep: Callable[[str], bool]) -> dict[s
     loads = loads.loc[(loads != "").any(axis=1), (loads != "").any(axis=0)]
     if len(loads):
         tables[f"RMSE of the load [kW] (percent of the mean load), {label}"] = loads
-    wide = label == "further buildings"
+    wide = label.startswith("further")
     return {k: v.T.rename_axis("data") if wide else v for k, v in tables.items()}

@@ -21,13 +21,13 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from _forecast_data import DataSet, data_sets, varies
-from _forecast_models import MODELS, Model
+from _forecast_models import ARX, HYBRID, MODELS, REFITTED, Model
 from _forecast_store import STORE, assess, is_done, write_run
 from _forecast_tables import write_results
 from _report import RESULTS
 
 QUICK_DATA = ("dutch home 2", "dutch home 3", "office autumn, new control")
-QUICK_MODELS = ("yesterday", "hour-of-week mean", "ARX", "ARX re-fitted", "hybrid, linear")
+QUICK_MODELS = ("yesterday", "CONV", "hour-of-week mean", ARX, REFITTED, HYBRID)
 
 
 def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
@@ -86,7 +86,7 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--data", nargs="+", help="names of data sets, their beginnings or patterns")
     parser.add_argument("--models", nargs="+", help="names of models, their beginnings or patterns")
     parser.add_argument("--seeds", type=int, default=3, help="realisations of make_office, starts of networks")
-    parser.add_argument("--buildings", type=Path, help="folder of further EnergyPlus runs with its meta.csv")
+    parser.add_argument("--buildings", type=Path, nargs="+", default=[], help="folders that make_buildings.py made")
     parser.add_argument("--tag", help="version of the code; runs by another one are redone")
     parser.add_argument("--networks", action="store_true", help="the paper's networks too, which take hours")
     parser.add_argument("--no-hybrid", action="store_true", help="without the hybrid default")

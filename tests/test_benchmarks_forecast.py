@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import _forecast_tables
 import forecast
-from _forecast_data import DataSet, Truth, split
+from _forecast_data import DataSet, Truth, data_sets, split
 from _forecast_models import MODELS, Model
 from _forecast_ratios import BLOCK, blocks_of, drawn_rows, paired, ratio
 from _forecast_rivals import Boosted, Held, LeftAlone, Oracle, Yesterday
@@ -240,6 +240,33 @@ def test_another_control_begins_one_step_later_so_that_it_follows_no_training(of
     assert new.later.index[0] == pd.Timestamp("2023-07-12 00:15")
     assert same.start == new.start == pd.Timestamp("2023-07-13")
     assert same.later.index[-1] == pd.Timestamp("2023-07-14 23:45")
+
+
+def test_further_buildings_are_read_with_their_place_spans_and_right_labels(tmp_path):
+    folder = tmp_path / "held"
+    folder.mkdir()
+    stamps = pd.date_range("2018-01-01 00:15", periods=12 * 96, freq="15min", tz="Etc/GMT+5")
+    ramp = np.arange(len(stamps), dtype=float)
+    for control, offset in (("irregular", 0.0), ("shifted", 1e4)):
+        names = ["T_in_degC", "T_out_degC", "ghi_kW_m2", "dni_kW_m2", "dhi_kW_m2", "q_hvac_kW", "truth_gains_kW"]
+        table = pd.DataFrame(dict.fromkeys(names, ramp + offset), index=stamps.map(pd.Timestamp.isoformat))
+        table.rename_axis("timestamp").to_csv(folder / f"shop_{control}.csv")
+    spans = {"train_start": "2018-01-02", "train_end": "2018-01-05", "test_start": "2018-01-07"}
+    row = {"name": "shop", "latitude": 40.0, "longitude": -75.0, "season": "winter", "test_end": "2018-01-10"}
+    pd.DataFrame([row | spans]).to_csv(folder / "meta.csv", index=False)
+    found = {n: load for n, load in data_sets([folder]).items() if n.startswith("held: ")}
+    assert list(found) == ["held: shop winter, same control", "held: shop winter, new control"]
+    same, new = (load(0) for load in found.values())
+    assert same.site == new.site == (40.0, -75.0)
+    assert "truth_gains_kW" not in same.train
+    assert same.start == pd.Timestamp("2018-01-07 00:00-05:00")
+    # a temperature holds at its stamp; heat is the mean of the 15 min that end at the stamp
+    first = same.train.iloc[0]
+    assert same.train.index[0] == pd.Timestamp("2018-01-02 00:00-05:00")
+    assert (first["T_za"], first["Q_hvac"]) == (95.0, 96.0)
+    pd.testing.assert_frame_equal(new.train, same.train)
+    assert new.later["T_za"].min() > 1e4
+    assert same.limits() == (0.0, float(same.later["Q_hvac"].max()))
 
 
 # ---------------------------------------------------------------------------------------------------------- store
