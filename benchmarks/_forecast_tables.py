@@ -193,8 +193,8 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
         "small office": lambda data: data.startswith("office"),
         "homes and the paper's office": lambda data: data.startswith(("dutch", "make_office")),
     }
-    for folder in dict.fromkeys(group_of(data) for data, _ in runs if group_of(data)):
-        groups[f"further buildings, {folder}"] = partial(_is_of, folder)
+    for further in dict.fromkeys(group_of(data) for data, _ in runs if group_of(data)):
+        groups[f"further buildings, {further}"] = partial(_is_of, further)
     tables: dict[str, pd.DataFrame] = {}
     if any(model == HYBRID for _, model in runs):
         tables[f"What is asked of the default ({HYBRID}): ratio of errors"] = goals(runs)
@@ -215,8 +215,8 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
     return [md, csv, draw(runs, folder / "forecast.png")]
 
 
-def _is_of(folder: str, data: str) -> bool:
-    return group_of(data) == folder
+def _is_of(group: str, data: str) -> bool:
+    return group_of(data) == group
 
 
 def _group_tables(runs: Runs, label: str, keep: Callable[[str], bool]) -> dict[str, pd.DataFrame]:

@@ -1,6 +1,7 @@
 """The pieces of the forecast bench (benchmarks/): what its numbers are, and that no model is shown what it must not."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -299,15 +300,18 @@ def test_names_are_chosen_by_beginning_or_pattern():
 
 def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data, tmp_path, monkeypatch, capsys):
     loads = []
-    monkeypatch.setattr(forecast, "data_sets", lambda buildings: {"tiny": lambda seed: loads.append(seed) or data})
+    other = replace(data, name="dev: tiny summer, new control")
+    loaders = {d.name: lambda seed, d=d: loads.append(seed) or d for d in (data, other)}
+    monkeypatch.setattr(forecast, "data_sets", lambda buildings: loaders)
     arguments = ["--models", "yesterday", "ARX", "ARX re-fitted", "oracle", "--store", str(tmp_path / "store")]
     arguments += ["--results", str(tmp_path)]
     forecast.main(arguments)
-    assert loads == [0]
+    assert loads == [0, 0]
     text = (tmp_path / "forecast.md").read_text()
     assert "Times" in text
     assert (tmp_path / "forecast.png").stat().st_size > 5000
-    table = pd.read_csv(tmp_path / "forecast.csv").set_index("model")
+    assert "Ratio to ARX, further buildings, dev" in text
+    table = pd.read_csv(tmp_path / "forecast.csv").set_index(["data", "model"]).loc["tiny"]
     assert list(table.index) == ["yesterday", "ARX", "ARX re-fitted", "oracle"]
     later, T = data.later, data.later["T_za"].to_numpy()
     whole = pd.concat([data.train, later])["T_za"].to_numpy()
@@ -323,9 +327,9 @@ def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data,
         table.loc["yesterday", "rmse"] / table.loc["ARX", "rmse"], rel=2e-3
     )
     forecast.main(arguments)  # all is there
-    assert loads == [0]
-    forecast.main([*arguments, "--tag", "new"])
     assert loads == [0, 0]
+    forecast.main([*arguments, "--tag", "new", "--data", "tiny", "--models", "ARX"])
+    assert loads == [0, 0, 0]
     capsys.readouterr()
 
 
