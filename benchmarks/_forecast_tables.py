@@ -22,9 +22,9 @@ NOTE = (
     "standard deviation over seeds (of the data in `make_office`, of the network's start elsewhere).  Brackets: 90 % "
     "interval of a paired bootstrap by blocks of three days of origins.  Load: the heat that would have held the "
     "measured temperature, within what the plant ever gave, against the heat delivered; origins 25 h apart.  *Alone*: "
-    "no disturbance is forecast.  *Oracle*: true network and state, hour-of-week mean of the true gains of the "
-    "training weeks (with air: outdoor air by its conductance, which the change of season does not spoil).  Times are "
-    "of one core."
+    "no disturbance is forecast.  Bounds of gray boxes are the paper's, moved with the size of the plant.  *Oracle*: "
+    "true network and state, hour-of-week mean of the true gains of the training weeks (with air: outdoor air by its "
+    "conductance, which the change of season does not spoil).  Times are of one core."
 )
 Runs = dict[tuple[str, str], list[Run]]
 

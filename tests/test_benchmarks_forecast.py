@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import _forecast_tables
 import forecast
 from _forecast_data import DataSet, Truth, data_sets, split
-from _forecast_models import MODELS, Model
+from _forecast_models import MODELS, Model, bounds_for
 from _forecast_ratios import BLOCK, blocks_of, drawn_rows, paired, ratio
 from _forecast_rivals import Boosted, Held, LeftAlone, Oracle, Yesterday
 from _forecast_store import Errors, Run, assess, by_hour, is_done, load_errors, read_run, write_run
@@ -177,7 +177,7 @@ RIVALS = {
     "yesterday": Yesterday(),
     "held": Held(),
     "alone": LeftAlone(GrayBoxRC(known={"Q_h": 6.0}, n_starts=1, random_state=0)),
-    "boosted": Boosted(random_state=0),
+    "boosted": Boosted(every="6h", random_state=0),
 }
 
 
@@ -331,6 +331,17 @@ def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data,
     forecast.main([*arguments, "--tag", "new", "--data", "tiny", "--models", "ARX"])
     assert loads == [0, 0, 0]
     capsys.readouterr()
+
+
+def test_bounds_move_with_the_plant_and_leave_their_products_alone(data):
+    assert bounds_for(data) is None  # stages only
+    heated = data.train.assign(Q_hvac=np.linspace(-30.0, 12.0, len(data.train)))
+    found = bounds_for(replace(data, train=heated))  # five times the paper's 6 kW
+    assert found["C_w"] == found["C_za"] == (0.5, 200.0)
+    assert found["R_zw"] == found["R_zo"] == (0.02, 8.0)
+    assert found["A_win"] == (0.5, 125.0)
+    small = bounds_for(replace(data, train=data.train.assign(Q_hvac=1.0)))
+    assert small["C_w"] == (0.1, 40.0)
 
 
 def test_every_model_of_the_bench_can_be_made_and_cloned_apart(data):
