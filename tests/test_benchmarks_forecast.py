@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import _forecast_tables
 import forecast
+import learning_curve
 from _forecast_data import DataSet, Truth, data_sets, split
 from _forecast_models import MODELS, Model, bounds_for
 from _forecast_ratios import BLOCK, blocks_of, drawn_rows, paired, ratio
@@ -331,6 +332,28 @@ def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data,
     forecast.main([*arguments, "--tag", "new", "--data", "tiny", "--models", "ARX"])
     assert loads == [0, 0, 0]
     capsys.readouterr()
+
+
+def test_lengths_of_training_end_at_one_date_and_share_their_test(monkeypatch, tmp_path):
+    run = make_office(n_days=22, random_state=1).X  # from 8 July
+    cut = {days: learning_curve._cut(lambda: run, "log", "2023-07-16", days, "7h") for days in (3, 7)}
+    for days, found in cut.items():
+        assert len(found.train) == days * 96
+        assert found.train.index[-1] == pd.Timestamp("2023-07-15 23:45")
+        assert found.later.index[0] == found.start == pd.Timestamp("2023-07-16")
+    pd.testing.assert_frame_equal(cut[3].later, cut[7].later)
+    monkeypatch.setattr(
+        learning_curve, "cases", lambda: {("log", "2023-07-16", days): lambda d=d: d for days, d in cut.items()}
+    )
+    arguments = ["--models", "yesterday", "ARX", "--store", str(tmp_path / "store"), "--results", str(tmp_path)]
+    learning_curve.main(arguments)
+    table = pd.read_csv(tmp_path / "learning_curve.csv").set_index(["days", "model"])
+    assert len(table) == 4
+    # yesterday does not learn, and is the best simple one here
+    assert table.loc[(3, "yesterday"), "rmse"] == table.loc[(7, "yesterday"), "rmse"]
+    expected = table.loc[(7, "ARX"), "rmse"] / table.loc[(7, "yesterday"), "rmse"]
+    assert table.loc[(7, "ARX"), "to_best_simple"] == pytest.approx(expected, rel=2e-3)
+    assert (tmp_path / "learning_curve.png").stat().st_size > 5000
 
 
 def test_bounds_move_with_the_plant_and_leave_their_products_alone(data):
