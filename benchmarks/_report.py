@@ -12,7 +12,9 @@ import pandas as pd
 RESULTS = Path(__file__).parent / "results"
 
 
-def write_table(name: str, title: str, command: str, tables: dict[str, pd.DataFrame], note: str = "") -> Path:
+def write_table(
+    name: str, title: str, command: str, tables: dict[str, pd.DataFrame], note: str = "", folder: Path = RESULTS
+) -> Path:
     """Write tables as Markdown, whole or not at all."""
     cores = os.cpu_count()
     lines = [f"# {title}", "", f"`{command}`, {datetime.date.today()}, {platform.machine()}, {cores} cores, "]
@@ -21,8 +23,8 @@ def write_table(name: str, title: str, command: str, tables: dict[str, pd.DataFr
         lines += ["", note]
     for heading, table in tables.items():
         lines += ["", f"## {heading}", "", *_markdown(table)]
-    RESULTS.mkdir(exist_ok=True)
-    path = RESULTS / f"{name}.md"
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.md"
     part = path.with_suffix(".part")
     part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     part.replace(path)

@@ -1,122 +1,115 @@
-"""Day-ahead error of the hybrid and of its rivals on the reference logs, same and new control.
+"""The forecast bench: day-ahead error of temperature and load, every model on every log.
 
-Writes ``results/forecast.md``; logs that are not beside the checkout (``../shared/data``) are left out.  About five
-minutes on one core: ``python benchmarks/forecast.py``.
+``python benchmarks/forecast.py`` runs what is not yet there and writes ``results/forecast.md``, ``forecast.csv`` and
+``forecast.png``.  Finished runs are kept in ``benchmarks/.forecast``, so that it may be stopped at any moment and gone
+on with; ``--tag`` names a version of the code, and redoes what was run by another.  Logs that are not beside the
+checkout (``../shared/data``) are left out.  Run it on one core (``OMP_NUM_THREADS=1``): times are those of one.
+
+    python benchmarks/forecast.py --quick                                a subset, in about two minutes
+    python benchmarks/forecast.py --data office --models ARX "hybrid*"   some rows, some columns
+    python benchmarks/forecast.py --models "hybrid*" --tag blend         again, since the code has changed
+    python benchmarks/forecast.py --networks                             with the paper's networks (hours)
+    python benchmarks/forecast.py --tables-only                          from what is kept
 """
 
 from __future__ import annotations
 
+import argparse
 import time
-import warnings
+from collections.abc import Callable, Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 
-import pandas as pd
-from _report import write_table
+from _forecast_data import DataSet, data_sets, varies
+from _forecast_models import ARX, HYBRID, MODELS, REFITTED, Model
+from _forecast_store import STORE, assess, is_done, write_run
+from _forecast_tables import write_results
+from _report import RESULTS
 
-from skhybrid import (
-    ARXRegressor,
-    DisturbanceForecaster,
-    GrayBoxRC,
-    HybridPredictor,
-    OutputDisturbanceID,
-    PeriodicDisturbanceID,
-)
-from skhybrid.datasets import load_small_office, make_office, read_zone_csv
-from skhybrid.exceptions import SkhybridWarning
-from skhybrid.model_selection import backtest, score_backtest
-
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+QUICK_DATA = ("dutch home 2", "dutch home 3", "office autumn, new control")
+QUICK_MODELS = ("yesterday", "CONV", "hour-of-week mean", ARX, REFITTED, HYBRID)
 
 
-def _office(control: str):
-    train, test = load_small_office("irregular"), load_small_office(control)
-    return train.X["2018-09-03":"2018-10-14"], test.X["2018-10-21":"2018-12-15"], "2018-10-22", "25h", None
+def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
+    """Names that equal or match (``*``) one of the wanted ones, or begin with one where none equals it."""
+    if wanted is None:
+        return names
+    found: set[str] = set()
+    for text in wanted:
+        same = [n for n in names if fnmatch(n, text)] or [n for n in names if n.startswith(text)]
+        if not same:
+            raise SystemExit(f"nothing is called {text!r}; there are {', '.join(names)}.")
+        found.update(same)
+    return [n for n in names if n in found]
 
 
-def _home(number: int):
-    columns = {"T_za": "T_in_degC", "T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd"}
-    X = read_zone_csv(SHARED / f"dutch_home_{number}.csv", columns, timezone="Europe/Amsterdam")
-    X["u_heat"] /= 78.0
-    return X[:"2021-11-30"], X["2021-11-30":"2021-12-31"], "2021-12-01", "5h", {"Q_h": 8.0}
+def tasks(
+    loaders: dict[str, Callable[[int], DataSet]], models: list[str], seeds: int
+) -> Iterator[tuple[str, int, list[str]]]:
+    """Data set, seed and the models that this seed makes a difference to."""
+    for name in loaders:
+        for seed in range(seeds):
+            yield name, seed, [m for m in models if seed == 0 or varies(name) or MODELS[m].random]
 
 
-def _paper(climate: str, start: str):
-    office = make_office(n_days=56, climate=climate, start=start, random_state=2024)
-    return office.X[: 28 * 96], office.X[27 * 96 :], office.X.index[28 * 96], "1D", {"Q_h": 6.0}
+def run_one(data: DataSet, name: str, spec: Model, seed: int, tag: str, store: Path) -> None:
+    """Run, keep and say it; what fails is said, and tried again by the next command."""
+    begun = time.perf_counter()
+    try:
+        run = assess(data, name, spec, seed, tag)
+    except Exception as error:  # one model must not end a night's run
+        print(f"{data.name} | {name} | {seed}: FAILED, {type(error).__name__}: {error}", flush=True)
+        return
+    write_run(run, store)
+    rmse = (run.temperature.square.sum() / run.temperature.count.sum()) ** 0.5
+    print(f"{data.name} | {name} | {seed}: {rmse:.3f} K, {time.perf_counter() - begun:.1f} s", flush=True)
 
 
-DATA = {
-    "office, same control": lambda: _office("irregular"),
-    "office, new control": lambda: _office("shifted"),
-    "paper's office, oakland": lambda: _paper("oakland", "2023-07-08"),
-    "paper's office, chicago": lambda: _paper("chicago", "2023-10-07"),
-    "dutch home 2": lambda: _home(2),
-    "dutch home 3": lambda: _home(3),
-}
+def fill(options: argparse.Namespace) -> None:
+    """Run what is asked for and not there."""
+    loaders = data_sets(options.buildings)
+    loaders = {n: loaders[n] for n in chosen(list(loaders), options.data)}
+    groups = {"cheap", *([] if options.no_hybrid else ["hybrid"]), *(["networks"] if options.networks else [])}
+    usual = [n for n, spec in MODELS.items() if spec.group in groups]
+    models = usual if options.models is None else chosen(list(MODELS), options.models)
+    for name, seed, wanted in tasks(loaders, models, options.seeds):
+        left = [m for m in wanted if not is_done(name, m, seed, options.tag, options.store)]
+        data = loaders[name](seed) if left else None
+        for model in left:
+            if data is not None and MODELS[model].applies(data):
+                run_one(data, model, MODELS[model], seed, options.tag or "1", options.store)
 
 
-def models(known):
-    """Estimators by name; the forecasters share the identification of the default."""
+def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", nargs="+", help="names of data sets, their beginnings or patterns")
+    parser.add_argument("--models", nargs="+", help="names of models, their beginnings or patterns")
+    parser.add_argument("--seeds", type=int, default=3, help="realisations of make_office, starts of networks")
+    parser.add_argument("--buildings", type=Path, nargs="+", default=[], help="folders that make_buildings.py made")
+    parser.add_argument("--tag", help="version of the code; runs by another one are redone")
+    parser.add_argument("--networks", action="store_true", help="the paper's networks too, which take hours")
+    parser.add_argument("--no-hybrid", action="store_true", help="without the hybrid default")
+    parser.add_argument("--quick", action="store_true", help="a small subset")
+    parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
+    parser.add_argument("--store", type=Path, default=STORE, help="where runs are kept")
+    parser.add_argument("--results", type=Path, help="where tables and figure are written")
+    options = parser.parse_args(arguments)
+    if options.results is None:  # a subset must not replace the tables of the whole
+        options.results = options.store / "quick" if options.quick else RESULTS
+    if options.quick:
+        options.data, options.models = options.data or [*QUICK_DATA], options.models or [*QUICK_MODELS]
+        options.seeds = 1
+    return options
 
-    def hybrid(model: str, **settings):
-        return HybridPredictor(
-            PeriodicDisturbanceID(known=known), DisturbanceForecaster(model=model), random_state=0, **settings
-        )
 
-    return {
-        "conventional CONV": GrayBoxRC(known=known, n_starts=12, random_state=0),
-        "conventional OD": OutputDisturbanceID(known=known, n_starts=12, random_state=0),
-        "hybrid, persistence": hybrid("persistence"),
-        "hybrid, last week": hybrid("last_week"),
-        "hybrid, profile": hybrid("profile"),
-        "hybrid, frozen": hybrid("ridge", adapt=None),
-        "hybrid (default)": hybrid("ridge"),
-        "ARX": ARXRegressor(),
-        "ARX re-fitted": ARXRegressor(adapt="refit"),
-    }
-
-
-def main() -> None:
-    """Run all and write the table."""
-    rows = []
-    for name, load in DATA.items():
-        if "home" in name and not SHARED.is_dir():
-            continue
-        train, test, start, every, known = load()
-        for label, model in models(known).items():
-            begin = time.perf_counter()
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SkhybridWarning)
-                model.fit(train, train["T_za"])
-            frame = backtest(model, test, test["T_za"], origin_step=every, start=start)
-            score = score_backtest(frame)
-            rows.append(
-                {
-                    "data": name,
-                    "model": label,
-                    "rmse": float(score["rmse"]),
-                    "mae": float(score["mae"]),
-                    "origins": frame["origin"].nunique(),
-                    "seconds": time.perf_counter() - begin,
-                }
-            )
-            print(rows[-1], flush=True)
-    table = pd.DataFrame(rows)
-    order = list(models(None))
-    write_table(
-        "forecast",
-        "Day-ahead error of the room temperature",
-        "python benchmarks/forecast.py",
-        {
-            "RMSE [K]": table.pivot_table(index="model", columns="data", values="rmse", sort=False).loc[order],
-            "MAE [K]": table.pivot_table(index="model", columns="data", values="mae", sort=False).loc[order],
-            "Origins and seconds (fit and back-test)": table.groupby("data", sort=False).agg(
-                origins=("origins", "first"), seconds=("seconds", "sum")
-            ),
-        },
-        "One run; at so few origins a few per cent are noise. A kW of a Dutch home is relative to an assumed boiler of "
-        "8 kW.",
-    )
+def main(arguments: list[str] | None = None) -> None:
+    """Fill the store, write the tables."""
+    options = read_options(arguments)
+    if not options.tables_only:
+        fill(options)
+    for path in write_results(options.store, options.results):
+        print(path)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,205 @@
+"""The logs of the forecast bench: training rows, the rows behind them, and what is known of site, plant and truth.
+
+A row of the bench is a data set.  The rows behind the training span begin where that ended, so that a model that
+learns on may use the time between training and test; no origin lies before ``start``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from pathlib import Path
+
+import pandas as pd
+
+from skhybrid.datasets import load_small_office, make_office, read_zone_csv
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+STEP = pd.Timedelta("15min")
+#: weather that a facade model reads beside ``q_sol``, where it was logged; no role of the data contract.
+BEAM_AND_SKY = ("dni", "dhi")
+#: six weeks of training and two months of test of the small office, a week apart (shared/data/README.md, recipes.md B).
+SEASONS = {
+    "autumn": ("2018-09-03", "2018-10-14", "2018-10-22", "2018-12-15"),
+    "winter": ("2018-02-01", "2018-03-14", "2018-03-22", "2018-05-15"),
+    "summer": ("2018-06-01", "2018-07-12", "2018-07-20", "2018-09-12"),
+}
+#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, as nobody says where the homes are.
+CHICAGO, NETHERLANDS = (41.98, -87.92), (52.1, 5.2)
+_BUILDING_COLUMNS = {
+    "T_oa": "T_out_degC",
+    "q_sol": "ghi_kW_m2",
+    "Q_hvac": "q_hvac_kW",
+    "T_za": "T_in_degC",
+    "dni": "dni_kW_m2",
+    "dhi": "dhi_kW_m2",
+}
+_HOME_COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a simulation knows and no model is given, for training and later rows."""
+
+    heat_gain: pd.Series  # all unmeasured heat [kW]
+    air: pd.Series  # the part of it that outdoor air brings [kW]
+    states: pd.DataFrame  # T_w, T_za without noise [degC]
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """One row of the bench."""
+
+    name: str
+    train: pd.DataFrame  # one column a role with T_za, and BEAM_AND_SKY where logged
+    later: pd.DataFrame  # the same of the rows behind: history up to start, then the test
+    start: pd.Timestamp  # no origin before it
+    origin_step: str
+    site: tuple[float, float] | None = None  # latitude, longitude [deg] where irradiance is global horizontal
+    known: Mapping[str, float] = field(default_factory=dict)  # capacity that an identification is told
+    capacity: Mapping[str, float] = field(default_factory=dict)  # true capacities of stages [kW]
+    truth: Truth | None = None
+
+    def delivered(self) -> pd.Series | None:
+        """Heat that was delivered in the later rows [kW]; None where a stage is all that was logged."""
+        if "Q_hvac" in self.later:
+            return self.later["Q_hvac"]
+        return self.later[list(self.capacity)] @ pd.Series(self.capacity) if self.capacity else None
+
+    def limits(self) -> tuple[float, float] | None:
+        """The least and most heat that the plant ever gave [kW], for want of a nameplate; None where stages tell."""
+        if "Q_hvac" not in self.later:
+            return None
+        heat = pd.concat([self.train["Q_hvac"], self.later["Q_hvac"]])
+        return min(0.0, float(heat.min())), max(0.0, float(heat.max()))
+
+
+def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataSet]]:
+    """Loaders by name, each taking a seed; only synthetic data differ by it.
+
+    Parameters
+    ----------
+    buildings : sequence of Path
+        Folders of further EnergyPlus runs: ``meta.csv`` and ``<name>_{irregular,shifted}.csv``.
+    """
+    found: dict[str, Callable[[int], DataSet]] = {}
+    for season in SEASONS:
+        if season != "autumn" and not SHARED.is_dir():
+            continue  # only the autumn is shipped with the package
+        for control, file in (("same", "irregular"), ("new", "shifted")):
+            found[f"office {season}, {control} control"] = partial(_office, season, file)
+    if SHARED.is_dir():
+        found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
+        for number, split in ((1, "2021-12-12"), (2, "2021-11-30"), (3, "2021-11-30")):
+            found[f"dutch home {number}"] = partial(_home, number, split)
+    for climate in ("oakland", "chicago"):
+        found[f"make_office {climate}"] = partial(_synthetic, climate)
+    for folder in buildings:
+        found |= _fresh(folder)
+    return found
+
+
+def varies(name: str) -> bool:
+    """Whether a data set is drawn anew for every seed."""
+    return name.startswith("make_office")
+
+
+def group_of(name: str) -> str:
+    """The folder of a further EnergyPlus run (``dev``, ``held``), else nothing."""
+    return name.partition(": ")[0] if ": " in name else ""
+
+
+def split(
+    name: str,
+    trained: pd.DataFrame,
+    tested: pd.DataFrame,
+    spans: tuple[str, str, str, str],
+    origin_step: str,
+    **facts: object,
+) -> DataSet:
+    """Cut training and later rows: first and last day of training, first and last day of the test.
+
+    Where the two come from different runs, one step is left out between them: the temperature jumps there, and no model
+    must take that for something the building did.
+    """
+    first, last, start, end = spans
+    train = trained[first:last]
+    behind = train.index[-1] + (STEP if trained is tested else 2 * STEP)
+    later = tested[tested.index >= behind][:end]
+    begin = pd.Timestamp(start)
+    begin = begin if later.index.tz is None else begin.tz_localize(later.index.tz)
+    return DataSet(name, train.copy(), later.copy(), begin, origin_step, **facts)  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------------------------------------------------ loaders
+@lru_cache(maxsize=4)
+def _building_run(path: Path) -> pd.DataFrame:
+    """A year of EnergyPlus: means moved to the start of their step; the stamps say the zone."""
+    return read_zone_csv(path, _BUILDING_COLUMNS, label="right")
+
+
+def office_run(file: str) -> pd.DataFrame:
+    """A run of the small office (irregular, shifted, regular); the shipped autumn where that is all there is."""
+    path = SHARED / f"small_office_chicago_{file}.csv"
+    if path.is_file():
+        return _building_run(path)
+    shipped = load_small_office(file)
+    return shipped.X.join(shipped.frame[list(BEAM_AND_SKY)]).tz_localize("Etc/GMT+6")
+
+
+def _office(season: str, file: str, seed: int) -> DataSet:
+    name = f"office {season}, " + {"irregular": "same control", "shifted": "new control"}.get(file, "regular occupancy")
+    trained = office_run("irregular" if file == "shifted" else file)
+    tested = office_run(file) if file == "shifted" else trained
+    return split(name, trained, tested, SEASONS[season], "7h", site=CHICAGO)
+
+
+def read_home(number: int) -> pd.DataFrame:
+    """A Dutch home; the heating signal as a share of its highest value."""
+    run = read_zone_csv(SHARED / f"dutch_home_{number}.csv", _HOME_COLUMNS, timezone="Europe/Amsterdam")
+    return run.assign(u_heat=run["u_heat"] / 78.0)
+
+
+def _home(number: int, split_day: str, seed: int) -> DataSet:
+    run = read_home(number)
+    last = pd.Timestamp(split_day)
+    spans = (str(run.index[0].date()), split_day, str((last + pd.Timedelta("1D")).date()), "2021-12-31")
+    return split(f"dutch home {number}", run, run, spans, "5h", site=NETHERLANDS, known={"Q_h": 8.0})
+
+
+def _synthetic(climate: str, seed: int, train_days: int = 28, test_days: int = 26 * 7) -> DataSet:
+    """The paper's office: four weeks of summer from Monday 3 July, then half a year."""
+    office = make_office(train_days + test_days, climate, start="2023-07-03", random_state=7000 + seed)
+    rows = train_days * 96
+    truth = Truth(office.heat_gain, office.gain_parts["air"], office.states)
+    stages = {"u_heat": office.theta["Q_h"], "u_cool": office.theta["Q_c"]}
+    return DataSet(
+        f"make_office {climate}",
+        office.X[:rows],
+        office.X[rows:],
+        office.X.index[rows],
+        "25h",
+        known={"Q_h": 6.0},
+        capacity=stages,
+        truth=truth,
+    )
+
+
+# ------------------------------------------------------------------------------------------------ further buildings
+def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
+    """A data set a building, season and control of what ``make_buildings.py`` left in a folder."""
+    found: dict[str, Callable[[int], DataSet]] = {}
+    for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
+        spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
+        site = (float(row["latitude"]), float(row["longitude"]))
+        for control, file in (("same", "irregular"), ("new", "shifted")):
+            name = f"{folder.name}: {row['name']} {row['season']}, {control} control"
+            found[name] = partial(_fresh_run, name, folder / str(row["name"]), file, spans, site)
+    return found
+
+
+def _fresh_run(name: str, stem: Path, file: str, spans: tuple, site: tuple[float, float], seed: int) -> DataSet:
+    trained = _building_run(stem.with_name(f"{stem.name}_irregular.csv"))
+    tested = trained if file == "irregular" else _building_run(stem.with_name(f"{stem.name}_{file}.csv"))
+    return split(name, trained, tested, spans, "7h", site=site)

@@ -1,0 +1,97 @@
+"""How much better one model is than another at the same origins, and how sure that is."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from _forecast_store import Errors
+
+#: forecasts of one spell of weather or absence err together: they are drawn together.
+BLOCK = pd.Timedelta("3D")
+N_DRAWS, LEVEL = 2000, 0.90
+
+
+class Ratio(NamedTuple):
+    """A ratio of root mean squared errors."""
+
+    value: float
+    low: float  # of the 90 % interval
+    high: float
+    draws: np.ndarray  # (N_DRAWS,) bootstrap draws
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+
+
+def drawn_rows(n: int, length: int, n_draws: int, rng: np.random.Generator) -> np.ndarray:
+    """(n_draws, n) origins drawn in blocks of ``length`` consecutive ones; the last is followed by the first."""
+    starts = rng.integers(n, size=(n_draws, -(-n // length)))
+    rows = starts[:, :, None] + np.arange(min(length, n))
+    return rows.reshape(n_draws, -1)[:, :n] % n
+
+
+@lru_cache(maxsize=64)
+def draw_counts(n: int, length: int, seed: int) -> np.ndarray:
+    """(N_DRAWS, n) how often each draw holds each origin: sums over a draw are a product with it."""
+    rows = drawn_rows(n, length, N_DRAWS, np.random.default_rng(seed))
+    flat = (rows + n * np.arange(N_DRAWS)[:, None]).ravel()
+    return np.bincount(flat, minlength=N_DRAWS * n).reshape(N_DRAWS, n).astype(np.float64)
+
+
+def blocks_of(origin: pd.Index) -> int:
+    """How many consecutive origins make up a block."""
+    stamps = pd.to_datetime(pd.Series(origin), utc=True)
+    return max(1, round(BLOCK / stamps.diff().median()))
+
+
+def paired(mine: Errors, other: Errors) -> tuple[np.ndarray, np.ndarray, pd.Index]:
+    """Sums of squared errors (n,) of two models at the origins that both forecast.
+
+    Raises
+    ------
+    ValueError
+        If the two were not compared with the same measurements.
+    """
+    common = mine.origin[mine.origin.isin(other.origin)]
+    rows = [errors.origin.get_indexer(common) for errors in (mine, other)]
+    if not np.array_equal(mine.count[rows[0]], other.count[rows[1]]):
+        raise ValueError("two models have forecasts of different rows; run both again.")
+    return mine.square[rows[0]].sum(axis=1), other.square[rows[1]].sum(axis=1), common
+
+
+def ratio(mine: Sequence[Errors], other: Sequence[Errors], key: str) -> Ratio:
+    """Ratio of the errors of two models, over realisations that are drawn each by itself.
+
+    Parameters
+    ----------
+    mine, other : sequence of Errors
+        One a realisation (seed); one alone stands for all.
+    key : str
+        Data sets of one key (a building and its season) have the same origins drawn, since they share their weather.
+    """
+    size = max(len(mine), len(other))
+    sums, draws = np.zeros(2), np.zeros((2, N_DRAWS))
+    for i in range(size):
+        first, second, origin = paired(mine[i % len(mine)], other[i % len(other)])
+        counts = draw_counts(len(origin), blocks_of(origin), zlib.crc32(f"{key} {i}".encode()))
+        for j, squares in enumerate((first, second)):
+            sums[j] += squares.sum()
+            draws[j] += counts @ squares
+    return with_interval(float(np.sqrt(sums[0] / sums[1])), np.sqrt(draws[0] / draws[1]))
+
+
+def geometric_mean(ratios: Sequence[Ratio]) -> Ratio:
+    """The geometric mean of ratios, its draws being those of the ratios together."""
+    value = np.exp(np.mean([np.log(r.value) for r in ratios]))
+    return with_interval(float(value), np.exp(np.mean([np.log(r.draws) for r in ratios], axis=0)))
+
+
+def with_interval(value: float, draws: np.ndarray) -> Ratio:
+    """A ratio with the percentile interval of its draws."""
+    low, high = np.quantile(draws, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
+    return Ratio(value, float(low), float(high), draws)
