@@ -121,16 +121,15 @@ def spread(values: list[float]) -> str:
     return middle if low == high else f"{middle} ({low} to {high})"
 
 
+def _over_seeds(frames: list[pd.DataFrame], method: str, quantity: str) -> str:
+    """One cell, from the seeds in which the method was run."""
+    return spread([f.loc[method, quantity] for f in frames if method in f.index and quantity in f])
+
+
 def table_of(runs: dict[str, list[pd.DataFrame]], quantity: str) -> pd.DataFrame:
     """A row a method, a column a log: median (lowest to highest)."""
     names = list(dict.fromkeys(m for frames in runs.values() for m in frames[0].index))
-    cells = {
-        m: {
-            log: spread([f.loc[m, quantity] for f in frames]) if m in frames[0].index and quantity in frames[0] else ""
-            for log, frames in runs.items()
-        }
-        for m in names
-    }
+    cells = {m: {log: _over_seeds(frames, m, quantity) for log, frames in runs.items()} for m in names}
     table = pd.DataFrame(cells).T.rename_axis("method")
     return table.loc[:, (table != "").any()]
 
@@ -138,7 +137,7 @@ def table_of(runs: dict[str, list[pd.DataFrame]], quantity: str) -> pd.DataFrame
 def windows_of(frames: list[pd.DataFrame], unit: str) -> pd.DataFrame:
     """A row a method, a column a 6-hour window and kind of day."""
     columns = [unit, *(f"{w} {unit}" for w in WINDOWS), f"weekday {unit}", f"weekend {unit}"]
-    cells = {m: {c: spread([f.loc[m, c] for f in frames]) for c in columns} for m in frames[0].index}
+    cells = {m: {c: _over_seeds(frames, m, c) for c in columns} for m in frames[0].index}
     return pd.DataFrame(cells).T.rename_axis("method").rename(columns={unit: "all"})
 
 

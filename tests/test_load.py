@@ -128,7 +128,7 @@ def test_no_load_while_the_temperature_floats_in_the_band(hybrid, office):
     heat, cool = night_plan(X)
     load = hybrid.predict_load(X, (heat, cool))
     reached = simulate(X, load["Q_hvac"] + load["zeta"])
-    low, high = ahead(heat), ahead(cool)
+    low, high = heat, cool
     for k, q in enumerate(load["Q_hvac"]):
         # what this row would come to without a load
         without = load["Q_hvac"].to_numpy().copy()
@@ -176,24 +176,33 @@ def test_arrays_without_stamps(plain, office):
     )
 
 
+def test_a_temperature_is_met_at_its_stamp_and_a_setting_within_its_row(plain, office):
+    X = office.X[HERE]
+    step = np.where(np.arange(DAY) < 30, 17.0, 18.0)
+    trajectory, setting = (plain.predict_load(X, given)["Q_hvac_unclipped"] for given in (step, (step, step)))
+    assert np.argmax(trajectory.diff()) == 29
+    assert np.argmax(setting.diff()) == 30
+    np.testing.assert_allclose(simulate(X, setting)[1:], step, atol=1e-7)
+
+
 def test_the_ramp_at_a_step_of_the_set_point(plain, office):
-    """Flat out until the room is there, never beyond; the first heat is that of the row which ends at the step."""
+    """Flat out until the room is there and never beyond, from the row on in which the thermostat is set."""
     X = office.X[HERE]
     at = 24
     wanted = np.where(np.arange(DAY) < at, 13.0, 17.0)
     load = plain.predict_load(X, (wanted, None), (0.0, 5.5))
     full = np.flatnonzero(load["Q_hvac"] == 5.5)
-    assert full[0] == at - 1
+    assert full[0] == at
     assert (np.diff(full) == 1).all()
     room = simulate(X, load["Q_hvac"])
-    arrived = full[-1] + 2
+    arrived = full[-1] + 2  # stamp behind the row in which it gets there
     assert len(full) > 2
     assert (room[at:arrived] < 17.0).all()
-    assert (np.diff(room[at - 1 : arrived]) > 0).all()
+    assert (np.diff(room[at:arrived]) > 0).all()
     np.testing.assert_allclose(room[arrived:-1], 17.0, atol=1e-7)
     later = load["Q_hvac"].iloc[full[-1] + 1 :]
     assert (later < 5.5).all()
-    assert load["Q_hvac_unclipped"].iloc[at - 1] > 2 * 5.5  # which does it in the one row
+    assert load["Q_hvac_unclipped"].iloc[at] > 2 * 5.5  # which does it in the one row
 
 
 def test_measured_heat_has_no_limit_but_the_given_one(measured_heat, office):

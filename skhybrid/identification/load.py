@@ -115,9 +115,9 @@ class LoadMixin:
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
-            Wanted temperature at each row's stamp [degC]; or the heating and the cooling set-point, as a pair
-            ``(heat, cool)`` of numbers or of values by row, or as two columns.  Between the two there is no load, and
-            None as one of a pair leaves that side free.
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative; each a number or one value a row, such as 0 at hours when the
             plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
@@ -190,7 +190,7 @@ class LoadMixin:
                 "predicted for one measured and disturbed node only."
             )
         here = table.rows(slice(n_tail, None))
-        wanted = read_setpoint(setpoint, here).ahead()
+        wanted = read_setpoint(setpoint, here)
         within = self._plant.within(read_limits(limits, here))
         unlimited = Limits(np.full(here.n_rows, -np.inf), np.full(here.n_rows, np.inf))
         effect = self._unit_heat(self.network_.nodes.index(self.network_.heated))

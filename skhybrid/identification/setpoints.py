@@ -12,14 +12,10 @@ from .._contract import ZoneTable
 
 
 class Band(NamedTuple):
-    """Heating and cooling set-point at every row's stamp; equal where there is one set-point only."""
+    """Within what the temperature is kept at the end of every row's step; one temperature where both are equal."""
 
-    heating: np.ndarray  # (N,) lowest temperature [degC]; -inf where it is not held
-    cooling: np.ndarray  # (N,) highest temperature [degC]; inf where it is not held
-
-    def ahead(self) -> Band:
-        """The band at the end of every row's step; behind the last row it stays."""
-        return Band(*(np.append(side[1:], side[-1]) for side in self))
+    heating: np.ndarray  # (N,) lowest [degC]; -inf where it is not held
+    cooling: np.ndarray  # (N,) highest [degC]; inf where it is not held
 
 
 class Limits(NamedTuple):
@@ -31,6 +27,10 @@ class Limits(NamedTuple):
 
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.
+
+    By the data contract a temperature is the value at a row's stamp, and what is set acts over the row's step.  So one
+    set-point is a temperature that is wanted at the stamp, met by the row before it; a band is a thermostat's setting,
+    kept to by the end of the row itself.
 
     Parameters
     ----------
@@ -50,8 +50,9 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
         If a side has another length or other stamps than the table or a NaN, or if heating is above cooling.
     """
     if isinstance(setpoint, Band):
-        sides: Sequence[Any] = setpoint
-    elif isinstance(setpoint, pd.DataFrame):
+        return setpoint
+    sides: Sequence[Any]
+    if isinstance(setpoint, pd.DataFrame):
         sides = _columns(setpoint)
     elif isinstance(setpoint, tuple) and len(setpoint) == 2:
         sides = setpoint
@@ -64,6 +65,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     if len(sides) == 1:
         held = _by_row(sides[0], table, "setpoint", np.nan)
         _refuse(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
+        held = np.append(held[1:], held[-1])
         return Band(held, held)
     band = Band(
         _by_row(sides[0], table, "the heating set-point", -np.inf),
