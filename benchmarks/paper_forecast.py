@@ -3,12 +3,13 @@
 Writes ``results/paper_forecast.md`` and ``results/paper_forecast_*.png``.  About 15 minutes on one core, most of them
 networks in training: ``python benchmarks/paper_forecast.py``.  What a method forecast is kept in ``benchmarks/.rows``,
 so that a run that was stopped goes on where it was; ``--again default`` computes the named methods anew, and
-``--again`` alone all of them.
+``--again`` alone all of them; ``--report`` writes what there is.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import time
 import warnings
 from pathlib import Path
@@ -16,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _paper_forecast_claims import CLAIMS, judge
+from _paper_forecast_claims import CLAIMS, WHY, judge
 from _paper_forecast_data import LOGS, PER_DAY, Log, available, methods, midnights
-from _paper_forecast_figures import draw_all
+from _paper_forecast_figures import DRAWN, draw_all
 from _report import write_table
 
 from skhybrid.exceptions import SkhybridWarning
@@ -56,13 +57,15 @@ def forecast(model: Any, log: Log) -> pd.DataFrame:
     return out
 
 
-def kept(name: str, log: Log, seed: int, again: list[str] | None) -> dict[str, pd.DataFrame]:
-    """The forecasts of every method, those of an earlier run taken as they are."""
+def kept(name: str, log: Log, seed: int, again: list[str] | None, compute: bool) -> dict[str, pd.DataFrame]:
+    """The forecasts of every method, those of an earlier run taken as they are; without ``compute`` only those."""
     out = {}
     for method, make in methods(log, seed).items():
         path = ROWS / f"{name} {seed} {method}.pkl".replace(" ", "_")
         redo = again is not None and (not again or method in again)
-        if not path.is_file() or redo:
+        if not compute and not path.is_file():
+            continue
+        if compute and (redo or not path.is_file()):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", SkhybridWarning)
                 made = forecast(make(), log)
@@ -196,7 +199,21 @@ def note(runs: dict[str, list[pd.DataFrame]]) -> str:
     paragraphs.append(
         f"Seeds: {counts}; cells are medians (lowest to highest). Mean size of the delivered heat [kW]: {loads}."
     )
-    return "\n\n".join([*paragraphs, *pictures])
+    return "\n\n".join([*paragraphs, reasons(runs), *pictures])
+
+
+def reasons(runs: dict[str, list[pd.DataFrame]]) -> str:
+    """What is known of why numbers differ from the paper's, with the numbers that say so."""
+
+    def middle(name: str, field: str) -> str:
+        method, quantity = field.split("|")
+        return f"{np.median([f.loc[method, quantity] for f in runs[name]]):.3g}"
+
+    lines = ["**Where we differ from the paper, and why**", ""]
+    for name, text in WHY.items():
+        if name in runs:
+            lines.append(f"- {name}: " + re.sub(r"{([^}]*)}", lambda field, n=name: middle(n, field[1]), text))
+    return "\n".join(lines)
 
 
 # ----------------------------------------------------------------------------------------------------------------- main
@@ -205,6 +222,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--again", nargs="*", metavar="METHOD", help="methods to compute anew; none named: all")
+    parser.add_argument("--report", action="store_true", help="compute nothing: tables and figures of what is kept")
     given = parser.parse_args()
     begin = time.perf_counter()
     runs: dict[str, list[pd.DataFrame]] = {}
@@ -212,11 +230,14 @@ def main() -> None:
     for name in available():
         for seed in range(given.seeds):
             log = LOGS[name](seed)
-            said = kept(name, log, seed, given.again)
+            said = kept(name, log, seed, given.again, not given.report)
+            if not set(DRAWN) <= set(said):  # a report of a run that was stopped
+                continue
             if seed == 0:
                 shown[name] = (log, said)
             runs.setdefault(name, []).append(pd.DataFrame({m: measure(s, log) for m, s in said.items()}).T)
-        print(name, runs[name][0][["K", "kW"]].round(2).to_dict(), flush=True)
+        for frame in runs.get(name, [])[:1]:
+            print(name, frame[["K", "kW"]].round(2).to_dict(), flush=True)
     draw_all(shown, runs)
     title = "The paper's sections 4.3 and 4.4 again: a day ahead, conventional against hybrid"
     write_table("paper_forecast", title, COMMAND, tables(runs), note(runs))
