@@ -107,8 +107,7 @@ WHY = {
         "as in Oakland; the TRUE network without a disturbance is {TRUE, no disturbance|K} K off, OD "
         "{conventional OD|K} K. Whatever forecasts its disturbance is asked for a season that it never saw: the "
         "mean week of the summer leaves {hybrid OD, profile|K} K, ridge on calendar and weather {hybrid OD, "
-        "ridge|K} K. Heating holds the room for most of the winter, which keeps a conventional forecast from "
-        "drifting as far as in Oakland."
+        "ridge|K} K."
     ),
     "home 2": (
         "where the identified network alone is {conventional OD|K} K off, there is no 1.3 K to win. The "
