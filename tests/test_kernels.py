@@ -392,13 +392,15 @@ def test_inverse_against_a_loop(lower, upper):
     forcing = np.outer(5.0 + rng.normal(size=N), d.B[:, 0])
     heat, c = d.B[:, -1], np.eye(n)[network.nodes.index("za")]
     target, s0 = 21.0 + rng.normal(size=N), np.full(n, 20.0)
-    applied = simulate_inverse(d.A, forcing, heat, c, target, lower, upper, s0)
+    low, high = np.full(N, lower), np.full(N, upper)
+    applied, path = simulate_inverse(d.A, forcing, heat, c, target, target, low, high, s0, 1)
     s, clipped = s0.copy(), 0
     for k in range(N):
         free = d.A @ s + forcing[k]
         wanted = (target[k] - c @ free) / (c @ heat)
         assert applied[k] == pytest.approx(np.clip(wanted, lower, upper), rel=1e-9, abs=1e-9)
         s = free + heat * applied[k]
+        assert path[k] == pytest.approx(c @ s, rel=1e-9)
         clipped += not lower < wanted < upper
         if lower < wanted < upper:
             assert c @ s == pytest.approx(target[k], abs=1e-9)

@@ -385,8 +385,12 @@ def simulate_path(A, forcing, s0):
 
 
 @compiled
-def simulate_inverse(A, forcing, heat, c, target, lower, upper, s0):
-    """Heat that brings the output to ``target[k]`` at the end of every step (paper Eq. inverseQ2).
+def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead):
+    """Least heat that keeps the output within a band at the end of every step (paper Eq. inverseQ2).
+
+    Where the band is one value this is the equation itself.  ``ahead > 1`` chooses the heat that, held for so many
+    steps, meets the band behind the last of them, and applies it for one: without that the heat into a node that is
+    not the measured one rings (``steps_ahead``).
 
     Parameters
     ----------
@@ -396,32 +400,53 @@ def simulate_inverse(A, forcing, heat, c, target, lower, upper, s0):
     heat : ndarray of shape (n,)
         Effect of 1 kW over a step on the states.
     c : ndarray of shape (n,)
-    target : ndarray of shape (N,)
+    lowest, highest : ndarray of shape (N,)
         Wanted output at the end of each step.
-    lower, upper : float
-        What the plant can do [kW].
+    lower, upper : ndarray of shape (N,)
+        What the plant can do over each step [kW].
     s0 : ndarray of shape (n,)
+    ahead : int
+        1 or more; behind the last row forcing and band stay as they were.
 
     Returns
     -------
-    ndarray of shape (N,)
+    applied : ndarray of shape (N,)
         The heat over each step [kW]; the state follows what was applied.
+    path : ndarray of shape (N,)
+        Output at the end of each step under it.
     """
     N, n = forcing.shape
-    applied = np.empty(N)
-    s, free = s0.copy(), np.empty(n)
+    applied, path = np.empty(N), np.empty(N)
+    s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
+    for _ in range(ahead):
+        for i in range(n):
+            new[i] = heat[i]
+            for j in range(n):
+                new[i] += A[i, j] * held[j]
+        held[:] = new
     effect = 0.0
     for i in range(n):
-        effect += c[i] * heat[i]
+        effect += c[i] * held[i]
     for k in range(N):
+        free[:] = s
+        last = k
+        for step in range(ahead):
+            last = min(k + step, N - 1)
+            for i in range(n):
+                new[i] = forcing[last, i]
+                for j in range(n):
+                    new[i] += A[i, j] * free[j]
+            free[:] = new
         output = 0.0
         for i in range(n):
-            value = forcing[k, i]
-            for j in range(n):
-                value += A[i, j] * s[j]
-            free[i] = value
-            output += c[i] * value
-        applied[k] = min(max((target[k] - output) / effect, lower), upper)
+            output += c[i] * free[i]
+        wanted = min(max(output, lowest[last]), highest[last])
+        applied[k] = min(max((wanted - output) / effect, lower[k]), upper[k])
+        path[k] = 0.0
         for i in range(n):
-            s[i] = free[i] + heat[i] * applied[k]
-    return applied
+            new[i] = forcing[k, i] + heat[i] * applied[k]
+            for j in range(n):
+                new[i] += A[i, j] * s[j]
+            path[k] += c[i] * new[i]
+        s[:] = new
+    return applied, path

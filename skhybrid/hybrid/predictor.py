@@ -19,6 +19,7 @@ from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LeadIntervals
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..identification import PeriodicDisturbanceID
+from ..identification.setpoints import read_limits, read_setpoint
 from ..thermal import RCNetwork, get_network
 from .published import PublishedScheme
 from .scheme import Paths, Scheme
@@ -466,31 +467,38 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return self._present_scheme().forecast(table, origin, len(future)), table
 
     # ---------------------------------------------------------------------------------------------------------- load
-    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
+    def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Heating and cooling columns are read up to each origin only; after it they are what is sought.
-        setpoint : float or array-like of shape (n_samples,)
-            Wanted temperature at each row's stamp [degC].
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
-            its heat is measured.
+            What the plant can do [kW], cooling negative; each a number or one value a row, such as 0 at hours when the
+            plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
+            other limit.
 
         Returns
         -------
         DataFrame of length n_samples
-            Stages [-] by role and ``Q_hvac`` [kW], clipped to what the plant can do, the same with ``_unclipped`` as
-            the set-point would need (paper Eq. inverseQ2), and ``zeta`` as forecast.
+            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
+            (paper Eq. inverseQ2), and ``zeta`` as forecast.
+
+        Raises
+        ------
+        ValueError
+            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
+            the higher.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         here = table.rows(slice(n_tail, None))
+        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
         origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
-        wanted = np.asarray(setpoint, dtype=np.float64)
-        if isinstance(setpoint, pd.Series) and isinstance(X, pd.DataFrame) and not setpoint.index.equals(X.index):
-            raise ValueError("setpoint bears other time stamps than X; align it with setpoint.reindex(X.index).")
-        load = self._present_scheme().required_heat(table, origins + n_tail, wanted, limits)
-        return load.set_axis(here.index)
+        return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)

@@ -19,6 +19,7 @@ from ..forecasting.forecaster import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.live import advance, drive_on, identify_again
 from .ledger import Ledger
+from ..identification.setpoints import Band, Limits
 from .scheme import Paths
 from .tables import (
     ELSEWHERE,
@@ -170,10 +171,8 @@ class PublishedScheme:
         temperature = self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
         return Paths(temperature, zeta[:, shift:])
 
-    def required_heat(
-        self, table: ZoneTable, origins: np.ndarray, setpoint: np.ndarray, limits: tuple[float, float] | None
-    ) -> pd.DataFrame:
-        """Heat that brings the network to a set-point under the forecast disturbance (paper Eq. inverseQ2)."""
+    def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
+        """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""
         here, first = self._here(table), 0 if self.disturbance == "input" else 1
         counts = np.diff(np.append(origins, table.n_rows))
         paths = self._disturbance_paths(table, here, origins, int(counts.max()), first)

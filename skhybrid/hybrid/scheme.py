@@ -9,6 +9,7 @@ import pandas as pd
 
 from .._contract import ZoneTable
 from ..forecasting.quantiles import LeftOut
+from ..identification.setpoints import Band, Limits
 
 
 class Paths(NamedTuple):
@@ -34,12 +35,11 @@ class Scheme(Protocol):
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast from each origin; anything at rows beyond the table."""
 
-    def required_heat(
-        self, table: ZoneTable, origins: np.ndarray, setpoint: np.ndarray, limits: tuple[float, float] | None
-    ) -> pd.DataFrame:
-        """Heat that brings every row from the first origin on to its set-point, (n_rows - n_history) rows.
+    def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
+        """Heat that keeps every row from the first origin on within its set-points, (n_rows - n_history) rows.
 
-        Each origin is forecast up to the next one.  Columns as :meth:`~skhybrid.hybrid.HybridPredictor.predict_load`.
+        ``setpoint`` and ``limits`` hold one value for each of these rows.  Each origin is forecast up to the next one.
+        Columns as :meth:`~skhybrid.hybrid.HybridPredictor.predict_load`.
         """
 
     def advance(self, table: ZoneTable, target: np.ndarray) -> None:

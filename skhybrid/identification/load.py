@@ -14,8 +14,14 @@ from .._contract import ZoneTable
 from .._kernels import simulate_inverse
 from ..thermal import RCNetwork
 from .experiment import Experiment
+from .setpoints import Limits, read_limits, read_setpoint
 from .tracked import Outlook
 from .tracking import GainTracker
+
+#: a load that overshoots by a larger share than this from step to step rings
+RINGING = 0.25
+#: longest hold of a load that is sought [steps]
+MOST_AHEAD = 24
 
 
 class Plant(NamedTuple):
@@ -27,20 +33,9 @@ class Plant(NamedTuple):
     lower: float  # [kW], 0 or less; -inf where only the heat was measured
     upper: float  # [kW], 0 or more; inf where only the heat was measured
 
-    def limited(self, limits: tuple[float, float] | None) -> Plant:
-        """The same plant within other limits.
-
-        Raises
-        ------
-        ValueError
-            If the lower limit is not below the upper one.
-        """
-        if limits is None:
-            return self
-        lower, upper = float(limits[0]), float(limits[1])
-        if not lower < upper:
-            raise ValueError(f"limits=({lower}, {upper}) [kW]: the first is the lowest heat, below the second.")
-        return self._replace(lower=lower, upper=upper)
+    def within(self, limits: Limits) -> Limits:
+        """The narrower of given limits and the capacity of the stages."""
+        return Limits(np.clip(limits.lower, self.lower, self.upper), np.clip(limits.upper, self.lower, self.upper))
 
 
 def make_plant(network: RCNetwork, theta: Mapping[str, float], table: ZoneTable) -> Plant:
@@ -62,39 +57,36 @@ def is_plant(role: str) -> bool:
     return role.startswith(("u_", "Q_"))
 
 
-def read_setpoint(setpoint: Any, table: ZoneTable) -> np.ndarray:
-    """The set-point at the end of every row's step, (N,) [degC].
+def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
+    """For how many steps a load is taken as held when it is sought (1: paper Eq. inverseQ2 as it stands).
 
-    Raises
-    ------
-    ValueError
-        If it has another length or other stamps than X, or a NaN.
+    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  Heat that reaches
+    the sensor through another node gives that a negative eigenvalue: each step's load overshoots, the next one takes
+    it back.  A longer hold damps it; the shortest one that does is taken.
     """
-    if isinstance(setpoint, pd.Series) and isinstance(table.index, pd.DatetimeIndex):
-        if not setpoint.index.equals(table.index):
-            raise ValueError("setpoint bears other time stamps than X; align it with setpoint.reindex(X.index).")
-        setpoint = setpoint.to_numpy(dtype=np.float64)
-    wanted = np.asarray(setpoint, dtype=np.float64)
-    if wanted.ndim == 0:
-        wanted = np.full(table.n_rows, float(wanted))
-    if wanted.shape != (table.n_rows,):
-        raise ValueError(f"setpoint has shape {wanted.shape}, but X has {table.n_rows} rows; give one value a row.")
-    if not np.isfinite(wanted).all():
-        row = int(np.argmax(~np.isfinite(wanted)))
-        raise ValueError(f"setpoint contains NaN or inf (first at {table.index[row]}); fill it first.")
-    return np.append(wanted[1:], wanted[-1])
+    held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
+    for ahead in range(1, MOST_AHEAD):
+        gain = (c @ power) / (c @ held)
+        if np.linalg.eigvals(A - np.outer(heat, gain)).real.min() > -RINGING:
+            return ahead
+        held, power = heat + A @ held, A @ power
+    return MOST_AHEAD
 
 
-def load_frame(plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray) -> pd.DataFrame:
-    """Heat [kW] and the stages [-] that deliver it, clipped to the plant and as the set-point would need."""
+def load_frame(
+    plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray, temperature: np.ndarray
+) -> pd.DataFrame:
+    """Heat [kW] and the stages [-] that deliver it, clipped to the plant and as the set-point would need.
+
+    ``temperature`` (N,) [degC] is that at every row's stamp under the clipped load.
+    """
     out: dict[str, np.ndarray] = {}
     for suffix, heat in (("", clipped), ("_unclipped", unclipped)):
         for side, stages in ((np.maximum, plant.heating), (np.minimum, plant.cooling)):
-            wanted = side(heat, 0.0)
             full = sum(q * plant.most[role] for role, q in stages)
             for role, _ in stages:
-                out[role + suffix] = wanted / full * plant.most[role]
-    out["Q_hvac"], out["Q_hvac_unclipped"] = clipped, unclipped
+                out[role + suffix] = np.abs(side(heat, 0.0) / full) * plant.most[role]
+    out["Q_hvac"], out["Q_hvac_unclipped"], out["T_za"] = clipped, unclipped, temperature
     return pd.DataFrame(out, index=index)
 
 
@@ -109,10 +101,11 @@ class LoadMixin:
     _roles: tuple[str, ...]
     _with_history: Callable[..., tuple[ZoneTable, int]]
     _experiment: Callable[[ZoneTable], Experiment]
+    _measurements: Callable[[ZoneTable], np.ndarray]
     _outlook: Callable[..., Outlook]
     _given: Callable[..., Outlook]
 
-    def predict_load(self, X: Any, setpoint: Any, limits: tuple[float, float] | None = None) -> pd.DataFrame:
+    def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
 
         Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
@@ -121,17 +114,33 @@ class LoadMixin:
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        setpoint : float or array-like of shape (n_samples,)
-            Wanted temperature at each row's stamp [degC].
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
-            its heat is measured.
+            What the plant can do [kW], cooling negative; each a number or one value a row, such as 0 at hours when the
+            plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
+            other limit.
 
         Returns
         -------
         DataFrame of length n_samples
-            Stages [-] by role and ``Q_hvac`` [kW], clipped to what the plant can do; the same with ``_unclipped`` as
-            the set-point would need.  Of stages that heat (or cool) alike, each takes its share of the capacity.
+            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.  Of
+            stages that heat (or cool) alike, each takes its share of the capacity.
+
+        Raises
+        ------
+        ValueError
+            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
+            the higher.
+
+        Notes
+        -----
+        In a network whose plant heats another node than the measured one (a heater, a sensor that lags), the set-point
+        at every step would need a load that swings from step to step.  There the load is sought as if held for the
+        next few steps, so that the temperature comes near the set-point instead of meeting it at each row.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
@@ -139,29 +148,22 @@ class LoadMixin:
         return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n), limits)
 
     def required_heat(
-        self,
-        X: Any,
-        setpoint: Any,
-        origins: Any,
-        disturbance: Any,
-        kind: str = "input",
-        limits: tuple[float, float] | None = None,
+        self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input", limits: Any = None
     ) -> pd.DataFrame:
         """As :meth:`predict_load`, under a given disturbance.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        setpoint : float or array-like of shape (n_samples,)
-            Wanted temperature at each row's stamp [degC].
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            As in :meth:`predict_load`.
         origins : sequence of int
             Rows of X at which the state is taken from the measurements, beginning with 0.
         disturbance : array-like of shape (n_origins, n_leads)
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
         limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; by default the capacity of its stages, and no limit where only
-            its heat is measured.
+            As in :meth:`predict_load`.
 
         Returns
         -------
@@ -179,37 +181,46 @@ class LoadMixin:
         return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
 
     def _load(
-        self,
-        table: ZoneTable,
-        n_tail: int,
-        setpoint: Any,
-        origins: np.ndarray,
-        outlook: Outlook,
-        limits: tuple[float, float] | None,
+        self, table: ZoneTable, n_tail: int, setpoint: Any, origins: np.ndarray, outlook: Outlook, limits: Any
     ) -> pd.DataFrame:
-        tracker, plant = self._tracker, self._plant.limited(limits)
+        tracker = self._tracker
         if len(tracker.measured) > 1 or tracker.n_gains > 1:
             raise ValueError(
                 f"network {self.network_.name} has several zones, whose loads depend on one another; a load is "
                 "predicted for one measured and disturbed node only."
             )
         here = table.rows(slice(n_tail, None))
-        target = np.concatenate([np.full(n_tail, np.nan), read_setpoint(setpoint, here)])
+        wanted = read_setpoint(setpoint, here)
+        within = self._plant.within(read_limits(limits, here))
+        unlimited = Limits(np.full(here.n_rows, -np.inf), np.full(here.n_rows, np.inf))
+        effect = self._unit_heat(self.network_.nodes.index(self.network_.heated))
+        c = np.eye(tracker.n)[tracker.measured[0]]
+        ahead = steps_ahead(tracker.A, effect, c)
+        inputs = self._without_plant(table)
+        ends = np.append(origins[1:], table.n_rows)
+        parts: list[list[np.ndarray]] = [[], [], []]
+        for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
+            forcing = inputs[a:b] @ tracker.B.T + outlook.heat[i, : b - a] @ tracker.heat.T
+            rows, offset = slice(a - n_tail, b - n_tail), outlook.offset[i, : b - a, 0]
+            band = [side[rows] - offset for side in wanted]
+            runs = [
+                simulate_inverse(tracker.A, forcing, effect, c, *band, low[rows], high[rows], outlook.states[i], ahead)
+                for low, high in (within, unlimited)
+            ]
+            for part, values in zip(parts, (runs[0][0], runs[1][0], runs[0][1] + offset), strict=True):
+                part.append(values)
+        measured = np.ravel(self._measurements(here))[:1]
+        begin = np.where(np.isfinite(measured), measured, c @ outlook.states[0])
+        clipped, unclipped, path = map(np.concatenate, parts)
+        return load_frame(self._plant, here.index, clipped, unclipped, np.append(begin, path[:-1]))
+
+    def _without_plant(self, table: ZoneTable) -> np.ndarray:
+        """(N, m) inputs of the rows with nothing that heats or cools."""
         inputs = self._experiment(table).inputs.copy()
         for j, role in enumerate(self.network_.inputs(self._roles)):
             if is_plant(role):
                 inputs[:, j] = 0.0
-        heated = self.network_.nodes.index(self.network_.heated)
-        effect = self._unit_heat(heated)
-        c = np.eye(tracker.n)[tracker.measured[0]]
-        ends = np.append(origins[1:], table.n_rows)
-        parts: list[list[np.ndarray]] = [[], []]
-        for i, (a, b) in enumerate(zip(origins, ends, strict=True)):
-            forcing = inputs[a:b] @ tracker.B.T + outlook.heat[i, : b - a] @ tracker.heat.T
-            wanted = target[a:b] - outlook.offset[i, : b - a, 0]
-            for part, (low, high) in zip(parts, ((plant.lower, plant.upper), (-np.inf, np.inf)), strict=True):
-                part.append(simulate_inverse(tracker.A, forcing, effect, c, wanted, low, high, outlook.states[i]))
-        return load_frame(plant, here.index, np.concatenate(parts[0]), np.concatenate(parts[1]))
+        return inputs
 
     def _unit_heat(self, node: int) -> np.ndarray:
         """Effect on the states of 1 kW over a step on a node."""

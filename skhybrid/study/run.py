@@ -202,7 +202,7 @@ def _next_day(model: Any, data: StudyData) -> pd.DataFrame:
     whole = pd.concat([data.history, unknown])
     if delivered_heat(model, data.future) is not None:
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
-        out = out.join(load.drop(columns="zeta", errors="ignore"))
+        out = out.join(load.drop(columns=["zeta", "T_za"], errors="ignore"))
     out["setpoint"] = data.setpoint.loc[data.future.index]
     if data.held_out:
         out["T_za_measured"] = data.future["T_za"]

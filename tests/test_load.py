@@ -1,0 +1,260 @@
+"""The load of a set-point: against a plain simulation, within limits, in a band, for plants that heat and cool."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.linalg import expm
+
+from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
+from skhybrid.datasets import make_office
+from skhybrid.datasets.office import TRUE_THETA as TRUE
+
+DAY = 96
+#: rows that begin at a midnight and do not follow the training: every node starts at the first measurement
+HERE = slice(16 * DAY, 17 * DAY)
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=18, start="2023-11-04", climate="chicago", random_state=4)
+
+
+@pytest.fixture(scope="module")
+def plain(office):
+    return GrayBoxRC(known=TRUE).fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+
+
+@pytest.fixture(scope="module")
+def hybrid(office):
+    model = HybridPredictor(
+        PeriodicDisturbanceID(known=TRUE, n_starts=1), DisturbanceForecaster("profile"), random_state=0
+    )
+    return model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+
+
+@pytest.fixture(scope="module")
+def measured_heat(office):
+    """A hybrid of a log that holds heat instead of stages."""
+    X = office.X.assign(Q_hvac=6.0 * (office.X["u_heat"] - office.X["u_cool"])).drop(columns=["u_heat", "u_cool"])
+    gray_box = PeriodicDisturbanceID(known={k: v for k, v in TRUE.items() if k[0] != "Q"}, n_starts=1)
+    model = HybridPredictor(gray_box, DisturbanceForecaster("profile")).fit(X[: 14 * DAY], office.y[: 14 * DAY])
+    return model, X
+
+
+def simulate(X, heat):
+    """Room temperature at every row's stamp and behind the last: the TRUE network by a matrix exponential."""
+    p = TRUE
+    rate = np.zeros((5, 5))  # T_w, T_za, T_oa, q_sol, heat
+    rate[0, :2] = np.array([-1.0, 1.0]) / (p["C_w"] * p["R_zw"])
+    rate[0, 3] = (1 - p["f"]) * p["A_win"] / p["C_w"]
+    rate[1] = np.array([1 / p["R_zw"], -1 / p["R_zw"] - 1 / p["R_zo"], 1 / p["R_zo"], p["f"] * p["A_win"], 1.0])
+    rate[1] /= p["C_za"]
+    step = expm(0.25 * rate)[:2]
+    state = np.full(2, X["T_za"].iloc[0])
+    room = [state[1]]
+    for row, q in zip(X[["T_oa", "q_sol"]].to_numpy(), heat, strict=True):
+        state = step @ np.array([*state, *row, q])
+        room.append(state[1])
+    return np.array(room)
+
+
+def ahead(values):
+    """Values at the end of every row's step."""
+    return np.append(values[1:], values[-1])
+
+
+def night_plan(X):
+    """Set-points of an office at every stamp: (heating, cooling)."""
+    busy = (X.index.hour >= 6) & (X.index.hour < 19)
+    return np.where(busy, 21.0, 16.0), np.where(busy, 24.0, 28.0)
+
+
+@pytest.mark.parametrize("shape", ["float", "array", "series", "list"])
+def test_the_unclipped_load_holds_the_set_point(shape, hybrid, plain, office):
+    X = office.X[HERE]
+    wanted = 21.0 + np.sin(np.arange(DAY) / 10.0)
+    given = {"float": 21.5, "array": wanted, "series": pd.Series(wanted, X.index), "list": list(wanted)}[shape]
+    for model in (hybrid, plain):
+        load = model.predict_load(X, given)
+        zeta = load["zeta"] if model is hybrid else 0.0
+        reached = simulate(X, load["Q_hvac_unclipped"] + zeta)[1:]
+        np.testing.assert_allclose(reached, ahead(np.broadcast_to(given, DAY)), atol=1e-7)
+    # the hybrid's load is that of the network less the heat that it expects, not that of the network alone
+    assert np.abs(hybrid.predict_load(X, given)["zeta"]).max() > 0.1
+
+
+@pytest.mark.parametrize("limits", [None, (-1.0, 2.7), (0.0, 2.8), "night off"])
+def test_the_clipped_load_is_within_its_limits_and_its_temperature_is_simulated(limits, hybrid, office):
+    X = office.X[HERE]
+    if limits == "night off":
+        limits = (0.0, pd.Series(np.where(X.index.hour < 5, 0.0, 3.0), X.index))
+    load = hybrid.predict_load(X, 16.0, limits)
+    lower, upper = limits if limits is not None else (-6.0, 6.0)
+    assert (load["Q_hvac"] >= lower - 1e-12).all()
+    assert (load["Q_hvac"] <= upper + 1e-12).all()
+    np.testing.assert_allclose(load["Q_hvac"], 6.0 * (load["u_heat"] - load["u_cool"]), atol=1e-12)
+    reached = simulate(X, load["Q_hvac"] + load["zeta"])
+    np.testing.assert_allclose(load["T_za"], reached[:-1], atol=1e-7)
+    # a row that is not at a limit ends at the set-point; the clipped state, not the unclipped one, is followed
+    free = (load["Q_hvac"] > np.asarray(lower) + 1e-9) & (load["Q_hvac"] < np.asarray(upper) - 1e-9)
+    np.testing.assert_allclose(reached[1:][free], 16.0, atol=1e-7)
+    if limits is not None:
+        assert 5 < (~free).sum() < DAY
+
+
+def test_limits_beyond_the_plant_change_nothing(hybrid, office):
+    X = office.X[HERE]
+    pd.testing.assert_frame_equal(hybrid.predict_load(X, 30.0, (-50.0, 50.0)), hybrid.predict_load(X, 30.0))
+    assert hybrid.predict_load(X, 30.0)["u_heat"].max() == 1.0
+
+
+def test_a_plant_of_two_sides_never_does_both(hybrid, office):
+    rng = np.random.default_rng(0)
+    X = office.X[14 * DAY :]
+    load = hybrid.predict_load(X, rng.uniform(16.0, 28.0, len(X)))
+    for suffix in ("", "_unclipped"):
+        heat, cool = load["u_heat" + suffix], load["u_cool" + suffix]
+        assert (heat >= 0).all()
+        assert (cool >= 0).all()
+        assert (heat * cool == 0).all()
+        assert heat.gt(0).sum() > 20
+        assert cool.gt(0).sum() > 20
+
+
+def test_no_load_while_the_temperature_floats_in_the_band(hybrid, office):
+    X = office.X[HERE]
+    heat, cool = night_plan(X)
+    load = hybrid.predict_load(X, (heat, cool))
+    reached = simulate(X, load["Q_hvac"] + load["zeta"])
+    low, high = heat, cool
+    for k, q in enumerate(load["Q_hvac"]):
+        # what this row would come to without a load
+        without = load["Q_hvac"].to_numpy().copy()
+        without[k] = 0.0
+        free = simulate(X, without + load["zeta"])[k + 1]
+        if q == 0.0:
+            assert low[k] - 1e-7 <= free <= high[k] + 1e-7
+        elif q > 0:
+            assert free < low[k]
+            assert q == 6.0 or reached[k + 1] == pytest.approx(low[k], abs=1e-7)
+        else:
+            assert free > high[k]
+            assert q == -6.0 or reached[k + 1] == pytest.approx(high[k], abs=1e-7)
+    assert 10 < (load["Q_hvac"] == 0.0).sum() < DAY - 10
+
+
+def test_all_spellings_of_a_band_are_one(hybrid, plain, office):
+    X = office.X[HERE]
+    heat, cool = night_plan(X)
+    frame = pd.DataFrame({"set_cool": cool, "set_heat": heat}, X.index)  # by name, whatever the order
+    expected = hybrid.predict_load(X, (heat, cool))
+    for given in (
+        frame,
+        frame.set_axis(["T_cool_set", "T_heat_set"], axis=1),
+        pd.DataFrame({"low": heat, "high": cool}, X.index),
+        np.column_stack([heat, cool]),
+        (pd.Series(heat, X.index), pd.Series(cool, X.index)),
+    ):
+        pd.testing.assert_frame_equal(hybrid.predict_load(X, given), expected)
+    numbers = plain.predict_load(X, (21.0, 24.0))
+    pd.testing.assert_frame_equal(plain.predict_load(X, (np.full(DAY, 21.0), 24.0)), numbers)
+    pd.testing.assert_frame_equal(plain.predict_load(X, (22.0, 22.0)), plain.predict_load(X, 22.0))
+    assert (plain.predict_load(X, (None, 24.0))["Q_hvac_unclipped"] <= 0).all()
+    heating = plain.predict_load(X, (21.0, None))
+    assert (heating["Q_hvac_unclipped"] >= 0).all()
+    assert (heating["u_cool"] == 0).all()
+
+
+def test_arrays_without_stamps(plain, office):
+    """Rows by position: the same loads as with names and stamps."""
+    X = office.X[HERE]
+    bare = X.reset_index(drop=True)
+    np.testing.assert_array_equal(
+        plain.predict_load(bare, pd.Series(22.0, bare.index)).to_numpy(), plain.predict_load(X, 22.0).to_numpy()
+    )
+
+
+def test_a_temperature_is_met_at_its_stamp_and_a_setting_within_its_row(plain, office):
+    X = office.X[HERE]
+    step = np.where(np.arange(DAY) < 30, 17.0, 18.0)
+    trajectory, setting = (plain.predict_load(X, given)["Q_hvac_unclipped"] for given in (step, (step, step)))
+    assert np.argmax(trajectory.diff()) == 29
+    assert np.argmax(setting.diff()) == 30
+    np.testing.assert_allclose(simulate(X, setting)[1:], step, atol=1e-7)
+
+
+def test_the_ramp_at_a_step_of_the_set_point(plain, office):
+    """Flat out until the room is there and never beyond, from the row on in which the thermostat is set."""
+    X = office.X[HERE]
+    at = 24
+    wanted = np.where(np.arange(DAY) < at, 13.0, 17.0)
+    load = plain.predict_load(X, (wanted, None), (0.0, 5.5))
+    full = np.flatnonzero(load["Q_hvac"] == 5.5)
+    assert full[0] == at
+    assert (np.diff(full) == 1).all()
+    room = simulate(X, load["Q_hvac"])
+    arrived = full[-1] + 2  # stamp behind the row in which it gets there
+    assert len(full) > 2
+    assert (room[at:arrived] < 17.0).all()
+    assert (np.diff(room[at:arrived]) > 0).all()
+    np.testing.assert_allclose(room[arrived:-1], 17.0, atol=1e-7)
+    later = load["Q_hvac"].iloc[full[-1] + 1 :]
+    assert (later < 5.5).all()
+    assert load["Q_hvac_unclipped"].iloc[at] > 2 * 5.5  # which does it in the one row
+
+
+def test_measured_heat_has_no_limit_but_the_given_one(measured_heat, office):
+    model, X = measured_heat
+    there = X[HERE]
+    free = model.predict_load(there, 25.0)
+    np.testing.assert_array_equal(free["Q_hvac"], free["Q_hvac_unclipped"])
+    night = there.index.hour < 6
+    held = model.predict_load(there, (25.0, None), (0.0, np.where(night, 0.0, 5.0)))
+    assert (held["Q_hvac"][night] == 0).all()
+    assert held["Q_hvac"].max() == 5.0
+    assert list(held.columns) == ["Q_hvac", "Q_hvac_unclipped", "T_za", "zeta"]
+    np.testing.assert_allclose(held["T_za"], simulate(there, held["Q_hvac"] + held["zeta"])[:-1], atol=1e-7)
+
+
+def test_every_day_starts_from_its_own_measurements(plain, office):
+    X = office.X[15 * DAY :]
+    whole = plain.set_params(horizon="1D").predict_load(X, 21.0)
+    # what is done on the second day does not hang on the set-point of the first
+    other = plain.predict_load(X, np.where(np.arange(len(X)) < DAY, 17.0, 21.0))
+    np.testing.assert_array_equal(whole["Q_hvac"][DAY:], other["Q_hvac"][DAY:])
+    assert not np.allclose(whole["Q_hvac"][:DAY], other["Q_hvac"][:DAY])
+
+
+def test_a_heater_of_its_own_does_not_make_the_load_ring(office):
+    theta = {"C_za": 1.0, "C_h": 0.5, "R_zh": 0.6, "R_zo": 6.0, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0}
+    model = InputDisturbanceID("TiTh", known=theta, n_starts=1).fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+    load = model.predict_load(office.X[HERE].assign(T_oa=0.0, q_sol=0.0), 21.0)
+    heat = load["Q_hvac_unclipped"].to_numpy()
+    assert (heat[:20] > 0).all()  # an exact inverse begins with +88, -74, +54, -29 kW
+    swings = np.sign(np.diff(heat[:20].round(6)))
+    assert (swings[1:] * swings[:-1] < 0).sum() < 3
+    np.testing.assert_allclose(load["T_za"][20:], 21.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "limits", "message"),
+    [
+        (np.full(95, 21.0), None, "setpoint has shape .95,., but X has 96 rows"),
+        (np.nan, None, "setpoint contains NaN or inf .first at 2023-11-20 00:00"),
+        ((24.0, 21.0), None, "the heating set-point is above the cooling one .first at 2023-11-20"),
+        ((np.full(3, 21.0), 24.0), None, "the heating set-point has shape .3,."),
+        ((21.0, np.nan), None, "the cooling set-point contains NaN"),
+        (np.full((96, 3), 21.0), None, "setpoint has 3 columns"),
+        ((pd.Series(21.0, range(96)), 24.0), None, "the heating set-point bears other time stamps than X"),
+        (21.0, 5.0, "limits is a pair"),
+        (21.0, (1.0, -1.0), "limits have the lowest heat above the highest .first at 2023-11-20"),
+        (21.0, (0.0, np.nan), "limits contain NaN"),
+        (21.0, (0.0, np.ones(5)), "the upper limit has shape .5,."),
+    ],
+)
+def test_what_is_refused(setpoint, limits, message, hybrid, plain, office):
+    for model in (hybrid, plain):
+        with pytest.raises(ValueError, match=message):
+            model.predict_load(office.X[HERE], setpoint, limits)
