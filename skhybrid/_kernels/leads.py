@@ -92,10 +92,10 @@ def simulate_inputs(A, B, V, node):
         for i in range(n):
             for j in range(J):
                 ahead[i, j] = B[i, j] * V[k, j]
-            for l in range(n):
-                a = A[i, l]
+            for r in range(n):
+                a = A[i, r]
                 for j in range(J):
-                    ahead[i, j] += a * x[l, j]
+                    ahead[i, j] += a * x[r, j]
         x, ahead = ahead, x
     return out
 
@@ -141,10 +141,10 @@ def filter_series(A, gains, node, S, origins):
         for i in range(m):
             for j in range(J):
                 ahead[i, j] = 0.0
-            for l in range(m):
-                a = A[i, l]
+            for r in range(m):
+                a = A[i, r]
                 for j in range(J):
-                    ahead[i, j] += a * x[l, j]
+                    ahead[i, j] += a * x[r, j]
         x, ahead = ahead, x
     return states
 
@@ -202,19 +202,19 @@ def lead_sensitivities(A, dA, forcing, dforcing, F, dF, gains, dgains, node, y, 
             value = forcing[k, i]
             for q in range(p):
                 ds2[i, q] = dforcing[k, i, q]
-            for l in range(n):
-                value += A[i, l] * s[l]
+            for r in range(n):
+                value += A[i, r] * s[r]
                 for q in range(p):
-                    ds2[i, q] += dA[i, l, q] * s[l] + A[i, l] * ds[l, q]
+                    ds2[i, q] += dA[i, r, q] * s[r] + A[i, r] * ds[r, q]
             s2[i] = value
         for i in range(m):
             value = 0.0
             for q in range(p):
                 dx2[i, q] = 0.0
-            for l in range(m):
-                value += F[i, l] * x[l]
+            for r in range(m):
+                value += F[i, r] * x[r]
                 for q in range(p):
-                    dx2[i, q] += dF[i, l, q] * x[l] + F[i, l] * dx[l, q]
+                    dx2[i, q] += dF[i, r, q] * x[r] + F[i, r] * dx[r, q]
             x2[i] = value
         s, s2, ds, ds2 = s2, s, ds2, ds
         x, x2, dx, dx2 = x2, x, dx2, dx
@@ -238,10 +238,10 @@ def lead_errors(S, states, P, origins, leads, weight):
     -------
     ndarray of shape (n_origins * L, J)
     """
-    O, m, J = states.shape
+    n_origins, m, J = states.shape
     L = len(leads)
-    out = np.zeros((O * L, J))
-    for o in range(O):
+    out = np.zeros((n_origins * L, J))
+    for o in range(n_origins):
         for h in range(L):
             w = weight[o, h]
             if w == 0.0:

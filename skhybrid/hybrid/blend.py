@@ -8,6 +8,7 @@ import numpy as np
 
 #: shares of the horizon at which groups of leads end, and at which their weights hold
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
+GROUP_NAMES = ("first twelfth", "to a third", "the rest")
 #: pull toward equal weights, beside the mean squared error of the models
 _PULL = 0.1
 #: days after which an error of the history counts half

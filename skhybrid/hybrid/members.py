@@ -27,6 +27,8 @@ class Rows(NamedTuple):
 class Member(Protocol):
     """One model of a blend."""
 
+    name: str
+
     def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
         """Learn from the training table."""
 
@@ -47,6 +49,8 @@ class Physics:
         Capacities that are given [kW].
     calendar : bool
     """
+
+    name = "network"
 
     def __init__(self, network: RCNetwork, known: dict[str, float], calendar: bool) -> None:
         self.network = network
@@ -83,6 +87,8 @@ class BlackBox:
     n_lags : int
         Temperatures that it regresses on.
     """
+
+    name = "ARX"
 
     def __init__(self, n_lags: int) -> None:
         self.n_lags = n_lags

@@ -21,12 +21,16 @@ from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quant
 from ..identification import PeriodicDisturbanceID
 from ..identification.setpoints import read_limits, read_setpoint
 from ..thermal import RCNetwork, get_network
+from .linear import LinearScheme
 from .published import PublishedScheme
 from .scheme import Paths, Scheme
 from .tables import KEPT, in_zone_of, one_behind_another
 
 #: rows that are joined to the kept tail at once
 _GATHERED = 96
+
+#: network of the scheme that learns the disturbance through it
+DEFAULT_NETWORK = "4R3C"
 
 
 class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -100,7 +104,7 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         *,
         disturbance="input",
         horizon="1D",
-        adapt="linear",
+        adapt="full",
         memory=None,
         n_jobs=None,
         random_state=None,
@@ -163,15 +167,33 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _make_scheme(self) -> Scheme:
         """What forecasts the building, unfitted: the one place that decides it."""
+        if self._is_linear():
+            given = self.gray_box
+            network = get_network(getattr(given, "network", DEFAULT_NETWORK))
+            self._refuse_zones(network)
+            known = dict(getattr(given, "known", None) or {})
+            return LinearScheme(network, known=known, horizon=self.horizon, adapt=self.adapt)
         gray_box = self._part(self.gray_box, self._default_gray_box())
-        network = get_network(gray_box.network)
+        self._refuse_zones(get_network(gray_box.network))
+        forecaster = self._part(self.forecaster, self._default_forecaster())
+        return PublishedScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
+
+    def _is_linear(self) -> bool:
+        """Whether the disturbance is learned through the network, which is what happens when nothing is said."""
+        if self.forecaster is None:
+            return self.gray_box is None and self.disturbance == "input"
+        linear = isinstance(self.forecaster, DisturbanceForecaster) and self.forecaster.model == "linear"
+        if linear and self.disturbance != "input":
+            raise ValueError("forecaster 'linear' is heat on the zone; use disturbance='input', or another forecaster.")
+        return linear
+
+    @staticmethod
+    def _refuse_zones(network: RCNetwork) -> None:
         if len(network.measured_nodes) > 1:
             raise ValueError(
                 f"network {network.name} has several measured temperatures; HybridPredictor "
                 "forecasts one zone, so fit the identification itself."
             )
-        forecaster = self._part(self.forecaster, self._default_forecaster())
-        return PublishedScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
 
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
@@ -208,7 +230,8 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return PeriodicDisturbanceID()
 
     def _default_forecaster(self) -> DisturbanceForecaster:
-        return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
+        model = "linear" if self.gray_box is None and self.disturbance == "input" else "ridge"
+        return DisturbanceForecaster(model=model, horizon=self.horizon or "1D")
 
     def _part(self, given: Any, default: Any) -> Any:
         """A clone of a part, with what it can take over from this estimator."""
@@ -371,7 +394,7 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return not role.startswith("T_") or role == "T_oa" or self._network().reads(role)
 
     def _network(self) -> RCNetwork:
-        return get_network(getattr(self.gray_box, "network", "2R2C"))
+        return get_network(getattr(self.gray_box, "network", DEFAULT_NETWORK))
 
     def _columns(self) -> Mapping[str, Any] | None:
         return self.columns if self.columns is not None else getattr(self.gray_box, "columns", None)

@@ -36,6 +36,7 @@ class Plan(NamedTuple):
     fixed: tuple[tuple[str, float], ...]  # heat of a known capacity [kW per unit of the role]
     stages: tuple[tuple[str, float], ...]  # stages whose capacity is sought, with its sign
     knots: tuple[tuple[str, float, float], ...]  # stages whose slope may change, where, and the capacity [kW]
+    tops: tuple[tuple[str, float], ...]  # largest training value of each stage
     mean_outdoor: float  # [degC]
     noon: float  # local hour at which the sun is highest
     calendar: bool
@@ -84,7 +85,7 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
         given = [(moved[0], 6.0 * sign[moved[0]])]
     taken = {role for role, _ in given}
     sun = tuple(role for role in table.inputs if role.startswith("q_sol"))
-    tops = {role: float(np.quantile(table.inputs[role], 0.999)) for role, _ in given}
+    tops = {role: float(table.inputs[role].max()) for role in stages}
     knots = tuple((role, share * tops[role], c) for role, c in given for share in _KNOTS if tops[role] > 0)
     return Plan(
         network,
@@ -92,6 +93,7 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
         (*measured, *given),
         tuple((role, sign[role]) for role in stages if role not in taken),
         knots,
+        tuple(tops.items()),
         float(table.inputs["T_oa"].mean()) if "T_oa" in table.inputs else 0.0,
         _noon(table, sun),
         calendar,

@@ -1,0 +1,73 @@
+"""What was fitted, in the terms of its user: parameters, schedules of gains and of conductance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ..._contract import ZoneTable
+from ...thermal import RCNetwork
+from .channels import UA_DIFFERENCE, make_channels
+from .fit import LeadFit
+from .model import OWN
+
+_HOURS = 24
+
+
+@dataclass(frozen=True)
+class ScheduledNetwork:
+    """A network with schedules of unmeasured heat, fitted on the errors of forecasts at all leads.
+
+    Its parameters serve forecasts: they are not the building's, for which the identifications are made.
+
+    Attributes
+    ----------
+    network_ : RCNetwork
+    theta_ : Series
+        Resistances [K/kW] and capacitances [kWh/K].
+    disturbance_ : Series
+        Of the filter: ``sigma_x`` [K/sqrt(h)], ``sigma_g`` [kW], ``tau_g`` [h], and an emitter's lag ``tau_e`` [h].
+    coef_ : Series
+        Every linear coefficient, by channel.
+    schedule_ : DataFrame
+        Unmeasured heat ``gain`` [kW] and conductance to the outside beside the network's ``ua`` [kW/K] by day type and
+        hour; both may be negative, as they are deviations from what the network has.
+    """
+
+    network_: RCNetwork
+    theta_: pd.Series
+    disturbance_: pd.Series
+    coef_: pd.Series
+    schedule_: pd.DataFrame
+    _fit: LeadFit
+
+    @classmethod
+    def of(cls, fit: LeadFit) -> ScheduledNetwork:
+        """Read a fit."""
+        values = pd.Series(np.exp(fit.point.psi), fit.model.names)
+        names = [*fit.stretch.channels.names, *(["emitter"] if fit.stretch.plan.emitter else [])]
+        coef = pd.Series(fit.point.solution.coef, names)
+        own = list(OWN)
+        return cls(fit.model.network, values.drop(own), values[own], coef, _schedule(coef), fit)
+
+    def heat_at(self, table: ZoneTable) -> pd.Series:
+        """Scheduled heat over the rows of a table [kW]."""
+        channels = make_channels(self._fit.stretch.plan, table)
+        mine = [name.startswith(("gain", "ua")) for name in channels.names]
+        heat = channels.series[:, mine] @ self._fit.point.solution.coef[: len(mine)][mine]
+        return pd.Series(heat, table.index, name="zeta")
+
+
+def _schedule(coef: pd.Series) -> pd.DataFrame:
+    index = pd.MultiIndex.from_product([("weekday", "weekend"), range(_HOURS)], names=["day", "hour"])
+    out = pd.DataFrame(0.0, index, ["gain", "ua"])
+    for kind, unit in (("gain", 1.0), ("ua", UA_DIFFERENCE)):
+        if kind not in coef:
+            continue
+        hours = [coef.get(f"{kind}_hour_{h}", 0.0) for h in range(_HOURS)]
+        contrast = np.array([coef.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)])
+        level = coef[kind] + np.array(hours)
+        out[kind] = np.concatenate([level - contrast, level + contrast]) / unit
+    return out
