@@ -106,7 +106,7 @@ class LeadProblem:
     def evaluate(self, psi: np.ndarray) -> Point:
         """Solve the coefficients at ``psi``."""
         columns = tuple(self.columns(psi, part) for part in self.parts)
-        solution = solve_coefficients(sum(gram(E) for E in columns), self.penalty, self.positive)
+        solution = solve_coefficients(np.sum([gram(E) for E in columns], axis=0), self.penalty, self.positive)
         prior = 0.5 * np.sum(((psi - self.centre) / self.spread) ** 2)
         return Point(psi, solution.loss + float(prior), solution, columns)
 

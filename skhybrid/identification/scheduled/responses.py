@@ -91,7 +91,7 @@ def make_stretch(plan: Plan, table: ZoneTable, T: np.ndarray, reference: float) 
 def respond(model: LeadModel, psi: np.ndarray, stretch: Stretch, origins: np.ndarray) -> Responses:
     """Simulate and filter every series of a stretch."""
     M = model.matrices(psi)
-    n, nb = len(M.A), stretch.boundary.shape[1]
+    nb = stretch.boundary.shape[1]
     unit, plan = M.B[:, nb:], stretch.plan
     V, node = stretch.channels.series, stretch.channels.node
     if plan.emitter:
