@@ -20,6 +20,7 @@ ESTIMATORS = [
     InputDisturbanceID(n_starts=1, random_state=0),
     OutputDisturbanceID(n_starts=1, random_state=0),
     PeriodicDisturbanceID(n_starts=1, random_state=0),
+    HybridPredictor(),
     HybridPredictor(
         InputDisturbanceID(n_starts=1, random_state=0), DisturbanceForecaster(Ridge(), random_state=0), random_state=0
     ),

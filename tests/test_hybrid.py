@@ -42,12 +42,23 @@ def rmse(a, b):
     return float(np.sqrt(np.mean((np.asarray(a) - np.asarray(b)) ** 2)))
 
 
-def test_default_is_periodic_with_ridge(office):
-    model = HybridPredictor(random_state=0).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+def test_an_identification_alone_is_followed_by_ridge(office):
+    gray_box = PeriodicDisturbanceID(known={"Q_h": 6.0}, n_starts=1)
+    model = HybridPredictor(gray_box, random_state=0).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
     assert isinstance(model.gray_box_, PeriodicDisturbanceID)
     assert model.forecaster_.model == "ridge"
-    assert model.gray_box is None
     assert model.disturbance_step_ == pd.Timedelta("1h")
+
+
+def test_nothing_given_learns_the_disturbance_through_the_network(office):
+    rows = slice(0, 7 * DAY)
+    model = HybridPredictor().fit(office.X[rows], office.y[rows])
+    asked = HybridPredictor(forecaster=DisturbanceForecaster("linear")).fit(office.X[rows], office.y[rows])
+    assert model.gray_box is None and model.forecaster is None
+    assert set(model.weights_.columns) == {"network", "ARX"}
+    np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
+    later = office.X[7 * DAY : 9 * DAY]
+    np.testing.assert_array_equal(model.predict(later), asked.predict(later))
 
 
 def test_it_forecasts_better_than_without_a_disturbance(hybrid, office):

@@ -34,6 +34,7 @@ def temperature_models():
         PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
         ARXRegressor(),
         ARXRegressor(adapt="refit"),
+        HybridPredictor(),
         HybridPredictor(PeriodicDisturbanceID(known=KNOWN, n_starts=1), random_state=0),
         HybridPredictor(OutputDisturbanceID(known=KNOWN, n_starts=1), disturbance="output", random_state=0),
         HybridPredictor(InputDisturbanceID(known=KNOWN, n_starts=1), quick, random_state=0),
