@@ -54,7 +54,8 @@ def test_nothing_given_learns_the_disturbance_through_the_network(office):
     rows = slice(0, 7 * DAY)
     model = HybridPredictor().fit(office.X[rows], office.y[rows])
     asked = HybridPredictor(forecaster=DisturbanceForecaster("linear")).fit(office.X[rows], office.y[rows])
-    assert model.gray_box is None and model.forecaster is None
+    assert model.gray_box is None
+    assert model.forecaster is None
     assert set(model.weights_.columns) == {"network", "ARX"}
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
     later = office.X[7 * DAY : 9 * DAY]
