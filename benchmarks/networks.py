@@ -29,7 +29,7 @@ NETWORKS = {"mlp": {}, "cnn": {"pool_size": 4}, "rnn": {}, "lstm": {}}
 
 
 # ---------------------------------------------------------------------------------------------------------------- speed
-def speed(n_rounds: int = 7) -> pd.DataFrame:
+def speed(n_rounds: int = 5) -> pd.DataFrame:
     """One row a network: ms of processor time an epoch, and ratios of rounds (median, lowest to highest)."""
     rows = {}
     data = random_data()
@@ -70,11 +70,12 @@ def _members(model: HybridPredictor) -> list[HybridPredictor]:
     """A predictor for each network of one whose forecaster averages several."""
     found = []
     for i in range(len(model.forecaster_.repeats_)):
-        alone, forecaster = copy(model), copy(model.forecaster_)
+        alone, scheme, forecaster = copy(model), copy(model._scheme), copy(model.forecaster_)
         forecaster._network = copy(forecaster._network)
         weights = model.forecaster_._network.weights
         forecaster._network.weights = {name: value[i : i + 1] for name, value in weights.items()}
-        alone.forecaster_ = forecaster
+        scheme.forecaster_ = forecaster
+        alone._scheme = scheme
         found.append(alone)
     return found
 
@@ -135,7 +136,7 @@ def main(parts: list[str]) -> None:
             f"{COMMAND} speed",
             {"Epochs": speed()},
             "Case01 by hours, four weeks: 456 windows in batches of 128, then 145 windows of validation; Adam.  ms of "
-            "processor time of one thread, median of seven rounds in which the loops take turns; ratios of medians "
+            "processor time of one thread, median of five rounds in which the loops take turns; ratios of medians "
             "(lowest to highest of the rounds).  *Bare loop*: the same module, a shuffled index, slices of tensors, "
             "Adam, the validation error; no clipping, no record.  *torch's layers*: that loop over nn.Linear, "
             "nn.Conv1d, nn.RNN, nn.LSTM.  *Ten at once*: ten repeats as one stack, time of each.",

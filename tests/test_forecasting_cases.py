@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.forecasting import ModelCase, list_cases
+from skhybrid.forecasting import DisturbanceForecaster, ModelCase, list_cases, list_sizes
 from skhybrid.forecasting.cases import cases_of, resolve_case
 from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode, trailing_mean
 
@@ -124,3 +126,15 @@ def test_the_past_is_read_as_known_at_the_origin():
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 2), [[np.nan, 3, 4, np.nan]])
     np.testing.assert_array_equal(last_same_slot(series, rows - 1, origins[:1], 3, 2)[0, 2:], [3, 4])
     np.testing.assert_array_equal(trailing_mean(series[:5], 2), [0.0, 0.5, 1.0, 3.0, 3.5])
+
+
+def test_sizes_are_those_of_the_paper_s_section_3_2():
+    counts = {"mlp": 3 * 4 * 3, "cnn": 2 * 3 * 3 * 2 * 2 * 3, "rnn": 3 * 4 * 3, "lstm": 3 * 4 * 3}
+    for model, n in counts.items():
+        sizes = list_sizes(model)
+        assert set(sizes) <= set(DisturbanceForecaster(model).get_params())
+        assert math.prod(len(values) for values in sizes.values()) == n
+    assert list_sizes("mlp")["hidden_size"] == [10, 20, 50, 100]
+    assert list_sizes("lstm")["hidden_size"] == [10, 20, 40, 60]
+    with pytest.raises(ValueError, match="no cases"):
+        list_sizes("gru")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,8 @@ import torch
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_info
 
+from skhybrid import GrayBoxRC, HybridPredictor
+from skhybrid.datasets import make_office
 from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.forecasting.forecaster import draw_seed, repeat_seeds
 from skhybrid.forecasting.training import Split, TrainingJob, chronological_split, discounted_share, train_networks
@@ -169,7 +173,7 @@ def test_an_interruption_by_the_user_ends_the_fit(monkeypatch):
 
 
 # ------------------------------------------------------------------------------------------------- repeats and stacks
-QUICK = {"max_epochs": 6, "patience": 2, "learning_rate": 0.02, "random_state": 3}
+QUICK = {"max_epochs": 3, "patience": 2, "learning_rate": 0.02, "random_state": 3}
 
 
 def _same(one, other, member=0):
@@ -181,7 +185,7 @@ def _same(one, other, member=0):
 @pytest.mark.parametrize("model", ["mlp", "cnn", "rnn", "lstm"])
 @pytest.mark.parametrize("sizes", [{}, {"n_layers": 2, "hidden_size": 10, "activation": "gelu", "batch_size": 50}])
 def test_a_repeat_is_to_the_bit_what_it_is_alone(model, sizes):
-    X, y = hourly(14)
+    X, y = hourly(9)
     settings = QUICK | sizes | {"residual_of": None}
     several = DisturbanceForecaster(model, n_repeats=3, repeats="mean", **settings).fit(X, y)
     assert not _same(several, several, member=1)
@@ -197,7 +201,7 @@ def test_members_stop_one_by_one():
     X, y = hourly(14)
     settings = QUICK | {"residual_of": None, "max_epochs": 60, "hidden_size": 40}
     several = DisturbanceForecaster("mlp", n_repeats=6, repeats="mean", **settings).fit(X, y)
-    assert several.repeats_["n_epochs"].nunique() > 1
+    assert len(set(several.repeats_["n_epochs"])) > 1
     last = int(several.repeats_["n_epochs"].to_numpy().argmax())
     alone = DisturbanceForecaster("mlp", **settings | {"random_state": repeat_seeds(3, 6)[last]}).fit(X, y)
     assert _same(alone, several, member=last)
@@ -267,33 +271,27 @@ def _fitted(model):
 
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 def test_a_fit_is_the_same_to_the_bit_in_any_worker(backend):
-    models = ["mlp", "cnn", "lstm"]
+    models = ["mlp", "lstm"]
     found = Parallel(n_jobs=2, backend=backend)(delayed(_fitted)(model) for model in models)
     for model, forecast in zip(models, found, strict=True):
         np.testing.assert_array_equal(forecast, _fitted(model))
 
 
 PROGRAM = """
-import sys, hashlib
+import sys, hashlib, torch
+torch.set_num_threads(2)
 sys.path.insert(0, {folder!r})
-import torch
-torch.set_num_threads({n})
 from test_forecasting_training import _fitted
-print(*[hashlib.sha256(_fitted(model).tobytes()).hexdigest() for model in ("mlp", "cnn", "lstm")])
-assert torch.get_num_threads() == {n}
+print(*[hashlib.sha256(_fitted(model).tobytes()).hexdigest() for model in ("mlp", "lstm")])
+assert torch.get_num_threads() == 2
 """
 
 
-def test_a_fit_is_the_same_to_the_bit_with_one_and_with_two_threads():
-    folder = __file__.rpartition("/")[0]
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", PROGRAM.format(folder=folder, n=n)], capture_output=True, text=True, check=False
-        )
-        for n in (1, 2)
-    ]
-    assert runs[0].stdout.split(), runs[0].stderr
-    assert runs[0].stdout == runs[1].stdout, runs[1].stderr
+def test_a_fit_is_the_same_to_the_bit_where_torch_has_two_threads():
+    program = PROGRAM.format(folder=str(Path(__file__).parent))
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [hashlib.sha256(_fitted(model).tobytes()).hexdigest() for model in ("mlp", "lstm")]
 
 
 def test_nothing_global_is_left_changed():
@@ -327,3 +325,21 @@ def test_the_published_training():
     assert quick.case_.name == "case04"
     assert quick.network_weight_ == 1.0
     assert len(quick.repeats_) == 2
+
+
+def test_networks_forecast_an_output_disturbance_as_well_as_an_input_one():
+    office = make_office(n_days=17, random_state=0)
+    history, future = office.X.iloc[: 16 * 96], office.X.iloc[16 * 96 :].drop(columns="T_za")
+    left = {}
+    for kind in ("input", "output"):
+        for name, settings in {"rnn": {"max_epochs": 2, "n_repeats": 2, "random_state": 0}, "profile": {}}.items():
+            make = DisturbanceForecaster.published if name == "rnn" else DisturbanceForecaster
+            hybrid = HybridPredictor(
+                GrayBoxRC(known=office.theta), make(name, **settings), disturbance=kind, adapt=None
+            )
+            found = hybrid.fit(office.X.iloc[: 15 * 96], office.y.iloc[: 15 * 96]).forecast(history, future)
+            assert np.isfinite(found.to_numpy()).all()
+            left[kind, name] = found["T_za"] - found["zeta"] if kind == "output" else found["zeta"]
+    # an output disturbance is added to what the network alone forecasts (Eq. od_hybrid), whoever forecasts it
+    np.testing.assert_allclose(left["output", "rnn"], left["output", "profile"], atol=1e-8)
+    assert not np.allclose(left["input", "rnn"], left["input", "profile"], atol=0.05)
