@@ -18,8 +18,8 @@ from ..forecasting.features import rows_per_day
 from ..forecasting.forecaster import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.live import advance, drive_on, identify_again
-from .ledger import Ledger
 from ..identification.setpoints import Band, Limits
+from .ledger import Ledger
 from .scheme import Paths
 from .tables import (
     ELSEWHERE,
