@@ -49,7 +49,8 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     adapt : {None, "linear", "full"}, default="linear"
         What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
         ``"linear"``: for every full week of history behind the training table a linear forecaster or baseline is also
-        re-fitted on training and history; networks and other regressors stay as trained.  ``"full"``: a forecast acts
+        re-fitted on training and history (on its last weeks alone where those forecast the latest one clearly
+        better); networks and other regressors stay as trained.  ``"full"``: a forecast acts
         as with ``"linear"``; :meth:`partial_fit` also identifies the network again and trains any forecaster anew, for
         which the measured rows are kept.
     memory : str or joblib.Memory, optional
@@ -288,8 +289,9 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def partial_fit(self, X: Any, y: Any) -> HybridPredictor:
         """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
 
-        Baselines of the disturbance (``model="ridge"`` among them) are fitted again on training and new rows; networks
-        keep their weights and the gray box stays as identified, unless ``adapt="full"``.
+        Baselines of the disturbance (``model="ridge"`` among them) are fitted again on training and new rows, or on the
+        last weeks alone where those forecast the latest one clearly better; networks keep their weights and the gray
+        box stays as identified, unless ``adapt="full"``.
 
         Parameters
         ----------
@@ -324,6 +326,28 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             self._keep(table, target, behind=True)
         self._learned_to = None if self._last_rows.utc is None else self._last_rows.utc[-1]
         return self
+
+    @one_blas_thread
+    def drift(self, X: Any = None) -> pd.DataFrame:
+        """Tell day by day whether what was learned still holds; nothing is taken in.
+
+        Each day's disturbance is held against what the trained forecaster, without adaptation, expected of it at
+        midnight; the reference are days of the training that it was not fitted on
+        (:class:`~skhybrid.hybrid.DriftMonitor`).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features), optional
+            Rows with ``T_za``, behind the training or elsewhere.  By default the rows that :meth:`update` has taken in.
+
+        Returns
+        -------
+        DataFrame
+            One row a whole local day: ``statistic``, ``threshold``, ``drifted``, ``since`` and ``kind`` (``"level"``,
+            ``"schedule"``, ``"quiet"``), as known at its end.
+        """
+        check_is_fitted(self)
+        return self._scheme.drift(None if X is None else self._with_history(X)[0])
 
     def _in_own_zone(self, data: Any) -> Any:
         """A table or a target in the time zone of the training table."""
