@@ -102,6 +102,7 @@ class LinearScheme:
             out[i] = np.sum(paths[i] * by_lead(weights[i], self._n_leads, n_leads), axis=1)
         return _Blended(out, weights)
 
+
     def _fade(self, n_rows: Any) -> Any:
         return faded(n_rows * (self._table.step / pd.Timedelta("1D")))
 

@@ -273,9 +273,16 @@ class PublishedScheme:
             if count == 0:
                 yield self.forecaster_, chosen
                 continue
-            since = pd.concat([self._ledger.since(self._trained_to), bins.frame.iloc[first:]])
-            since = since if following else bins.frame.iloc[first:]
-            yield refit.fitted(joined_rows(self._rows, since.iloc[: count * week], self.disturbance_step_)), chosen
+            n_steps, own = int(count) * week, following and int(count) * week <= early
+            if own and n_steps in refit.kept:
+                yield refit.kept[n_steps], chosen
+                continue
+            since = bins.frame.iloc[first:]
+            since = pd.concat([self._ledger.since(self._trained_to), since]) if following else since
+            fitted = refit.fitted(joined_rows(self._rows, since.iloc[:n_steps], self.disturbance_step_))
+            if own:  # the steps that were taken in do not change
+                refit.kept = {n_steps: fitted}
+            yield fitted, chosen
 
 
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:

@@ -35,6 +35,8 @@ class WeeklyRefit:
         self._forecaster = forecaster
         self._step = step
         self._fits: dict[tuple[int, int], Any] = {}
+        #: the latest fit by the steps since the training, where those are known for good
+        self.kept: dict[int, Any] = {}
 
     def fitted(self, rows: pd.DataFrame) -> Any:
         """The forecaster fitted on rows that end with a week."""

@@ -113,7 +113,9 @@ def _refit(fit: LeadFit, later: Later, psi: np.ndarray, row: int) -> np.ndarray:
     return minimise(replace(fit.problem, parts=tuple(parts)), psi, most=_STEPS).psi
 
 
-def _learn(fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+def _learn(
+    fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample
+) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (n_origins, J) of each origin, and the errors (O, L) of the era's history.
 
     Errors are those of coefficients that were known at the start of the forecast's day.

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from ..._contract import ZoneTable
-from ...thermal import RCNetwork
 from .channels import make_plan
 from .coefficients import gram, solve_coefficients
 from .model import OWN, LeadModel
 from .problem import LeadProblem, Part, Point, Shrinkage, minimise, penalty_of
 from .responses import Sample, Stretch, make_stretch
+from ...thermal import RCNetwork
 
 #: leads that are scored, as shares of the horizon
 _LEADS = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 56, 64, 72, 80, 88, 96]) / 96.0
@@ -127,9 +127,7 @@ def fit_leads(
 
 def _start(model: LeadModel, part: Part) -> LeadProblem:
     """The problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
-    rough = Sample(
-        part.sample.origins[::6], part.sample.leads[_COARSE] if len(part.sample.leads) > 4 else part.sample.leads
-    )
+    rough = Sample(part.sample.origins[::6], part.sample.leads[_COARSE] if len(part.sample.leads) > 4 else part.sample.leads)
     spread = np.full(len(model.names), _SPREAD)
     best = None
     for scale in _SCALES:
@@ -177,10 +175,8 @@ def _blocks(sample: Sample, step: float) -> np.ndarray:
     days = hours[-1] / _DAY if len(hours) else 0.0
     length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
     count = max(1, round(days / length))
-    return (
-        np.zeros(len(hours), dtype=np.int64)
-        if count < _LEAST_BLOCKS
-        else np.minimum((hours / _DAY / length).astype(np.int64), count - 1)
+    return np.zeros(len(hours), dtype=np.int64) if count < _LEAST_BLOCKS else np.minimum(
+        (hours / _DAY / length).astype(np.int64), count - 1
     )
 
 

@@ -94,9 +94,7 @@ class LeadProblem:
         rows, inside = part.sample.targets(part.stretch.n_rows)
         origins = part.sample.origins
         apart = (origins[-1] - origins[0]) / max(len(origins) - 1, 1) * self.model.step if len(origins) else 1.0
-        count = (
-            np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
-        )
+        count = np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
         return np.sqrt(np.where(inside & part.stretch.seen[rows], self.precision * count, 0.0))
 
     def columns(self, psi: np.ndarray, part: Part) -> np.ndarray:

@@ -30,7 +30,9 @@ class Stretch(NamedTuple):
     def until(self, row: int) -> Stretch:
         """The rows before ``row``."""
         channels = self.channels._replace(series=self.channels.series[:row])
-        return Stretch(self.plan, channels, self.boundary[:row], self.heat[:row], self.y[:row], self.seen[:row])
+        return Stretch(
+            self.plan, channels, self.boundary[:row], self.heat[:row], self.y[:row], self.seen[:row]
+        )
 
 
 class Sample(NamedTuple):
