@@ -59,6 +59,11 @@ class Ledger:
         """(n,) begins of the complete steps [ns]."""
         return self._labels[: self._n]
 
+    @property
+    def means(self) -> np.ndarray:
+        """(n, p) means of the complete steps."""
+        return self._means[: self._n]
+
     def add(self, stamps: np.ndarray, rows: np.ndarray) -> None:
         """Take in rows (n, p) stamped (n,) [ns]; the step of the last one stays open, since a row may still follow."""
         sums = self._joined(stamps, rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..identification.scheduled import Sample, ScheduledNetwork, follow, loads
 from ..identification.setpoints import Band, Limits
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, blend_weights, by_lead, faded, lead_groups, moments
+from .drift import DriftMonitor
 from .members import BlackBox, Member, Physics, Rows
 from .scheme import Paths
 from .tables import one_behind_another
@@ -170,6 +172,40 @@ class LinearScheme:
         most = max(int(_MOST_LEARNED / known.step), self._n_learned)
         kept = known.rows(slice(max(0, known.n_rows - most), None))
         self.fit(kept, kept.history["T_za"])
+
+    def drift(self, table: ZoneTable | None) -> pd.DataFrame:
+        """Go through the day-ahead errors of the temperature, forecast as trained."""
+        known, per_day = self._known[0], round(pd.Timedelta("1D") / self._known[0].step)
+        left_out = self.calibration_errors(known, known.history["T_za"], per_day)
+        midnight = _begins_day(known)[left_out.origins]
+        reference = _days(known, left_out.origins[midnight], per_day)
+        monitor = DriftMonitor().fit(reference, reference - left_out.errors[midnight])
+        if table is None:
+            later = one_behind_another(self._known)
+            rows = Rows(later, later.history["T_za"], self._n_learned, joined=True)
+        else:
+            rows, _ = self._rows(table)
+        origins = np.flatnonzero(_begins_day(rows.table))
+        origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
+        frozen = copy(self)
+        frozen.adapt = None
+        forecast, _ = frozen._blend(rows, origins, per_day)
+        measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
+        return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
+
+
+def _begins_day(table: ZoneTable) -> np.ndarray:
+    """(n_rows,) whether a row is the first of a local day."""
+    day = table.time.normalize()
+    return np.append(False, np.asarray(day[1:] != day[:-1]))
+
+
+def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
+    """Measured temperature of the rows after each origin, stamped by the day."""
+    rows = origins[:, None] + np.arange(1, per_day + 1)
+    inside = rows < table.n_rows
+    measured = np.where(inside, table.history["T_za"][np.minimum(rows, table.n_rows - 1)], np.nan)
+    return pd.DataFrame(measured, index=table.time[origins].normalize())
 
 
 def _owned(table: ZoneTable, target: np.ndarray) -> ZoneTable:

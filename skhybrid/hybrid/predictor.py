@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import origin_rows, rows_of, spell
+from .._clock import origin_rows, rows_of
 from .._contract import ZoneTable, append_tables, read_table, read_target
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
@@ -22,18 +22,16 @@ from ..identification import PeriodicDisturbanceID
 from ..identification.setpoints import read_limits, read_setpoint
 from ..thermal import RCNetwork, get_network
 from .linear import LinearScheme
+from .living import LivingMixin
 from .published import PublishedScheme
 from .scheme import Paths, Scheme
-from .tables import KEPT, in_zone_of, one_behind_another
-
-#: rows that are joined to the kept tail at once
-_GATHERED = 96
+from .tables import in_zone_of
 
 #: network of the scheme that learns the disturbance through it
 DEFAULT_NETWORK = "4R3C"
 
 
-class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
+class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Day-ahead forecast of temperature and load: an identified network driven by a forecast disturbance.
 
     The gray box is identified, the disturbance that it leaves is estimated (causally, as later in use), gathered into
@@ -53,7 +51,8 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     adapt : {None, "linear", "full"}, default="linear"
         What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
         ``"linear"``: for every full week of history behind the training table a linear forecaster or baseline is also
-        re-fitted on training and history; networks and other regressors stay as trained.  ``"full"``: a forecast acts
+        re-fitted on training and history (on its last weeks alone where those forecast the latest one clearly
+        better); networks and other regressors stay as trained.  ``"full"``: a forecast acts
         as with ``"linear"``; :meth:`partial_fit` also identifies the network again and trains any forecaster anew, for
         which the measured rows are kept.
     memory : str or joblib.Memory, optional
@@ -94,8 +93,6 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     >>> tomorrow.shape
     (96,)
     """
-
-    _recent: list[ZoneTable]
 
     def __init__(
         self,
@@ -240,139 +237,6 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "verbose": self.verbose or None}
         wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
         return part.set_params(**wanted)
-
-    def _keep(self, table: ZoneTable, target: np.ndarray, *, behind: bool) -> None:
-        """Keep the end of the known rows: these, or the kept ones and these ``behind`` them.
-
-        Single rows are gathered before they are joined to the tail, which costs as much for one as for many.
-        """
-        new = table.replace(history={"T_za": target})
-        self._recent = [*self._recent, new] if behind else [new]
-        if not behind or sum(recent.n_rows for recent in self._recent) >= _GATHERED:
-            whole = self._known_end() if behind else new
-            most = int(KEPT / table.step)
-            tail = whole.rows(slice(max(whole.n_rows - most, 0), None))
-            copies = {role: v.copy() for role, v in tail.inputs.items()}
-            self._tail = tail.replace(inputs=copies, history={"T_za": tail.history["T_za"].copy()})
-            self._recent = []
-
-    def _known_end(self) -> ZoneTable:
-        """The last known rows: the kept tail and what came since."""
-        return one_behind_another([self._tail, *self._recent]) if self._recent else self._tail
-
-    def _behind_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
-        if not table.follows(self._last_rows):
-            return table, 0
-        tail = self._known_end()
-        return append_tables(tail, table), tail.n_rows
-
-    @property
-    def _last_rows(self) -> ZoneTable:
-        return self._recent[-1] if self._recent else self._tail
-
-    # ------------------------------------------------------------------------------------------- living with a building
-    @one_blas_thread
-    def update(self, X: Any, y: Any = None) -> HybridPredictor:
-        """Take in new rows without learning from them: the filter and the recent past go on.
-
-        What follows is forecast as if the rows had been in front of it.  It takes the same time whatever came before.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-            Rows that follow the last known one, of the training table or of the last call, with ``T_za`` as measured,
-            NaN where missing.
-        y : array-like of shape (n_samples,), optional
-            The measured temperature, where X has no ``T_za``.
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If the rows do not follow, or hold no measurement.
-        """
-        check_is_fitted(self)
-        table = self._read_following(X)
-        self._refuse_unless_following(table)
-        if y is not None:
-            target = read_target(self._in_own_zone(y), table, max_missing=1.0, role="T_za")
-        elif table.T_za is not None:
-            target = table.T_za
-        else:
-            raise ValueError("X has no column 'T_za'; give what was measured there or as y, with NaN where missing.")
-        self._scheme.advance(table, target)
-        self._keep(table, target, behind=True)
-        return self
-
-    @one_blas_thread
-    def partial_fit(self, X: Any, y: Any) -> HybridPredictor:
-        """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
-
-        Baselines of the disturbance (``model="ridge"`` among them) are fitted again on training and new rows; networks
-        keep their weights and the gray box stays as identified, unless ``adapt="full"``.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-            Rows that follow the last known one, or a later part of those that :meth:`update` has taken in; what is
-            known already is not taken in twice.
-        y : array-like of shape (n_samples,)
-            Measured zone temperature [degC]; NaN where missing.
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            As :meth:`fit` does, and if the rows do not follow.
-        """
-        if not self.__sklearn_is_fitted__():
-            return self.fit(X, y)
-        table = self._read_following(X)
-        target = read_target(self._in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
-        known = 0
-        if table.utc is not None and self._last_rows.utc is not None:
-            known = int((table.utc <= self._last_rows.utc[-1]).sum())
-        table, target = table.rows(slice(known, None)), target[known:]
-        if table.n_rows:
-            self._refuse_unless_following(table)
-        self._scheme.adapt = self.adapt
-        self._scheme.learn(table, target)
-        if table.n_rows:
-            self._keep(table, target, behind=True)
-        self._learned_to = None if self._last_rows.utc is None else self._last_rows.utc[-1]
-        return self
-
-    def _in_own_zone(self, data: Any) -> Any:
-        """A table or a target in the time zone of the training table."""
-        if not isinstance(data, pd.DataFrame | pd.Series):
-            return data
-        stamps = in_zone_of(data.index, self._last_rows.index, ("the known table", "X"))
-        return data if stamps is data.index else data.set_axis(stamps)
-
-    def _read_following(self, X: Any) -> ZoneTable:
-        """X in the time zone of the training table; a table without stamps goes on with its clock."""
-        X = self._in_own_zone(X)
-        table = self._read_X(X)
-        if table.utc is not None or self._last_rows.utc is not None:
-            return table
-        begin = self._last_rows.time[-1] + table.step
-        return table.replace(time=pd.date_range(begin, periods=table.n_rows, freq=table.step))
-
-    def _refuse_unless_following(self, table: ZoneTable) -> None:
-        tail = self._last_rows
-        if (table.utc is None) != (tail.utc is None):
-            raise ValueError("X has time stamps and the training table has none, or the reverse; give both or neither.")
-        if table.utc is not None and not table.follows(tail):
-            raise ValueError(
-                f"X begins at {table.index[0]}, but the last known row is {tail.index[-1]}; it must begin one step of "
-                f"{spell(tail.step)} later."
-            )
 
     # ----------------------------------------------------------------------------------------------- tables at hand
     def _read(self, X: Any, *, reset: bool) -> ZoneTable:

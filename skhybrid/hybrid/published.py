@@ -19,7 +19,10 @@ from ..forecasting.forecaster import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.live import advance, drive_on, identify_again
 from ..identification.setpoints import Band, Limits
+from .daily import by_days, reference_days
+from .drift import DriftMonitor
 from .ledger import Ledger
+from .refit import WeeklyRefit
 from .scheme import Paths
 from .tables import (
     ELSEWHERE,
@@ -85,7 +88,7 @@ class PublishedScheme:
         self._ledger.drop_before(int(stamps[-1] - KEPT.value))
         self._trained_to = int(self._rows.index[-1].as_unit("ns").value)
         self._awake = False  # whether something was measured behind the training
-        self._refitted: tuple[int, Any] = (0, None)
+        self._refit = WeeklyRefit(self.forecaster_, self.disturbance_step_)
 
     def _by_column(self, table: ZoneTable, zeta: np.ndarray) -> np.ndarray:
         """(n_rows, n_columns) in the order of the forecaster's training table, whose last column is the disturbance."""
@@ -148,9 +151,10 @@ class PublishedScheme:
 
     def _learn_steps(self, rows: pd.DataFrame) -> None:
         if _refits_fast(self.forecaster_):
-            self.forecaster_ = clone(self.forecaster_).fit(rows, rows["zeta"])
+            self.forecaster_ = self._refit.fitted(rows)
         self._rows, self.zeta_ = rows, rows["zeta"]
-        self._trained_to, self._refitted = int(rows.index[-1].as_unit("ns").value), (0, None)
+        self._trained_to = int(rows.index[-1].as_unit("ns").value)
+        self._refit = WeeklyRefit(self.forecaster_, self.disturbance_step_)
         self._ledger.drop_before(int(self._ledger.labels[-1] - KEPT.value))
 
     def _learn_anew(self, measured: ZoneTable) -> None:
@@ -159,6 +163,21 @@ class PublishedScheme:
         self.gray_box_ = identify_again(self.gray_box_, frame, measured.history["T_za"])
         self._log = [measured]
         self._learn_disturbance(measured, clone(self.forecaster_))
+
+    def drift(self, table: ZoneTable | None) -> pd.DataFrame:
+        """Go through the day-ahead errors of the disturbance, forecast as trained."""
+        step, frozen = self.disturbance_step_, self.forecaster_
+        monitor = DriftMonitor().fit(*reference_days(self._rows, frozen, step, _refits_fast(frozen)))
+        if table is None:
+            steps = self._ledger.frame(self._ledger.labels, self._ledger.means)
+            first = int(np.searchsorted(self._ledger.labels, self._trained_to, side="right"))
+        else:
+            bins, offset = self._bins(table, self._here(table))
+            steps, first = bins.frame, int(bins.of_row[offset + table.n_history])
+        measured, forecast = by_days(steps, frozen, step)
+        begin = pd.DatetimeIndex(steps.index[first : first + 1]).tz_localize(None)
+        later = measured.index >= begin[0] if len(begin) else np.zeros(len(measured), dtype=bool)
+        return monitor.watch(measured[later], forecast[later])
 
     # ----------------------------------------------------------------------------------------------------- forecast
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
@@ -248,24 +267,22 @@ class PublishedScheme:
         first = int(np.searchsorted(labels, max(kept_to, self._trained_to), side="right"))
         early = int((self._ledger.labels > self._trained_to).sum()) if following else 0
         weeks = (early + np.maximum(known + 1 - first, 0)) // week
+        refit = self._refit if following else WeeklyRefit(self.forecaster_, self.disturbance_step_)
         for count in np.unique(weeks):
             chosen = np.flatnonzero(weeks == count)
             if count == 0:
                 yield self.forecaster_, chosen
                 continue
-            yield self._refit(bins.frame.iloc[first:], early, int(count) * week), chosen
-
-    def _refit(self, later: pd.DataFrame, early: int, n_steps: int) -> Any:
-        """The forecaster fitted on training and the first ``n_steps`` steps since."""
-        own = n_steps <= early  # the steps that were taken in do not change: their fit is kept
-        if own and self._refitted[0] == n_steps:
-            return self._refitted[1]
-        since = pd.concat([self._ledger.since(self._trained_to), later]) if early else later
-        rows = joined_rows(self._rows, since.iloc[:n_steps], self.disturbance_step_)
-        fitted = clone(self.forecaster_).fit(rows, rows["zeta"])
-        if own:
-            self._refitted = (n_steps, fitted)
-        return fitted
+            n_steps, own = int(count) * week, following and int(count) * week <= early
+            if own and n_steps in refit.kept:
+                yield refit.kept[n_steps], chosen
+                continue
+            since = bins.frame.iloc[first:]
+            since = pd.concat([self._ledger.since(self._trained_to), since]) if following else since
+            fitted = refit.fitted(joined_rows(self._rows, since.iloc[:n_steps], self.disturbance_step_))
+            if own:  # the steps that were taken in do not change
+                refit.kept = {n_steps: fitted}
+            yield fitted, chosen
 
 
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:

@@ -56,3 +56,6 @@ class Scheme(Protocol):
 
         ``table`` is that of ``fit``, with ``target`` as its history ``T_za``.
         """
+
+    def drift(self, table: ZoneTable | None) -> pd.DataFrame:
+        """Day by day, whether what was learned still holds (see :class:`DriftMonitor`); None: the rows since then."""

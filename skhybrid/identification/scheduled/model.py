@@ -15,8 +15,8 @@ from ...thermal.stencil import Stencil
 NOISE = 0.05
 #: what is unknown of the temperatures of a first row: of all together, and of each [K]
 _FIRST, _FIRST_EACH = 4.0, 1.0
-#: parameters beside the network's: walk of its temperatures [K/sqrt(h)], tracked heat [kW], its memory [h], the lag of an
-#: emitter [h]
+#: parameters beside the network's: walk of its temperatures [K/sqrt(h)], tracked heat [kW], its memory [h], and the lag
+#: of an emitter [h]
 OWN = ("sigma_x", "sigma_g", "tau_g", "tau_e")
 
 

@@ -1,0 +1,201 @@
+"""Living with a building: time of ``update`` and ``forecast``, and errors before and after a change of schedule.
+
+Writes ``results/living_times.md``, ``results/living.md`` and ``results/living.png``.  About four minutes on one core:
+``python benchmarks/living.py``; ``--times`` measures times only.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+from _report import RESULTS, write_table
+
+from skhybrid import DisturbanceForecaster, HybridPredictor, PeriodicDisturbanceID
+from skhybrid.datasets import make_office, make_weather
+from skhybrid.exceptions import SkhybridWarning
+from skhybrid.inspection._style import line_style, tidy
+
+COMMAND = "python benchmarks/living.py"
+DAY, WEEK = 96, 7 * 96
+START = pd.Timestamp("2023-05-01")  # a Monday
+TRAIN, BEFORE, AFTER = 4, 4, 6  # weeks
+SEEDS = (0, 1, 2)
+#: by how much the clock of people and set-points lags behind the sun's after the change
+CHANGES = {
+    "no change": "0h",
+    "three hours later": "-3h",
+    "three hours later, closed on Friday and Saturday": "21h",
+}
+
+
+def make_log(seed: int, lag: str) -> pd.DataFrame:
+    """An office whose people and set-points keep another clock from week TRAIN + BEFORE on, under one weather.
+
+    The second part is an office of its own whose weather was moved on the clock; where the two meet the temperature
+    jumps once by up to a few kelvin.
+    """
+    days, change = 7 * (TRAIN + BEFORE + AFTER), START + pd.Timedelta(weeks=TRAIN + BEFORE)
+    shift = pd.Timedelta(lag)
+    weather = make_weather(days + 4, start=START, step="5min", random_state=seed)
+    first = make_office(7 * (TRAIN + BEFORE), weather=weather, start=START, random_state=seed)
+    second = make_office(
+        7 * AFTER + 2,
+        weather=weather.set_axis(weather.index + shift),
+        start=change - pd.Timedelta("1D"),
+        excitation=None,
+        random_state=seed + 100,
+    )
+    later = second.X.set_axis(second.X.index - shift)
+    return pd.concat([first.X, later[later.index >= change][: AFTER * WEEK]])
+
+
+def fitted(X: pd.DataFrame, adapt: str | None) -> HybridPredictor:
+    """The published scheme with its linear forecaster, trained on the first weeks."""
+    gray_box = PeriodicDisturbanceID(known={"Q_h": 6.0})
+    model = HybridPredictor(gray_box, DisturbanceForecaster("ridge"), adapt=adapt, random_state=0)
+    return model.fit(X[: TRAIN * WEEK], X["T_za"][: TRAIN * WEEK])
+
+
+def weekly(model: HybridPredictor, X: pd.DataFrame, learn: bool) -> tuple[list[float], list[int]]:
+    """RMSE [K] of day-ahead forecasts by weeks, and the weeks at whose end ``partial_fit`` was called on a drift."""
+    errors, learned = [], []
+    for week in range(TRAIN, TRAIN + BEFORE + AFTER):
+        rows = X[week * WEEK : (week + 1) * WEEK]
+        errors.append(float(np.sqrt(np.mean((model.predict(rows) - rows["T_za"]) ** 2))))
+        model.update(rows)
+        if learn and model.drift()["drifted"].iloc[-2:].any():
+            model.partial_fit(rows, rows["T_za"])
+            learned.append(week - TRAIN - BEFORE)
+    return errors, learned
+
+
+def study() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors by change, model, seed and week (0 is the first after the change); and what the drift signal said."""
+    rows, signals = [], []
+    weeks = range(-BEFORE, AFTER)
+    for change, lag in CHANGES.items():
+        for seed in SEEDS:
+            X = make_log(seed, lag)
+            frozen = fitted(X, None)
+            days = frozen.drift(X[TRAIN * WEEK :])
+            drifted = days[days["drifted"]]
+            at = START + pd.Timedelta(weeks=TRAIN + BEFORE)
+            late = drifted[drifted.index >= at]
+            signal = {
+                "change": change,
+                "seed": seed,
+                "days of false alarm": int((drifted.index < at).sum()),
+                "alarm after [d]": (late.index[0] - at).days + 1 if len(late) else "none",
+                "kind": late["kind"].iloc[-1] if len(late) else "",
+            }
+            for name, adapt in (("frozen", None), ("adapted", "linear"), ("partial_fit on drift", None)):
+                errors, learned = weekly(fitted(X, adapt), X, name.startswith("partial"))
+                rows += [(change, name, seed, week, error) for week, error in zip(weeks, errors, strict=True)]
+                if name.startswith("partial"):
+                    signal["partial_fit after week"] = ", ".join(map(str, learned)) or "none"
+            signals.append(signal)
+            print(signal, flush=True)
+    return pd.DataFrame(rows, columns=["change", "model", "seed", "week", "rmse"]), pd.DataFrame(signals)
+
+
+def recovery(errors: pd.DataFrame) -> pd.DataFrame:
+    """Errors of the weeks before, the two after and the four from then on, over seeds; ratios to before."""
+    span = np.select([errors["week"] < 0, errors["week"] < 2], ["before", "first two weeks"], "later")
+    square = errors.assign(span=span, square=errors["rmse"] ** 2)
+    table = square.pivot_table(index=["change", "model"], columns="span", values="square", sort=False) ** 0.5
+    table = table[["before", "first two weeks", "later"]]
+    table["later / before"] = table["later"] / table["before"]
+    same = table.loc["no change", "later"]
+    table["later / later without change"] = [table.loc[key, "later"] / same[key[1]] for key in table.index]
+    return table
+
+
+def picture(means: pd.DataFrame) -> None:
+    """Weekly errors, mean of seeds: a panel a change, a line a model."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    axes = figure.subplots(1, len(CHANGES), sharey=True)
+    for ax, change in zip(axes, CHANGES, strict=True):
+        for number, (model, line) in enumerate(means.loc[change].iterrows()):
+            ax.plot(line.index.astype(int), line, label=model, **line_style(number))
+        if change != "no change":
+            ax.axvline(-0.5, color="#888888", linewidth=0.8)
+        tidy(ax, ylabel="", xlabel="week after the change", title=change.replace(", ", ",\n"))
+    axes[0].set_ylim(0.0, 1.05 * float(means.to_numpy().max()))
+    axes[0].set_ylabel("day-ahead RMSE [K]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False)
+    figure.savefig(RESULTS / "living.png", dpi=130)
+
+
+# ---------------------------------------------------------------------------------------------------------- speed
+def cpu_ms(call: Callable[[int], object], n: int) -> tuple[float, float]:
+    """Median and least CPU time of a call [ms]; other processes lengthen it less than the time on the wall."""
+    spent = []
+    for i in range(n):
+        begin = time.process_time()
+        call(i)
+        spent.append(time.process_time() - begin)
+    return 1e3 * float(np.median(spent)), 1e3 * min(spent)
+
+
+def speed() -> pd.DataFrame:
+    """Of updates and forecasts, early and late in a model's life."""
+    X = make_log(0, "0h")
+    model = fitted(X, "linear")
+    square = np.random.default_rng(0).normal(size=(60, 60))
+    loop = cpu_ms(lambda i: [square @ square for _ in range(100)], 50)
+    rows, now = {}, TRAIN * WEEK
+    for name, until in (("first day", now), ("nine weeks on", now + 9 * WEEK)):
+        if until > now:
+            model.update(X[now:until])
+            now = until
+        begin = now
+        rows[f"update, one row, {name}"] = cpu_ms(lambda i, at=begin: model.update(X[at + i : at + i + 1]), DAY)
+        now += DAY
+        future = X[now : now + DAY].drop(columns="T_za")
+        model.forecast(None, future)  # the re-fit of a new week is made once, by the first forecast of it
+        rows[f"forecast, 24 h, {name}"] = cpu_ms(lambda i, ahead=future: model.forecast(None, ahead), 60)
+    days = [X[now + i * DAY : now + (i + 1) * DAY] for i in range(4)]
+    rows["update, 96 rows"] = cpu_ms(lambda i: model.update(days[i]), len(days))
+    table = pd.DataFrame(rows, index=["median [ms]", "least [ms]"]).T
+    table["least, in 100 products of 60 x 60"] = table["least [ms]"] / loop[1]
+    return table
+
+
+def main() -> None:
+    """Run all; write table and picture."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SkhybridWarning)
+        times = speed()
+        print(times, flush=True)
+        write_table(
+            "living_times", "Time of an update and of a forecast", f"{COMMAND} --times", {"CPU time of a call": times}
+        )
+        if "--times" in sys.argv[1:]:
+            return
+        errors, signals = study()
+    means = errors.pivot_table(index=["change", "model"], columns="week", values="rmse", sort=False)
+    RESULTS.mkdir(exist_ok=True)
+    picture(means)
+    write_table(
+        "living",
+        "Living with a building",
+        COMMAND,
+        {
+            "Day-ahead RMSE [K] around a change of schedule": recovery(errors),
+            "By week after the change, mean of seeds [K]": means,
+            "Drift signal of the frozen model": signals.set_index(["change", "seed"]),
+        },
+        f"make_office (Oakland), {TRAIN} weeks of training, {BEFORE} weeks as before, then {AFTER} under another "
+        f"schedule; seeds {', '.join(map(str, SEEDS))}; published scheme, PeriodicDisturbanceID and ridge.",
+    )
+
+
+if __name__ == "__main__":
+    main()

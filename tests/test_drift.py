@@ -1,0 +1,116 @@
+"""The drift signal: false alarms, what it finds and how it calls it."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import DisturbanceForecaster, HybridPredictor, InputDisturbanceID
+from skhybrid.datasets import make_office
+from skhybrid.hybrid import DriftMonitor
+from skhybrid.hybrid.drift import threshold
+
+DAY = 96
+HOURS = np.arange(24)
+#: what a working day looks like, Saturdays and Sundays at rest
+WORK = 2.0 * ((HOURS >= 8) & (HOURS < 18))
+
+
+def _days(n, rng, correlation=0.0, start="2023-01-02"):
+    """A forecast and a measured series of days, whose errors grow and shrink from day to day."""
+    index = pd.date_range(start, periods=n, freq="D")
+    forecast = np.where(index.day_of_week.to_numpy()[:, None] < 5, WORK, 0.0)
+    size, errors = rng.normal(), np.empty((n, 24))
+    for day in range(n):
+        size = correlation * size + np.sqrt(1 - correlation**2) * rng.normal()
+        level = 0.0
+        for hour in range(24):
+            level = 0.8 * level + 0.6 * rng.normal()
+            errors[day, hour] = 0.2 * np.exp(0.3 * size) * level
+    return pd.DataFrame(forecast + errors, index=index), pd.DataFrame(forecast, index=index)
+
+
+def test_siegmunds_threshold_has_its_run_length():
+    """Plain sums of independent normal steps, run until they cross."""
+    rng, wanted = np.random.default_rng(0), 60.0
+    limit, lengths = threshold(wanted), []
+    for _ in range(400):
+        total, n = 0.0, 0
+        while total <= limit:
+            total, n = max(0.0, total + rng.normal() - 0.5), n + 1
+        lengths.append(n)
+    assert np.mean(lengths) == pytest.approx(wanted, rel=0.2)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_a_building_that_stays_raises_few_alarms(correlation):
+    """One a year is meant; with four weeks of reference and errors that resemble those of yesterday at most three."""
+    rng, alarms, years = np.random.default_rng(1), 0, 20
+    for _ in range(2 * years):
+        measured, forecast = _days(28 + 182, rng, correlation)
+        drifted = DriftMonitor().fit(measured[:28], forecast[:28]).watch(measured[28:], forecast[28:])["drifted"]
+        alarms += int((drifted & ~drifted.shift(fill_value=False)).sum())
+    assert alarms / years <= 3.0
+
+
+def _level(measured):
+    return measured + 1.0
+
+
+def _schedule(measured):
+    return pd.DataFrame(np.roll(measured, 3, axis=1), index=measured.index)
+
+
+def _quiet(measured):
+    return 0.1 * measured
+
+
+@pytest.mark.parametrize(("change", "kind"), [(_level, "level"), (_schedule, "schedule"), (_quiet, "quiet")])
+def test_a_change_is_found_within_a_week_and_called_by_its_kind(change, kind):
+    measured, forecast = _days(28 + 56, np.random.default_rng(2))
+    measured = pd.concat([measured[:56], change(measured[56:])])
+    monitor = DriftMonitor().fit(measured[:28], forecast[:28])
+    found = monitor.watch(measured[28:], forecast[28:])
+    first = found.index[found["drifted"]][0]
+    at = measured.index[56]
+    assert at <= first < at + pd.Timedelta("7D")
+    assert abs(found.loc[first, "since"] - at) <= pd.Timedelta("2D")
+    assert set(found.loc[first + pd.Timedelta("3D") :, "kind"]) - {""} == {kind}  # a closed weekend is a usual one
+    assert not found.loc[: at - pd.Timedelta("1D"), "drifted"].any()
+    early = monitor.watch(measured[28:70], forecast[28:70])
+    pd.testing.assert_frame_equal(early, found[:42])  # a day's row knows nothing of later ones
+
+
+def test_an_alarm_ends_when_the_errors_are_small_again_and_missing_days_say_nothing():
+    measured, forecast = _days(28 + 70, np.random.default_rng(3))
+    measured[40:50] += 1.5
+    found = DriftMonitor().fit(measured[:28], forecast[:28]).watch(measured[28:], forecast[28:])
+    assert found["drifted"].iloc[21]
+    assert not found["drifted"].iloc[-1]
+    measured[50:60] = np.nan
+    held = DriftMonitor().fit(measured[:28], forecast[:28]).watch(measured[28:], forecast[28:])["statistic"]
+    np.testing.assert_array_equal(held.iloc[22:32], held.iloc[22])
+    with pytest.raises(ValueError, match="the reference has 5 days"):
+        DriftMonitor().fit(measured[:5], forecast[:5])
+
+
+def test_the_hybrid_sees_a_schedule_move():
+    office = make_office(n_days=42, random_state=0)
+    n, at = 28 * DAY, 33 * DAY
+    moved = make_office(n_days=14, start=office.X.index[at] - pd.Timedelta("1D"), random_state=7).X.shift(
+        20, freq="15min"
+    )
+    X = pd.concat([office.X[:at], moved[moved.index >= office.X.index[at]]])
+    gray_box = InputDisturbanceID(known={"Q_h": 6.0}, n_starts=2)
+    model = HybridPredictor(gray_box, DisturbanceForecaster("ridge"), random_state=0).fit(X[:n], X["T_za"][:n])
+    days = model.drift(X[n:])
+    before, after = days[: X.index[at] - pd.Timedelta("1D")], days[X.index[at] :]
+    assert not before["drifted"].any()
+    assert after["drifted"].iloc[3:].all()
+    assert (after["kind"].iloc[3:] == "schedule").all()
+    live = deepcopy(model).update(X[n:]).drift()  # the last day is not over while no row follows it
+    pd.testing.assert_frame_equal(live, days[: len(live)])
+    assert len(live) >= len(days) - 1
