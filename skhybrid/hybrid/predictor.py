@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from typing import Any
 
@@ -341,6 +342,8 @@ class HybridPredictor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         table, target = table.rows(slice(known, None)), target[known:]
         if table.n_rows:
             self._refuse_unless_following(table)
+        with suppress(ValueError):  # a training too short for intervals stays without
+            _ = self.intervals_  # of the training table, which the scheme forgets now
         self._scheme.adapt = self.adapt
         self._scheme.learn(table, target)
         if table.n_rows:
