@@ -48,8 +48,8 @@ def models(memory: str) -> dict[str, object]:
     }
 
 
-def back_test(model: object, data: DataSet, settings: dict[str, bool]) -> pd.DataFrame:
-    """Fit and back-test with one kind of interval."""
+def back_test(model: object, data: DataSet, settings: dict[str, bool], origin_step: str = "") -> pd.DataFrame:
+    """Fit and back-test with one kind of interval, at the log's own origins by default."""
     train, later = (frame.drop(columns=["dni", "dhi"], errors="ignore") for frame in (data.train, data.later))
     with (
         warnings.catch_warnings(),
@@ -57,13 +57,14 @@ def back_test(model: object, data: DataSet, settings: dict[str, bool]) -> pd.Dat
     ):
         warnings.simplefilter("ignore", SkhybridWarning)
         fitted = clone(model).fit(train, train["T_za"])
-        return backtest(fitted, later, later["T_za"], origin_step=data.origin_step, start=data.start, quantiles=LEVELS)
+        every = origin_step or data.origin_step
+        return backtest(fitted, later, later["T_za"], origin_step=every, start=data.start, quantiles=LEVELS)
 
 
 def lead_groups(frame: pd.DataFrame) -> np.ndarray:
     """Which of three spans of leads each row is in."""
     hours = frame["lead"] / pd.Timedelta("1h")
-    return np.select([hours <= 2, hours <= 8], ["to 2 h", "to 8 h"], "to 24 h")
+    return np.select([hours <= 2, hours <= 8], ["0-2 h", "2-8 h"], "8-24 h")
 
 
 def measure(names: list[str]) -> pd.DataFrame:
@@ -121,17 +122,13 @@ def tables(found: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def picture(name: str) -> None:
-    """Five days of the hybrid's bands on one log."""
+    """A week of the hybrid's bands on one log, three weeks behind its start."""
     from skhybrid.inspection import ForecastDisplay
 
     data = data_sets()[name](0)
-    frames = {}
+    begin = data.start + pd.Timedelta("21D")
     with tempfile.TemporaryDirectory() as memory:
-        frames["hybrid"] = back_test(models(memory)["hybrid"], data, {})
-    origins = frames["hybrid"]["origin"]
-    midnight = origins.dt.hour.eq(origins.dt.hour.iloc[0])
-    frame = frames["hybrid"][midnight]
-    begin = frame["origin"].iloc[0] + pd.Timedelta("14D")
+        frame = back_test(models(memory)["hybrid"], data, {}, "1D")
     display = ForecastDisplay.from_predictions(frame, start=begin, end=begin + pd.Timedelta("7D"), title=name)
     part = RESULTS / "intervals.part.png"
     display.figure_.savefig(part, dpi=110)

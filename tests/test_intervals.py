@@ -14,7 +14,7 @@ from skhybrid.forecasting.intervals import (
     finite_sample_levels,
     weighted_quantiles,
 )
-from skhybrid.forecasting.quantiles import left_out_errors, path_clock
+from skhybrid.forecasting.quantiles import left_out_errors, measured_ahead, path_clock
 from skhybrid.model_selection import backtest, score_backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
@@ -192,9 +192,14 @@ def test_arx_takes_its_weeks_out_by_moments(office, arx):
     X, y = office.X[: 28 * 96], office.y[: 28 * 96]
     refits = left_out_errors(ARXRegressor(alpha=arx.alpha_), X, y)
     table = arx._read_X(X)
-    expected = LeadIntervals().fit(refits.errors, path_clock(table, refits.origins, 96))
-    one = path_clock(table, np.array([0]), 96)
-    np.testing.assert_allclose(arx.intervals_.offsets(one, LEVELS), expected.offsets(one, LEVELS), rtol=0.1, atol=0.02)
+    paths = arx.left_out_paths(table, y.to_numpy(), refits.origins, 96, refits.origins // (7 * 96))
+    own = measured_ahead(table, refits.origins, 96) - paths
+    known = np.isfinite(refits.errors)
+    assert np.sqrt(np.mean((own - refits.errors)[known] ** 2)) < 0.1 * np.sqrt(np.mean(refits.errors[known] ** 2))
+    clock = path_clock(table, refits.origins, 96)
+    one = clock.rows(slice(0, 1))
+    expected = LeadIntervals().fit(own, clock).offsets(one, LEVELS)
+    np.testing.assert_allclose(arx.intervals_.offsets(one, LEVELS), expected, rtol=1e-9)
 
 
 def test_the_published_scheme_leaves_weeks_out(office):
@@ -213,6 +218,20 @@ def test_the_published_scheme_leaves_weeks_out(office):
     both = pd.concat([history, future])
     rolled = model.predict_quantiles_from(both, [len(history) - 1], (0.1, 0.5, 0.9))[0]
     np.testing.assert_array_equal(day[["q_0.1", "q_0.5", "q_0.9"]].to_numpy(), rolled)
+
+
+def test_quantiles_from_where_the_filter_stands_are_those_of_the_history(office):
+    """What update took in tells as much of the last days as a history that is given."""
+    model = HybridPredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), random_state=0)
+    model.fit(office.X[: 14 * 96], office.y[: 14 * 96])
+    history, future = office.X[14 * 96 : 21 * 96], office.X[21 * 96 : 22 * 96].drop(columns="T_za")
+    given = model.forecast(history, future, quantiles=LEVELS)
+    untold = model.forecast(history[-96:].tz_localize(None), future.tz_localize(None), quantiles=LEVELS)
+    live = model.update(history).forecast(None, future, quantiles=LEVELS)
+    bands = [name for name in live.columns if name.startswith("q_")]
+    width = np.ptp(given[bands].to_numpy(), axis=1, keepdims=True)
+    assert (np.abs(live[bands] - given[bands]) < 0.1 * width).all(axis=None)
+    assert (np.abs(untold[bands] - given[bands]) > 0.1 * width).any(axis=None)
 
 
 # ------------------------------------------------------------------------------------------------------- estimators

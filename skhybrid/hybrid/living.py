@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._clock import spell
 from .._contract import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
+from ..forecasting.intervals import LeadIntervals
 from .scheme import Scheme
 from .tables import KEPT, in_zone_of, one_behind_another
 
@@ -26,6 +28,7 @@ class LivingMixin:
     max_missing: float
     fit: Callable[..., Self]
     _scheme: Scheme
+    intervals_: LeadIntervals
     _tail: ZoneTable
     _recent: list[ZoneTable]
     _read_X: Callable[[Any], ZoneTable]
@@ -132,6 +135,8 @@ class LivingMixin:
         table, target = table.rows(slice(known, None)), target[known:]
         if table.n_rows:
             self._refuse_unless_following(table)
+        with suppress(ValueError):  # a training too short for intervals stays without
+            _ = self.intervals_  # of the training table, which the scheme forgets now
         self._scheme.adapt = self.adapt
         self._scheme.learn(table, target)
         if table.n_rows:

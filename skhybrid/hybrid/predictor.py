@@ -319,17 +319,23 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         if (history is not None and not len(history)) or not len(future):
             raise ValueError("history and future need at least one row each.")
         levels = None if quantiles is None else read_quantiles(quantiles)
-        paths, table = self._from_now(future) if history is None else self._from_history(history, future)
+        if history is None:
+            paths, table = self._from_now(future), None
+        else:
+            paths, table = self._from_history(history, future)
         found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
         if levels is not None:
-            table = append_tables(self._known_end(), table) if history is None else table
+            table = append_tables(self._known_end(), self._read_future(future)) if table is None else table
             origin = np.array([table.n_rows - len(future) - 1])
             bands = self._quantile_paths(table, origin, len(future), levels)[0]
             found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
         return pd.DataFrame(found, index=future.index)
 
     @one_blas_thread
-    def _from_now(self, future: pd.DataFrame) -> tuple[Paths, ZoneTable]:
+    def _from_now(self, future: pd.DataFrame) -> Paths:
+        return self._present_scheme().forecast_live(self._read_future(future))
+
+    def _read_future(self, future: pd.DataFrame) -> ZoneTable:
         names = list(getattr(self, "feature_names_in_", future.columns))
         past = {"T_za", (self._columns() or {}).get("T_za", "T_za")}
         absent = [name for name in names if name not in future.columns and name not in past]
@@ -337,7 +343,7 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
             raise ValueError(f"future has no column {absent[0]!r}, which the training table has.")
         table = self._read_following(future.reindex(columns=names))
         self._refuse_unless_following(table)
-        return self._present_scheme().forecast_live(table), table
+        return table
 
     def _from_history(self, history: pd.DataFrame, future: pd.DataFrame) -> tuple[Paths, ZoneTable]:
         stamps = in_zone_of(future.index, history.index)
