@@ -16,6 +16,7 @@ from ..identification.setpoints import Band, Limits
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, blend_weights, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
+from .echo import echo
 from .members import BlackBox, Member, Physics, Rows
 from .scheme import Paths
 from .tables import one_behind_another
@@ -107,6 +108,11 @@ class LinearScheme:
         paths = np.stack([f.paths for f in followed], axis=-1)
         errors = np.stack([f.errors for f in followed], axis=-1)
         ends = sample.origins[:, None] + leads
+        every_lead, a_day = np.arange(1, n_leads + 1), round(pd.Timedelta("1D") / step)
+        past, past_origins = errors, sample.origins
+        if rows.joined:
+            past = np.concatenate([self._left_out, errors])
+            past_origins = np.concatenate([self._physics.fit_.sample.origins, sample.origins])
         out = np.empty(paths.shape[:2])
         for i, origin in enumerate(origins):
             products = self._products
@@ -114,8 +120,12 @@ class LinearScheme:
                 products = products * self._share(np.array(rows.begin), max(int(origin), rows.begin), step)
             if len(errors):
                 products = products + moments(errors, self._groups, self._share(ends, int(origin), step))
-            weights = by_lead(blend_weights(products), self._n_leads, n_leads)
+            shares = blend_weights(products)
+            weights = by_lead(shares, self._n_leads, n_leads)
             out[i] = np.sum(paths[i] * weights, axis=1)
+            if self.adapt is not None:
+                missed = echo(np.sum(past * shares[self._groups], axis=-1), past_origins, leads, int(origin), a_day)
+                out[i] += np.interp(every_lead, leads, missed)
         heat = followed[0].heat
         assert heat is not None  # the physics gives it
         return out, heat

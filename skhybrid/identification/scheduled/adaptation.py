@@ -11,12 +11,12 @@ import numpy as np
 from .coefficients import gram, solve_coefficients
 from .fit import LeadFit
 from .problem import Part, minimise
-from .responses import Sample, Stretch, respond
+from .responses import Responses, Sample, Stretch, respond
 
 #: how much a completed forecast of the history counts beside one of the training
 _RECENT = 2.0
 #: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
-_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 3, 2.0
+_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3.0
 _DAY = 24.0
 _NEVER = np.iinfo(np.int64).max
 
@@ -43,7 +43,6 @@ class _Era:
     """Rows over which the network stays as it is."""
 
     psi: np.ndarray
-    gram: np.ndarray  # of the training forecasts under that network
     start: int
     stop: int
 
@@ -73,17 +72,21 @@ def follow(
     learned: list[tuple[np.ndarray, np.ndarray]] = []
     for era in _eras(fit, later, int(origins[-1]) if len(origins) else 0, adapt):
         mine = np.flatnonzero((origins >= era.start) & (origins < era.stop))
+        wanted = [origins[mine], sample.origins if adapt else origins[:0]]
+        if adapt and later.joined and era.psi is not fit.point.psi:
+            wanted.append(fit.sample.origins)
+        found = respond(fit.model, era.psi, later.stretch, np.unique(np.concatenate(wanted)))
         if adapt is None:
             coefs = np.tile(fit.point.solution.coef, (len(mine), 1))
         else:
-            coefs, own = _learn(fit, later, era, origins[mine], sample)
+            coefs, own = _learn(fit, later, era, origins[mine], sample, found)
             past = np.isfinite(own)
             errors[past] = own[past]
         if len(mine):
             ahead = Sample(origins[mine], np.arange(1, n_leads + 1))
-            found = respond(fit.model, era.psi, later.stretch, ahead.origins)
-            paths[mine] = found.forecasts(fit.model, ahead, coefs)
-            heat[mine] = found.unmeasured(later.stretch, ahead, coefs)
+            here = found.at(ahead.origins)
+            paths[mine] = here.forecasts(fit.model, ahead, coefs)
+            heat[mine] = here.unmeasured(later.stretch, ahead, coefs)
             learned += [(era.psi, coef) for coef in coefs]
     return Followed(paths, errors, heat, tuple(learned))
 
@@ -91,12 +94,22 @@ def follow(
 def _eras(fit: LeadFit, later: Later, last: int, adapt: str | None) -> Iterator[_Era]:
     """The training's network, and with ``adapt="full"`` one that is re-fitted every so many days."""
     every = _REFIT_DAYS * round(_DAY / fit.model.step)
-    psi, learned, start, mark = fit.point.psi, fit.gram, 0, later.begin + every
+    psi, start, mark = fit.point.psi, 0, later.begin + every
     while adapt == "full" and mark <= last:
-        yield _Era(psi, learned, start, mark)
-        psi = _refit(fit, later, psi, mark)
-        learned, start, mark = gram(fit.problem.columns(psi, fit.problem.parts[0])), mark, mark + every
-    yield _Era(psi, learned, start, _NEVER)
+        yield _Era(psi, start, mark)
+        psi, start, mark = _refit(fit, later, psi, mark), mark, mark + every
+    yield _Era(psi, start, _NEVER)
+
+
+def _training_gram(fit: LeadFit, later: Later, psi: np.ndarray, found: Responses) -> np.ndarray:
+    """Of the training forecasts under a network; every other one where that is not the training's own."""
+    if psi is fit.point.psi:
+        return fit.gram
+    own = fit.problem.parts[0]
+    half = own._replace(sample=Sample(own.sample.origins[::2], own.sample.leads))
+    if later.joined:  # the rows are the same, and the stretch is as it would be
+        return gram(fit.problem.columns(psi, half._replace(stretch=later.stretch.until(own.stretch.n_rows)), found))
+    return gram(fit.problem.columns(psi, half))
 
 
 def _refit(fit: LeadFit, later: Later, psi: np.ndarray, row: int) -> np.ndarray:
@@ -113,7 +126,9 @@ def _refit(fit: LeadFit, later: Later, psi: np.ndarray, row: int) -> np.ndarray:
     return minimise(replace(fit.problem, parts=tuple(parts)), psi, most=_STEPS).psi
 
 
-def _learn(fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+def _learn(
+    fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample, found: Responses
+) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (n_origins, J) of each origin, and the errors (O, L) of the era's history.
 
     Errors are those of coefficients that were known at the start of the forecast's day.
@@ -123,16 +138,17 @@ def _learn(fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: S
     errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
     known = Sample(sample.origins[sample.origins < last], sample.leads)
     if not len(known.origins):
-        coef = solve_coefficients(era.gram, problem.penalty, problem.positive).coef
+        total = _training_gram(fit, later, era.psi, found)
+        coef = solve_coefficients(total, problem.penalty, problem.positive).coef
         return np.tile(coef, (len(origins), 1)), errors
     part = Part(later.stretch, known, _RECENT)
-    root, E = problem.root_weights(part), problem.columns(era.psi, part)
+    root, E = problem.root_weights(part), problem.columns(era.psi, part, found)
     ends = (known.origins[:, None] + known.leads).ravel()
     order = np.argsort(ends, kind="stable")
     day = (known.origins - later.begin) // a_day
     ours = (known.origins >= era.start) & (known.origins < era.stop)
     marks = later.begin + a_day * np.unique(day[ours])
-    total, done, coefs = era.gram, 0, np.empty((len(origins), len(problem.penalty)))
+    total, done, coefs = _training_gram(fit, later, era.psi, found), 0, np.empty((len(origins), len(problem.penalty)))
     for row in np.unique(np.concatenate([origins, marks])):
         stop = int(np.searchsorted(ends[order], row, side="right"))
         total, done = total + gram(E[order[done:stop]]), stop

@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 from .channels import Plan
 from .coefficients import Solution, gram, solve_coefficients
 from .model import LeadModel
-from .responses import Sample, Stretch, error_columns, error_sensitivities
+from .responses import Responses, Sample, Stretch, error_columns, error_sensitivities, respond
 
 #: hours within which forecasts overlap so much that they count as one
 _OVERLAP = 8.0
@@ -99,9 +99,11 @@ class LeadProblem:
         )
         return np.sqrt(np.where(inside & part.stretch.seen[rows], self.precision * count, 0.0))
 
-    def columns(self, psi: np.ndarray, part: Part) -> np.ndarray:
-        """(O L, J + 1) weighted columns and target."""
-        return error_columns(self.model, psi, part.stretch, part.sample, self.root_weights(part))
+    def columns(self, psi: np.ndarray, part: Part, found: Responses | None = None) -> np.ndarray:
+        """(O L, J + 1) weighted columns and target; ``found`` are responses at ``psi`` that hold the part's origins."""
+        if found is None:
+            found = respond(self.model, psi, part.stretch, part.sample.origins)
+        return error_columns(self.model, found, part.sample, self.root_weights(part))
 
     def evaluate(self, psi: np.ndarray) -> Point:
         """Solve the coefficients at ``psi``."""

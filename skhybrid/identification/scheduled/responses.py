@@ -53,7 +53,14 @@ class Responses(NamedTuple):
 
     matrices: Matrices
     series: np.ndarray  # (N, J + 2)
+    origins: np.ndarray  # (n_origins,) increasing
     states: np.ndarray  # (n_origins, m, J + 2)
+
+    def at(self, origins: np.ndarray) -> Responses:
+        """The same at some of the origins."""
+        if origins is self.origins:
+            return self
+        return self._replace(origins=origins, states=self.states[np.searchsorted(self.origins, origins)])
 
     def forecasts(self, model: LeadModel, sample: Sample, coef: np.ndarray) -> np.ndarray:
         """(O, L) forecasts under coefficients (J,), or (O, J) of each origin, in deviations from the reference."""
@@ -105,12 +112,12 @@ def respond(model: LeadModel, psi: np.ndarray, stretch: Stretch, origins: np.nda
     S[:, J] = simulate_inputs(M.A, known, inputs, model.zone).sum(axis=1)
     S[:, J + 1] = stretch.y
     gains, _ = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF[..., :0], M.dQ[..., :0], stretch.seen)
-    return Responses(M, S, filter_series(M.F, gains, model.zone, S, origins))
+    return Responses(M, S, origins, filter_series(M.F, gains, model.zone, S, origins))
 
 
-def error_columns(model: LeadModel, psi: np.ndarray, stretch: Stretch, sample: Sample, root: np.ndarray) -> np.ndarray:
+def error_columns(model: LeadModel, found: Responses, sample: Sample, root: np.ndarray) -> np.ndarray:
     """Errors of every channel and of the measurement less the known inputs, (O L, J + 1), times the root weights."""
-    found = respond(model, psi, stretch, sample.origins)
+    found = found.at(sample.origins)
     P, _ = lead_rows(found.matrices.F, model.zone, sample.leads)
     E = lead_errors(found.series, found.states, P, sample.origins, sample.leads, root)
     E[:, -2] = E[:, -1] - E[:, -2]

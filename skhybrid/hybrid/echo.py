@@ -1,0 +1,43 @@
+"""What was missed at the same hour one and two weeks ago comes back in part: an echo of known errors.
+
+A calendar of hours and of weekdays against weekends does not know that Saturdays differ from Sundays, nor that this
+week is like the last.  Shares that were regressed on each building's own errors did worse than the ones here, which
+come from five simulated buildings, three homes' training weeks and the paper's office.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: days back, and the share of those errors that comes back
+_DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
+
+
+def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a_day: int) -> np.ndarray:
+    """Expected error of a forecast from a row.
+
+    Parameters
+    ----------
+    errors : ndarray of shape (O, L)
+        Of forecasts from earlier origins; NaN where not known.
+    origins : ndarray of int, shape (O,)
+        Their rows, increasing.
+    leads : ndarray of int, shape (L,)
+    row : int
+        The origin; errors of rows behind it are not read.
+    a_day : int
+        Rows of a day.
+
+    Returns
+    -------
+    ndarray of shape (L,)
+        0 where nothing is known.
+    """
+    if len(origins) < 2:
+        return np.zeros(len(leads))
+    rows = row - _DAYS_BACK * a_day
+    at = np.searchsorted(origins, rows, side="right") - 1
+    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.min(np.diff(origins)))
+    at = np.maximum(at, 0)
+    known = near[:, None] & (origins[at][:, None] + leads <= row)
+    return np.asarray(_SHARES @ np.where(known, np.nan_to_num(errors[at]), 0.0))
