@@ -103,7 +103,7 @@ def test_quantiles_do_not_read_the_temperature_behind_an_origin(model, office):
         assert not np.array_equal(fitted.predict_quantiles(noisy)[origin + DAY :], clean[origin + DAY :])
 
 
-@pytest.mark.parametrize("model", temperature_models()[6:9], ids=["input", "output", "lstm"])
+@pytest.mark.parametrize("model", temperature_models()[6:10], ids=["default", "input", "output", "lstm"])
 def test_load_does_not_read_the_temperature_behind_its_origin(model, office):
     fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
     X = office.X[14 * DAY : 16 * DAY]

@@ -35,7 +35,7 @@ def office():
 
 def _hybrid(gray_box=None, forecaster=None, **settings):
     gray_box = gray_box if gray_box is not None else InputDisturbanceID(known=KNOWN, n_starts=1)
-    return HybridPredictor(gray_box, forecaster, random_state=0, **settings)
+    return HybridPredictor(gray_box, forecaster, random_state=0, **{"adapt": "linear"} | settings)
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_a_table_without_stamps_goes_on_with_its_clock(office, fitted):
         model.update(stamped.to_numpy()[a:b], office.y[a:b].to_numpy())
         other.update(named[a:b], office.y[a:b].to_numpy())
     future = named[N_TRAIN + DAY : N_TRAIN + 2 * DAY]
-    live, _ = model._from_now(future.reset_index(drop=True).set_axis(range(4), axis=1))
+    live = model._from_now(future.reset_index(drop=True).set_axis(range(4), axis=1))
     np.testing.assert_allclose(live.temperature[0], other.forecast(None, future)["T_za"], rtol=0, atol=1e-10)
 
 
