@@ -95,7 +95,9 @@ class LeadProblem:
         origins = part.sample.origins
         # a single origin is the first of hourly ones, and counts as it will among them
         several = len(origins) > 1
-        apart = (origins[-1] - origins[0]) / (len(origins) - 1) * self.model.step if several else max(1.0, self.model.step)
+        apart = (
+            (origins[-1] - origins[0]) / (len(origins) - 1) * self.model.step if several else max(1.0, self.model.step)
+        )
         count = (
             np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
         )
