@@ -266,7 +266,7 @@ def test_without_a_calendar_there_are_levels_only(table):
 
 
 def test_schedules_follow_the_clock_on_the_wall():
-    """Across the end of daylight saving: 24 hourly values a day but for the day of 25 hours, whose hour 2 comes twice."""
+    """Across the end of daylight saving, where the hour that begins at 2 comes twice."""
     stamps = pd.date_range("2023-10-27", periods=5 * 24 + 1, freq="1h", tz="Europe/Berlin")  # Friday ... Tuesday
     X = pd.DataFrame({"T_oa": 10.0, "Q_hvac": 0.0}, stamps)
     table = as_table(X)
@@ -313,7 +313,11 @@ def test_facades_are_taken_as_they_are(table):
 
 
 def test_a_plan_for_measured_heat(table):
-    inputs = {"T_oa": table.inputs["T_oa"], "Q_hvac": 5.0 * table.inputs["u_heat"], "Q_fan": 0.1 * np.ones(table.n_rows)}
+    inputs = {
+        "T_oa": table.inputs["T_oa"],
+        "Q_hvac": 5.0 * table.inputs["u_heat"],
+        "Q_fan": 0.1 * np.ones(table.n_rows),
+    }
     measured = table.replace(inputs=inputs)
     plan = make_plan(get_network("4R3C"), measured, {}, calendar=False)
     assert plan.stages == plan.knots == ()
@@ -643,6 +647,26 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     assert not np.array_equal(learned(changed)[1][0], at)
 
 
+def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
+    """Where the rows are not behind the training, a re-fit sees them and the training, and nothing behind its mark."""
+    part = table.rows(slice(2 * DAY + 3, None))
+    y = T[2 * DAY + 3 :]
+    mark, found = 10 * DAY, []
+    for changed in (None, mark + 1, mark):
+        own = y.copy()
+        if changed is not None:
+            own[changed:] += 3.0
+        elsewhere = Later(make_stretch(fit.stretch.plan, part, own, fit.reference), 0, joined=False)
+        origins = np.array([mark - 1, mark])
+        sample = history(elsewhere, origins, fit.sample.leads)
+        found.append(follow(fit, elsewhere, origins, 1, sample, "full").learned)
+    np.testing.assert_array_equal(found[0][0][0], fit.point.psi)
+    assert not np.array_equal(found[0][1][0], fit.point.psi)
+    np.testing.assert_array_equal(found[1][1][0], found[0][1][0])
+    np.testing.assert_array_equal(found[1][1][1], found[0][1][1])
+    assert not np.array_equal(found[2][1][0], found[0][1][0])
+
+
 def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     """From where the last fit ended: the re-fitted point beats it on the rows that it was fitted on."""
     mark = N_TRAIN + 10 * DAY
@@ -650,5 +674,7 @@ def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     psi = follow(fit, later, np.array([mark]), 1, sample, "full").learned[0][0]
     origins = np.arange(DAY, mark, 4)
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
-    window = replace(fit.problem, parts=(Part(later.stretch.until(mark + 1), Sample(origins, fit.sample.leads), weight),))
+    window = replace(
+        fit.problem, parts=(Part(later.stretch.until(mark + 1), Sample(origins, fit.sample.leads), weight),)
+    )
     assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss
