@@ -212,6 +212,7 @@ def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
     scheme = fitted._scheme
     box = next(m for m in scheme._members if isinstance(m, BlackBox))
     rows, _ = scheme._rows(fitted._with_history(X[N_TRAIN:])[0])
+    assert rows.table.index[rows.begin] == X.index[N_TRAIN]
     origin = np.array([rows.begin + 3 * DAY])
     sample = Sample(np.arange(rows.begin, origin[0], 2), np.array([1, 8, 48]))
     found = box.follow(rows, origin, DAY, sample, "linear")
