@@ -28,6 +28,8 @@ _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
 _MOST_BLOCKS = 6
 _LEAST_KNOWN = 0.5
+#: penalty of the constant, which is free: only where no pair is known it keeps the equations regular
+_FREE = 1e-9
 
 
 class _Moments(NamedTuple):
@@ -213,7 +215,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _penalty(self, alpha: float) -> np.ndarray:
         penalty = np.full(len(self._moments.cross), alpha)
-        penalty[-1] = 0.0  # the constant is free
+        penalty[-1] = _FREE
         return penalty
 
     # -------------------------------------------------------------------------------------------------------- penalty

@@ -9,7 +9,7 @@ import numpy as np
 #: shares of the horizon at which groups of leads end, and at which their weights hold
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
-#: pull toward equal weights, beside the mean squared error of the models
+#: pull toward equal weights, beside the harmonic mean of the models' squared errors
 _PULL = 0.1
 #: days after which an error of the history counts half
 _HALF_LIFE = 14.0
@@ -61,9 +61,11 @@ def blend_weights(products: np.ndarray) -> np.ndarray:
 
 def _weights(S: np.ndarray) -> np.ndarray:
     K = len(S)
-    equal, size = np.full(K, 1.0 / K), float(np.trace(S)) / K
-    if size <= 0.0:
+    equal, own = np.full(K, 1.0 / K), np.diag(S)
+    if own.max() <= 0.0:
         return equal
+    # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
+    size = 1.0 / float(np.mean(1.0 / np.maximum(own, 1e-9 * own.max())))
     M = S / size + _PULL * np.eye(K)
     best, least = equal, np.inf
     for count in range(1, K + 1):

@@ -144,9 +144,9 @@ def _start(model: LeadModel, part: Part) -> LeadProblem:
     problem = LeadProblem(model, (part,), best.psi, spread, Shrinkage(), np.ones(len(part.sample.leads)))
     point = problem.evaluate(best.psi)
     errors = _errors(problem, part, point.columns[0], point.solution.coef)
-    with np.errstate(invalid="ignore"):
-        variance = np.nanmean(errors**2, axis=0) if np.isfinite(errors).any() else np.ones(errors.shape[1])
-    return replace(problem, precision=1.0 / np.maximum(np.nan_to_num(variance, nan=1.0), _FLOOR**2))
+    known = np.isfinite(errors).sum(axis=0)
+    variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)
+    return replace(problem, precision=1.0 / np.maximum(variance, _FLOOR**2))
 
 
 def _guess(model: LeadModel, scale: float, pace: float) -> np.ndarray:

@@ -17,8 +17,8 @@ from .fit import LeadFit
 from .model import NOISE, Matrices
 from .responses import Stretch
 
-#: stages at which the heat of a stage is worked out, which need not be in proportion
-_GRID = 65
+#: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
+_GRID = 101
 
 
 def loads(
@@ -54,44 +54,70 @@ def loads(
     DataFrame
         As the identifications give it, and ``zeta`` [kW].
     """
-    plan, n_rows = later.stretch.plan, table.n_rows
-    ends = np.append(origins[1:], n_rows)
-    free = np.full(n_rows - first, np.inf)
-    parts: list[list[np.ndarray]] = [[], [], [], []]
-    plant = Plant((), (), {}, -np.inf, np.inf)
-    for origin, end, (psi, coef) in zip(origins, ends, learned, strict=True):
-        M = fit.model.matrices(psi)
-        plant = _plant(plan, table, coef, fit)
-        state, heat = _standing(fit, M, psi, coef, later.stretch, int(origin))
-        zeta = heat[origin:end] + state[-2] * M.F[-1, -1] ** np.arange(end - origin)
-        A, forcing, effect = _augmented(fit, M, psi, coef, later.stretch, zeta, int(origin), int(end))
-        c = np.eye(len(A))[fit.model.zone]
+    ends = np.append(origins[1:], table.n_rows)
+    frames = []
+    for origin, end, known in zip(origins, ends, learned, strict=True):
         rows = slice(origin - first, end - first)
-        band = [side[rows] - fit.reference for side in setpoint]
-        within = plant.within(Limits(limits.lower[rows], limits.upper[rows]))
-        begin = np.append(state[:-2], state[-1])
-        ahead = steps_ahead(A, effect, c)
-        for part, (low, high) in ((0, within), (1, (-free[rows], free[rows]))):
-            applied, path = simulate_inverse(A, forcing, effect, c, *band, low, high, begin, ahead)
-            parts[part].append(applied)
-            if part == 0:
-                parts[2].append(path + fit.reference)
-        parts[3].append(zeta)
-    clipped, unclipped, path, zeta = map(np.concatenate, parts)
-    start = later.stretch.y[first] + fit.reference if later.stretch.seen[first] else path[0]
-    out = load_frame(plant, table.index[first:], clipped, unclipped, np.append(start, path[:-1]))
-    return out.assign(zeta=zeta)
+        band = Band(*(side[rows] for side in setpoint))
+        within = Limits(*(side[rows] for side in limits))
+        frames.append(_load_from(fit, later.stretch, int(origin), int(end), known, table, band, within))
+    # a stage whose capacity came out as 0 at one origin delivers nothing there
+    return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
 
 
-def _plant(plan: Plan, table: ZoneTable, coef: np.ndarray, fit: LeadFit) -> Plant:
+def _load_from(
+    fit: LeadFit,
+    stretch: Stretch,
+    origin: int,
+    end: int,
+    known: tuple[np.ndarray, np.ndarray],
+    table: ZoneTable,
+    setpoint: Band,
+    limits: Limits,
+) -> pd.DataFrame:
+    """The rows from an origin up to ``end``, by what is known at the origin."""
+    psi, coef = known
+    M = fit.model.matrices(psi)
+    plant = _plant(stretch.plan, coef, fit)
+    state, heat = _standing(fit, M, psi, coef, stretch, origin)
+    zeta = heat[origin:end] + state[-2] * M.F[-1, -1] ** np.arange(end - origin)
+    A, forcing, effect = _augmented(fit, M, psi, coef, stretch, zeta, origin, end)
+    c, begin = np.eye(len(A))[fit.model.zone], np.append(state[:-2], state[-1])
+    band = [side - fit.reference for side in setpoint]
+    free = np.full(end - origin, np.inf)
+    ahead = steps_ahead(A, effect, c)
+    clipped, path = simulate_inverse(A, forcing, effect, c, *band, *plant.within(limits), begin, ahead)
+    unclipped, _ = simulate_inverse(A, forcing, effect, c, *band, -free, free, begin, ahead)
+    here = stretch.y[origin] if stretch.seen[origin] else begin[fit.model.zone]
+    temperature = np.append(here, path[:-1]) + fit.reference
+    out = load_frame(plant, table.index[origin:end], clipped, unclipped, temperature)
+    return _bent(out, stretch.plan, plant, coef, fit).assign(zeta=zeta)
+
+
+def _bent(out: pd.DataFrame, plan: Plan, plant: Plant, coef: np.ndarray, fit: LeadFit) -> pd.DataFrame:
+    """Stages whose heat is not in proportion: those that give the heat that is asked of them."""
+    names, full = fit.stretch.channels.names, dict((*plant.heating, *plant.cooling))
+    for role in full.keys() & {role for role, _, _ in plan.knots}:
+        grid = np.linspace(0.0, plant.most[role], _GRID)
+        heat = next(c for known, c in plan.fixed if known == role) * grid
+        for name, knot, c in plan.knots:
+            if name == role:
+                heat = heat + coef[names.index(f"{role}_{knot:.2g}")] * c * np.minimum(grid, knot)
+        share = np.maximum.accumulate(heat / full[role])  # the stage in proportion that gives as much
+        for column in (role, f"{role}_unclipped"):
+            even = out[column].to_numpy()
+            out[column] = np.where(even < grid[-1], np.interp(even, share, grid), even)
+    return out
+
+
+def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
     """What heats and cools: stages of a given or a fitted capacity; a measured heat tells of no limit."""
     names = fit.stretch.channels.names
+    most = {role: max(1.0, top) for role, top in plan.tops}
     capacity = {role: c for role, c in plan.fixed if role.startswith("u_")}
     for role, knot, c in plan.knots:  # at full stage the heat is what the pieces add up to
-        top = max(1.0, knot)
-        capacity[role] += coef[names.index(f"{role}_{knot:.2g}")] * c * knot / top
+        capacity[role] += coef[names.index(f"{role}_{knot:.2g}")] * c * knot / most[role]
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
-    most = {role: max(1.0, float(fit_top)) for role, fit_top in plan.tops}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
     beyond = np.inf if any(role.startswith("Q_") for role, _ in plan.fixed) else 0.0
@@ -110,9 +136,10 @@ def _standing(
     delivered = _delivered(seen, coef)
     unit = M.B[:, seen.boundary.shape[1] + seen.plan.heated]
     if seen.plan.emitter:
-        lag, _ = emitter_series(seen.heat, fit.model.step, np.exp(psi[-1]))
+        given = seen.heat if origin else np.zeros(1)  # what acts over the origin's own row is sought
+        lag, _ = emitter_series(given, fit.model.step, np.exp(psi[-1]))
         delivered = delivered + coef[-1] * lag
-        store = lag[-1] + seen.heat[-1]
+        store = lag[-1] + given[-1]
     path = simulate_path(M.A, forcing + np.outer(delivered, unit), np.zeros(len(M.A)))
     gains, _ = filter_gains(M.F, M.Q, fit.model.output, NOISE**2, M.P0, M.dF[..., :0], M.dQ[..., :0], seen.seen)
     left = np.where(seen.seen, seen.y - path[: origin + 1, fit.model.zone], 0.0)

@@ -93,7 +93,11 @@ class LeadProblem:
         """(O, L); 0 where the target is missing or beyond the stretch."""
         rows, inside = part.sample.targets(part.stretch.n_rows)
         origins = part.sample.origins
-        apart = (origins[-1] - origins[0]) / max(len(origins) - 1, 1) * self.model.step if len(origins) else 1.0
+        # a single origin is the first of hourly ones, and counts as it will among them
+        several = len(origins) > 1
+        apart = (
+            (origins[-1] - origins[0]) / (len(origins) - 1) * self.model.step if several else max(1.0, self.model.step)
+        )
         count = (
             np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
         )

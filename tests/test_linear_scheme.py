@@ -1,0 +1,526 @@
+"""The default hybrid: its blend, its black box, its loads, and that it takes whatever table it is given."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import minimize
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, PeriodicDisturbanceID
+from skhybrid.datasets import make_office
+from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
+from skhybrid.hybrid.members import BlackBox
+from skhybrid.identification.scheduled import Later, Sample, fit_leads, follow, loads, make_stretch
+from skhybrid.identification.setpoints import Band, Limits
+from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.persistence import load_model, save_model
+from skhybrid.thermal import get_network
+
+DAY = 48  # rows, at 30 min
+N_TRAIN = 10 * DAY
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=16, sampling_time="30min", random_state=4)
+
+
+@pytest.fixture(scope="module")
+def X(office):
+    """With a day and some hours that nobody measured."""
+    out = office.X.copy()
+    out.iloc[3 * DAY : 4 * DAY, out.columns.get_loc("T_za")] = np.nan
+    out.iloc[12 * DAY + 5 : 12 * DAY + 20, out.columns.get_loc("T_za")] = np.nan
+    return out
+
+
+@pytest.fixture(scope="module")
+def fitted(X):
+    return HybridPredictor().fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+
+
+def rmse(a, b):
+    return float(np.sqrt(np.nanmean((np.asarray(a) - np.asarray(b)) ** 2)))
+
+
+# ------------------------------------------------------------------------------------------------------------- blend
+@pytest.mark.parametrize("n_models", [2, 3, 4])
+def test_weights_have_the_least_penalised_error_on_the_simplex(n_models):
+    rng = np.random.default_rng(n_models)
+    for _ in range(10):
+        E = rng.normal(size=(30, n_models)) * rng.uniform(0.3, 3.0, n_models) + rng.normal(size=(30, 1))
+        S = E.T @ E
+        size = n_models / np.sum(1.0 / np.diag(S))
+
+        def loss(w, S=S, size=size):
+            return w @ S @ w / size + 0.1 * np.sum((w - 1.0 / n_models) ** 2)
+
+        simplex = {"type": "eq", "fun": lambda w: w.sum() - 1.0}
+        start = np.full(n_models, 1.0 / n_models)
+        truth = minimize(
+            loss, start, method="SLSQP", bounds=[(0, None)] * n_models, constraints=[simplex], options={"ftol": 1e-14}
+        )
+        found = blend_weights(S[None])[0]
+        np.testing.assert_allclose(found, truth.x, atol=1e-5)
+        assert found.sum() == pytest.approx(1.0)
+        assert (found >= 0).all()
+
+
+def test_where_nothing_is_known_all_count_alike():
+    np.testing.assert_array_equal(blend_weights(np.zeros((2, 3, 3))), np.full((2, 3), 1.0 / 3.0))
+
+
+def test_a_model_that_is_far_worse_counts_for_nothing():
+    good, bad = np.random.default_rng(0).normal(size=(2, 500))
+    E = np.column_stack([good, 30.0 * bad])
+    assert blend_weights((E.T @ E)[None])[0, 1] < 0.003
+
+
+def test_groups_of_leads_and_weights_between_them():
+    """Of a day in hours: to 2 h, to 8 h, the rest; weights hold at 1, 5 and 16 h."""
+    np.testing.assert_array_equal(lead_groups(np.array([1, 2, 3, 8, 9, 24, 30]), 24), [0, 0, 1, 1, 2, 2, 2])
+    weights = np.array([[1.0, 0.0], [0.6, 0.4], [0.05, 0.95]])
+    found = by_lead(weights, 24, 30)
+    assert found.shape == (30, 2)
+    np.testing.assert_allclose(found.sum(axis=1), 1.0)
+    np.testing.assert_allclose(found[[0, 2, 4, 15, 29], 0], [1.0, 0.8, 0.6, 0.05, 0.05])
+    np.testing.assert_allclose(found[9, 0], 0.6 - 0.55 * 5 / 11)
+
+
+def test_errors_fade_by_half_in_a_fortnight_and_count_once_they_are_known():
+    np.testing.assert_allclose(faded(np.array([-0.1, 0.0, 14.0, 28.0, 7.0])), [0.0, 1.0, 0.5, 0.25, 0.5**0.5])
+
+
+def test_products_of_errors_by_plain_loops():
+    rng = np.random.default_rng(0)
+    errors, share = rng.normal(size=(6, 4, 2)), rng.uniform(size=(6, 4))
+    errors[2, 1, 0], share[3, 2] = np.nan, 0.0
+    groups, expected = np.array([0, 0, 1, 2]), np.zeros((3, 2, 2))
+    for o in range(6):
+        for h in range(4):
+            if np.isfinite(errors[o, h]).all():
+                count = {0: 2, 1: 1, 2: 1}[int(groups[h])]
+                expected[groups[h]] += share[o, h] * np.outer(errors[o, h], errors[o, h]) / count
+    np.testing.assert_allclose(moments(errors, groups, share), expected, atol=1e-12)
+
+
+# --------------------------------------------------------------------------------------------------------- black box
+class PlainARX:
+    """The regression written out row by row, in the units of a fitted one's training table."""
+
+    def __init__(self, X, T, n_lags, n_input_lags, alpha):
+        self.n, self.n_lags, self.alpha = len(T), n_lags, alpha
+        self.T = pd.Series(T).ffill().to_numpy()
+        self.measured = np.isfinite(T)
+        raw = X.to_numpy()
+        lagged = [
+            [raw[max(k - lag, 0), j] for j in range(raw.shape[1]) for lag in range(n_input_lags)] for k in range(self.n)
+        ]
+        self.raw = np.array(lagged)
+        self.hours = X.index.hour + 24 * (X.index.day_of_week >= 5)
+
+    def units(self, rows):
+        self.centre, self.spread = self.raw[rows].mean(axis=0), self.raw[rows].std(axis=0)
+        known = self.T[rows][self.measured[rows]]
+        self.mean, self.scale = known.mean(), known.std()
+        return self
+
+    def outer(self, k):
+        calendar = np.zeros(48)
+        calendar[self.hours[k]] = 1.0
+        return np.concatenate([(self.raw[k] - self.centre) / self.spread, calendar, [1.0]])
+
+    def row(self, k):
+        own = [(self.T[k - lag] - self.mean) / self.scale for lag in range(self.n_lags)]
+        return np.concatenate([own, self.outer(k)])
+
+    def solve(self, pairs):
+        """From pairs (k, k + 1) that are measured at both ends, half of whose lags are."""
+        use = [
+            k
+            for k in pairs
+            if k >= self.n_lags - 1
+            and self.measured[[k, k + 1]].all()
+            and self.measured[k - self.n_lags + 1 : k + 1].mean() >= 0.5
+        ]
+        D, d = np.array([self.row(k) for k in use]), np.array([self.T[k + 1] - self.T[k] for k in use])
+        penalty = np.full(D.shape[1], self.alpha)
+        penalty[-1] = 0.0
+        return np.linalg.solve(D.T @ D + np.diag(penalty), D.T @ d)
+
+    def path(self, coef, origin, n_leads):
+        lags = [self.T[origin - lag] for lag in range(self.n_lags)]
+        for h in range(n_leads):
+            own = [(value - self.mean) / self.scale for value in lags]
+            step = np.concatenate([own, self.outer(min(origin + h, self.n - 1))]) @ coef
+            lags = [lags[0] + step, *lags[:-1]]
+            yield lags[0]
+
+
+@pytest.fixture(scope="module")
+def arx(X):
+    frame = X[:N_TRAIN].drop(columns="T_za")
+    return ARXRegressor(n_lags=4, n_input_lags=2, alpha=1.0).fit(frame, X["T_za"][:N_TRAIN])
+
+
+def plain(X, n_rows):
+    out = PlainARX(X[:n_rows].drop(columns="T_za"), X["T_za"].to_numpy()[:n_rows], 4, 2, 1.0)
+    return out.units(slice(N_TRAIN))
+
+
+def test_forecasts_without_a_block_are_of_a_fit_without_its_pairs(arx, X):
+    """Left out are the steps from the block's first origin to its last target, and nothing else."""
+    origins = np.array([DAY, DAY + 20, 2 * DAY, 5 * DAY, 7 * DAY + 7, 9 * DAY + 30])
+    blocks = np.array([0, 0, 0, 1, 1, 2])
+    T = X["T_za"].to_numpy()[:N_TRAIN]
+    found = arx.left_out_paths(arx._read_X(X[:N_TRAIN].drop(columns="T_za")), T, origins, DAY, blocks)
+    own = plain(X, N_TRAIN)
+    for block in range(3):
+        mine = origins[blocks == block]
+        pairs = [k for k in range(N_TRAIN - 1) if not mine[0] <= k < mine[-1] + DAY]
+        coef = own.solve(pairs)
+        for i in np.flatnonzero(blocks == block):
+            np.testing.assert_allclose(found[i], list(own.path(coef, origins[i], DAY)), atol=1e-8)
+
+
+def test_a_block_that_is_all_there_is_cannot_be_left_out(arx, X):
+    table = arx._read_X(X[:N_TRAIN].drop(columns="T_za"))
+    T = X["T_za"].to_numpy()[:N_TRAIN]
+    assert np.isnan(arx.left_out_paths(table, T, np.array([0, N_TRAIN - DAY]), DAY, np.zeros(2, dtype=int))).all()
+
+
+def test_refitted_coefficients_are_of_training_and_what_is_known(arx, X):
+    table, T = arx._read_X(X.drop(columns="T_za")), X["T_za"].to_numpy()
+    origins = np.array([13 * DAY, N_TRAIN - 1, N_TRAIN + 4])  # in any order
+    found = arx.refitted(table, T, origins, N_TRAIN)
+    own = plain(X, len(X))
+    np.testing.assert_allclose(found[1], arx.coef_, atol=1e-10)
+    for coef, origin in zip(found, origins, strict=True):
+        np.testing.assert_allclose(coef, own.solve(range(origin)), atol=1e-8)
+    paths = arx.paths_by(table, T, origins, DAY, found)
+    for path, coef, origin in zip(paths, found, origins, strict=True):
+        np.testing.assert_allclose(path, list(own.path(coef, origin, DAY)), atol=1e-8)
+
+
+def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
+    """Coefficients of a day of the history are those at its start; errors are those of its forecasts."""
+    scheme = fitted._scheme
+    box = next(m for m in scheme._members if isinstance(m, BlackBox))
+    rows, _ = scheme._rows(fitted._with_history(X[N_TRAIN:])[0])
+    assert rows.table.index[rows.begin] == X.index[N_TRAIN]
+    origin = np.array([rows.begin + 3 * DAY])
+    sample = Sample(np.arange(rows.begin, origin[0], 2), np.array([1, 8, 48]))
+    found = box.follow(rows, origin, DAY, sample, "linear")
+    for place in (0, 30, len(sample.origins) - 1):
+        o = sample.origins[place]
+        morning = rows.begin + (o - rows.begin) // DAY * DAY
+        coef = box.arx_.refitted(rows.table, rows.T, np.array([morning]), rows.begin)
+        path = box.arx_.paths_by(rows.table, rows.T, np.array([o]), DAY, coef)[0]
+        np.testing.assert_allclose(found.errors[place], rows.T[o + sample.leads] - path[sample.leads - 1], atol=1e-10)
+
+
+# ------------------------------------------------------------------------------------------------- tables of all sorts
+def test_it_forecasts_better_than_the_mean_and_than_what_was(fitted, X, office):
+    later = slice(N_TRAIN, None)
+    truth = office.y[later]
+    found = rmse(fitted.predict(X[later]), truth)
+    assert found < 0.8 * truth.std()
+    assert found < rmse(office.y.shift(DAY)[later], truth)
+
+
+def test_gaps_of_the_history_leave_no_gaps_in_forecasts(fitted, X):
+    predicted = fitted.predict(X[N_TRAIN:])
+    assert np.isfinite(predicted).all()
+    blind = fitted.predict(X[N_TRAIN:].assign(T_za=np.nan))
+    assert np.isfinite(blind).all()
+    np.testing.assert_array_equal(predicted[:1], blind[:1])  # the row before X is measured in both
+
+
+def test_a_cold_table(fitted, X, office):
+    """Rows that do not follow the training: nothing is known before them."""
+    cold = X[N_TRAIN + 9 :]
+    predicted = fitted.predict(cold)
+    assert predicted[0] == cold["T_za"].iloc[0]
+    assert rmse(predicted, office.y[N_TRAIN + 9 :]) < 1.5
+    without = fitted.predict(cold.assign(T_za=np.nan))
+    assert np.isfinite(without).all()
+
+
+def test_an_array_without_names(X):
+    frame = X[["T_oa", "q_sol", "u_heat", "u_cool"]]
+    array, y = frame.to_numpy(), X["T_za"].to_numpy()
+    model = HybridPredictor(sampling_time="30min").fit(array[:N_TRAIN], y[:N_TRAIN])
+    predicted = model.predict(array[N_TRAIN:])
+    assert predicted.shape == (len(X) - N_TRAIN,)
+    assert np.isfinite(predicted).all()
+
+
+def test_hourly_rows(office):
+    hourly = office.X.resample("1h").mean()
+    model = HybridPredictor().fit(hourly[: 10 * 24], hourly["T_za"][: 10 * 24])
+    predicted = model.predict(hourly[10 * 24 :])
+    assert rmse(predicted, hourly["T_za"][10 * 24 :]) < 1.5
+
+
+@pytest.mark.parametrize("n_rows", [5, 3 * DAY], ids=["five rows", "three days"])
+def test_short_tables(n_rows, office):
+    X, y = office.X, office.y
+    model = HybridPredictor().fit(X[:n_rows], y[:n_rows])
+    assert np.isfinite(model.predict(X[n_rows : n_rows + 2 * DAY])).all()
+    assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
+    np.testing.assert_allclose(model.weights_, 0.5)  # nothing can be left out
+    live = model.update(X[n_rows : n_rows + 3]).forecast(None, X[n_rows + 3 : n_rows + 20])
+    assert np.isfinite(live).all(axis=None)
+
+
+def test_a_thermometer_that_tells_every_other_row(office):
+    """No two rows follow one another: the black box has nothing to learn from, and holds the temperature."""
+    X = office.X.copy()
+    X.iloc[1::2, X.columns.get_loc("T_za")] = np.nan
+    model = HybridPredictor().fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    assert rmse(model.predict(X[N_TRAIN:]), office.y[N_TRAIN:]) < 1.0
+    box = ARXRegressor().fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    paths = box.predict_from(X[N_TRAIN:], [0, 100], horizon="1D")
+    np.testing.assert_allclose(paths, np.repeat(X["T_za"].to_numpy()[N_TRAIN + np.array([[0], [100]])], DAY, axis=1))
+
+
+def test_no_plant(office):
+    bare = office.X[["T_oa", "q_sol", "T_za"]]
+    model = HybridPredictor().fit(bare[:N_TRAIN], office.y[:N_TRAIN])
+    assert np.isfinite(model.predict(bare[N_TRAIN:])).all()
+    assert "emitter" not in model.gray_box_.coef_
+
+
+def test_constant_inputs(office):
+    still = office.X.assign(q_sol=0.0, u_heat=0.5, u_cool=0.0, T_oa=12.0)
+    model = HybridPredictor().fit(still[:N_TRAIN], office.y[:N_TRAIN])
+    assert np.isfinite(model.predict(still[N_TRAIN:])).all()
+    flat = HybridPredictor().fit(office.X[: 4 * DAY], np.full(4 * DAY, 21.0))
+    predicted = flat.predict(office.X[4 * DAY : 6 * DAY].assign(T_za=21.0))
+    np.testing.assert_allclose(predicted, 21.0, atol=0.2)
+
+
+def test_a_longer_horizon_than_the_trained_one(fitted, X):
+    """The first day stays as it is; the second one goes on."""
+    day, two = (fitted.predict_from(X[N_TRAIN:], [5, 2 * DAY], horizon=span) for span in ("1D", "2D"))
+    assert two.shape == (2, 2 * DAY)
+    assert np.isfinite(two).all()
+    np.testing.assert_allclose(two[:, :DAY], day, atol=1e-9)
+    still = deepcopy(fitted).set_params(horizon=None)
+    assert np.isfinite(still.predict(X[N_TRAIN:])).all()
+
+
+@pytest.mark.parametrize("adapt", [None, "linear", "full"])
+@pytest.mark.parametrize("following", [True, False])
+def test_forecasts_do_not_hang_on_the_other_origins(adapt, following, fitted, X):
+    model = deepcopy(fitted).set_params(adapt=adapt)
+    table = X[N_TRAIN + (0 if following else 3) :]
+    origins = [0, 1, 2, 3, 60, 2 * DAY + 4]
+    together = model.predict_from(table, origins)
+    for origin, path in zip(origins, together, strict=True):
+        np.testing.assert_allclose(model.predict_from(table, [origin])[0], path, atol=1e-6)
+    shuffled = model.predict_from(table, origins[::-1])
+    np.testing.assert_allclose(shuffled[::-1], together, atol=1e-6)
+
+
+# ----------------------------------------------------------------------------------------------- living with a building
+@pytest.mark.parametrize("adapt", [None, "linear", "full"])
+def test_the_live_forecast_is_that_of_the_history(adapt, fitted, X):
+    model = deepcopy(fitted).set_params(adapt=adapt)
+    whole, now = deepcopy(model), N_TRAIN
+    for n_rows in (1, 3, 2 * DAY + 5, *[1] * 110):
+        model.update(X[now : now + n_rows])
+        now += n_rows
+    future = X[now : now + DAY].drop(columns="T_za")
+    live, along = model.forecast(None, future), whole.forecast(X[N_TRAIN:now], future)
+    assert live.index.equals(along.index)
+    np.testing.assert_allclose(live, along, atol=1e-8)
+    rolled = whole.predict_from(X[N_TRAIN:], [now - N_TRAIN - 1])[0]
+    np.testing.assert_allclose(live["T_za"], rolled, atol=1e-6)
+
+
+def test_partial_fit_learns_what_came_since(fitted, X):
+    model = deepcopy(fitted)
+    model.update(X[N_TRAIN : 12 * DAY])
+    model.partial_fit(X[12 * DAY : 14 * DAY], X["T_za"][12 * DAY : 14 * DAY])
+    assert len(model.zeta_) == 14 * DAY
+    fresh = HybridPredictor().fit(X[: 14 * DAY], X["T_za"][: 14 * DAY])
+    np.testing.assert_allclose(model.predict(X[14 * DAY :]), fresh.predict(X[14 * DAY :]), atol=1e-6)
+    assert np.isfinite(model.predict_quantiles(X[14 * DAY :])).all()
+    assert np.isfinite(model.predict(X[14 * DAY + 5 :])).all()
+
+
+def test_a_file_gives_the_same_forecasts(fitted, X, tmp_path):
+    model = deepcopy(fitted).update(X[N_TRAIN : N_TRAIN + 7])
+    save_model(model, tmp_path / "hybrid.skhybrid")
+    again = load_model(tmp_path / "hybrid.skhybrid")
+    later = X[N_TRAIN + 7 :]
+    for table in (later, later[11:]):
+        np.testing.assert_array_equal(again.predict(table), model.predict(table))
+    np.testing.assert_array_equal(again.predict_load(later, 21.0), model.predict_load(later, 21.0))
+    np.testing.assert_array_equal(again.predict_quantiles(later), model.predict_quantiles(later))
+    more = X[13 * DAY : 14 * DAY]
+    for one in (again, model):
+        one.update(X[N_TRAIN + 7 : 13 * DAY]).partial_fit(more, more["T_za"])
+    np.testing.assert_array_equal(again.predict(X[14 * DAY :]), model.predict(X[14 * DAY :]))
+    pd.testing.assert_frame_equal(again.weights_, model.weights_)
+
+
+def test_clone_and_a_search_over_forecasters(fitted, X):
+    assert clone(fitted).get_params()["adapt"] == fitted.adapt
+    known = PeriodicDisturbanceID(known={"Q_h": 6.0}, n_starts=1)
+    model = HybridPredictor(known, DisturbanceForecaster("linear"), random_state=0)
+    splits = RollingOriginSplit("7D", "1D", n_splits=2, sampling_time="30min")
+    grid = {"forecaster__model": ["linear", "ridge"]}
+    y = X["T_za"].interpolate()
+    search = GridSearchCV(model, grid, cv=splits, scoring="neg_root_mean_squared_error", error_score="raise")
+    search.fit(X[:N_TRAIN], y[:N_TRAIN])
+    scores = dict(
+        zip(search.cv_results_["param_forecaster__model"], search.cv_results_["mean_test_score"], strict=True)
+    )
+    assert set(scores) == {"linear", "ridge"}
+    assert np.isfinite(list(scores.values())).all()
+    assert scores["linear"] != scores["ridge"]
+
+
+def test_quantiles_rise_and_know_no_more_than_their_origin(fitted, X):
+    table = X[N_TRAIN:]
+    quantiles = fitted.predict_quantiles(table)
+    assert (np.diff(quantiles, axis=1) >= 0).all()
+    rng = np.random.default_rng(0)
+    for origin in (0, 2 * DAY + 5):
+        noisy = table.copy()
+        noisy.iloc[origin + 1 :, noisy.columns.get_loc("T_za")] = rng.normal(20.0, 30.0, len(table) - origin - 1)
+        for method in ("predict_from", "predict_quantiles_from"):
+            one, other = (getattr(fitted, method)(frame, [origin])[0] for frame in (table, noisy))
+            np.testing.assert_array_equal(one, other)
+
+
+# ---------------------------------------------------------------------------------------------------------------- load
+class Piece:
+    """A network fitted on measured heat, and rows behind its training."""
+
+    def __init__(self, X, network="4R3C"):
+        frame = X.assign(Q_hvac=6.0 * X["u_heat"] - 6.0 * X["u_cool"]).drop(columns=["u_heat", "u_cool"])
+        self.reader = HybridPredictor()
+        self.table = self.reader._read(frame, reset=True)
+        self.T = X["T_za"].to_numpy()
+        self.fit = fit_leads(get_network(network), self.table.rows(slice(N_TRAIN)), self.T[:N_TRAIN], DAY)
+
+    def later(self, heat=None, first=0):
+        table = self.table
+        if heat is not None:
+            new = table.inputs["Q_hvac"].copy()
+            new[first:] = heat
+            table = table.replace(inputs=table.inputs | {"Q_hvac": new})
+        return Later(make_stretch(self.fit.stretch.plan, table, self.T, self.fit.reference), N_TRAIN, True)
+
+    def learned(self, origins):
+        nothing = Sample(np.empty(0, dtype=np.int64), self.fit.sample.leads)
+        return follow(self.fit, self.later(), origins, 1, nothing, None).learned
+
+    def path(self, heat, origin):
+        """Forecast [degC] of the rows behind an origin under the heat from it on."""
+        n = self.table.n_rows - origin - 1
+        nothing = Sample(np.empty(0, dtype=np.int64), self.fit.sample.leads)
+        later = self.later(heat[: n + 1], origin)
+        return follow(self.fit, later, np.array([origin]), n, nothing, None).paths[0] + self.fit.reference
+
+
+@pytest.fixture(scope="module")
+def piece(X):
+    return Piece(X)
+
+
+def test_the_load_holds_the_set_point(piece):
+    """Put where the measured heat was, it gives the set-point on the network's own path, whose emitter lags."""
+    first, n = 12 * DAY + 3, len(piece.T) - 12 * DAY - 3
+    origins = np.array([first])
+    wanted = 21.0 + np.sin(np.arange(n) / 7.0)
+    free = Limits(np.full(n, -np.inf), np.full(n, np.inf))
+    load = loads(
+        piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, Band(wanted, wanted), free
+    )
+    assert piece.fit.point.solution.coef[-1] > 0.01
+    found = piece.path(load["Q_hvac"].to_numpy(), first)
+    np.testing.assert_allclose(found, wanted[:-1], atol=1e-6)
+    np.testing.assert_allclose(load["T_za"].to_numpy()[1:], wanted[:-1], atol=1e-6)
+    np.testing.assert_array_equal(load["Q_hvac"], load["Q_hvac_unclipped"])
+
+
+def test_the_load_keeps_within_a_band_and_within_limits(piece):
+    first, n = 12 * DAY, len(piece.T) - 12 * DAY
+    origins = np.array([first])
+    low, high = np.full(n, 20.5), np.full(n, 22.0)
+    limits = Limits(np.where(np.arange(n) % 7 == 0, 0.0, -1.0), np.where(np.arange(n) % 7 == 0, 0.0, 1.5))
+    load = loads(piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, Band(low, high), limits)
+    heat = load["Q_hvac"].to_numpy()
+    assert (heat >= limits.lower).all()
+    assert (heat <= limits.upper).all()
+    np.testing.assert_allclose(piece.path(heat, first), load["T_za"].to_numpy()[1:], atol=1e-6)
+    unclipped = piece.path(load["Q_hvac_unclipped"].to_numpy(), first)
+    assert unclipped.min() > 20.5 - 1e-6
+    assert unclipped.max() < 22.0 + 1e-6
+    inside = (unclipped > 20.5 + 1e-6) & (unclipped < 22.0 - 1e-6)
+    np.testing.assert_allclose(load["Q_hvac_unclipped"].to_numpy()[:-1][inside], 0.0, atol=1e-9)
+
+
+def test_each_origin_begins_with_what_is_measured_there(piece):
+    """The load from a later origin is that of this origin alone."""
+    first, second, n = 12 * DAY, 13 * DAY, len(piece.T) - 12 * DAY
+    band, free = Band(np.full(n, 21.0), np.full(n, 21.0)), Limits(np.full(n, -np.inf), np.full(n, np.inf))
+    origins = np.array([first, second])
+    both = loads(piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, band, free)
+    rest = tuple(side[DAY:] for side in band)
+    alone = loads(
+        piece.fit,
+        piece.later(),
+        origins[1:],
+        piece.learned(origins[1:]),
+        piece.table,
+        second,
+        Band(*rest),
+        Limits(*(side[DAY:] for side in free)),
+    )
+    np.testing.assert_allclose(both["Q_hvac"][DAY:], alone["Q_hvac"], atol=1e-9)
+    np.testing.assert_allclose(both["zeta"][DAY:], alone["zeta"], atol=1e-12)
+
+
+def test_load_of_the_default_keeps_to_its_stages_and_limits(fitted, X):
+    table = X[N_TRAIN:]
+    load = fitted.predict_load(table, 21.0)
+    assert load.index.equals(table.index)
+    assert {"u_heat", "u_cool", "Q_hvac", "Q_hvac_unclipped", "T_za", "zeta"} <= set(load.columns)
+    for stage in ("u_heat", "u_cool"):
+        assert load[stage].between(0.0, 1.0 + 1e-12).all()
+    assert not ((load["u_heat"] > 0) & (load["u_cool"] > 0)).any()
+    narrow = fitted.predict_load(table, 21.0, limits=(-1.0, 0.5))["Q_hvac"]
+    assert narrow.between(-1.0, 0.5).all()
+    assert (narrow == 0.5).any()
+    off = fitted.predict_load(table, 21.0, limits=(0.0, 0.0))
+    assert not off["Q_hvac"].any()
+
+
+def test_load_reads_no_plant_behind_its_origin(fitted, X):
+    for begin in (N_TRAIN, N_TRAIN + 11):  # behind the training, and cold
+        table = X[begin : N_TRAIN + DAY]
+        one, other = (fitted.predict_load(x, 21.0) for x in (table, table.assign(u_heat=0.9, u_cool=0.4)))
+        np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+def test_stages_give_the_heat_that_is_asked_of_them(fitted, X):
+    """A stage's heat is not in proportion: read the curve that the model has, at the stages that it says."""
+    model = deepcopy(fitted).set_params(adapt=None)
+    load, coef = model.predict_load(X[N_TRAIN:], 21.5), model.gray_box_.coef_
+    knots = [name for name in coef.index if name.startswith("u_heat_")]
+    assert len(knots) == 2
+    heat = 6.0 * load["u_heat"] - coef["u_cool"] * load["u_cool"]
+    for name in knots:
+        heat = heat + coef[name] * 6.0 * np.minimum(load["u_heat"], float(name.split("_")[-1]))
+    assert (load["u_heat"] > 0.1).any()
+    np.testing.assert_allclose(heat, load["Q_hvac"], atol=1e-6)

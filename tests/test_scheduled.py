@@ -1,0 +1,685 @@
+"""The scheduled network against plain loops, differences and SciPy: filter, objective, coefficients, what it learns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import lsq_linear
+
+from skhybrid._contract import ZoneTable
+from skhybrid._kernels import filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
+from skhybrid.datasets import make_office
+from skhybrid.identification.scheduled import Later, Sample, ScheduledNetwork, fit_leads, follow, make_stretch
+from skhybrid.identification.scheduled.channels import GROUPS, emitter_series, heat_of, make_channels, make_plan
+from skhybrid.identification.scheduled.coefficients import gram, solve_coefficients
+from skhybrid.identification.scheduled.fit import hourly_sample
+from skhybrid.identification.scheduled.model import NOISE, LeadModel, lead_rows
+from skhybrid.identification.scheduled.problem import LeadProblem, Part, Shrinkage, penalty_of
+from skhybrid.identification.scheduled.responses import error_columns
+from skhybrid.thermal import get_network
+
+DAY = 48  # rows, at 30 min
+N_TRAIN = 8 * DAY
+
+
+def slope(function, step):
+    """Fourth-order central difference at 0 of a function of one number."""
+    f = [np.asarray(function(k * step), dtype=np.float64) for k in (-2, -1, 1, 2)]
+    return (f[0] - 8.0 * f[1] + 8.0 * f[2] - f[3]) / (12.0 * step)
+
+
+def as_table(X):
+    """A frame by roles as the estimators read it."""
+    local = X.index if X.index.tz is None else X.index.tz_localize(None)
+    utc = X.index if X.index.tz is None else X.index.tz_convert("UTC").tz_localize(None)
+    inputs = {role: X[role].to_numpy(dtype=np.float64) for role in X.columns if role != "T_za"}
+    return ZoneTable(inputs, {}, X.index, local, utc, utc[1] - utc[0], order=tuple(X.columns))
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=20, sampling_time="30min", random_state=3)
+
+
+@pytest.fixture(scope="module")
+def table(office):
+    return as_table(office.X)
+
+
+@pytest.fixture(scope="module")
+def T(office):
+    """With half a day that nobody measured within the training, and some hours behind it."""
+    y = office.y.to_numpy().copy()
+    y[2 * DAY + 5 : 2 * DAY + 29] = np.nan
+    y[9 * DAY + 3 : 9 * DAY + 12] = np.nan
+    return y
+
+
+@pytest.fixture(scope="module")
+def fit(table, T):
+    return fit_leads(get_network("4R3C"), table.rows(slice(N_TRAIN)), T[:N_TRAIN], DAY)
+
+
+@pytest.fixture(scope="module")
+def later(fit, table, T):
+    return Later(make_stretch(fit.stretch.plan, table, T, fit.reference), N_TRAIN, joined=True)
+
+
+# ----------------------------------------------------------------------------------------------------------- kernels
+class Filter:
+    """A random stable filter of three states, and how it hangs on two parameters."""
+
+    def __init__(self, seed=0, n_rows=40):
+        self.rng = rng = np.random.default_rng(seed)
+        m, p = 3, 2
+        self.node, self.R = 1, 0.3
+        self.A = 0.9 * np.eye(m) + 0.05 * rng.normal(size=(m, m))
+        root = 0.3 * rng.normal(size=(m, m))
+        self.Q, self.P0 = root @ root.T + 0.01 * np.eye(m), np.diag([1.0, 2.0, 3.0])
+        self.dA, half = 0.1 * rng.normal(size=(m, m, p)), 0.1 * rng.normal(size=(m, m, p))
+        self.dQ = half + half.swapaxes(0, 1)
+        self.seen = np.ones(n_rows, dtype=bool)
+        self.seen[[0, 7, 8, 9, 20]] = False
+        self.c = np.eye(m)[self.node]
+
+    def at(self, t):
+        return self.A + self.dA @ t, self.Q + self.dQ @ t
+
+    def gains(self, t):
+        """Kalman's recursion as it stands in a textbook."""
+        A, Q = self.at(t)
+        P, out = self.P0, np.zeros((len(self.seen), len(A)))
+        for k, seen in enumerate(self.seen):
+            if seen:
+                out[k] = P @ self.c / (self.c @ P @ self.c + self.R)
+                P = P - np.outer(out[k], self.c @ P)
+            P = A @ P @ A.T + Q
+        return out
+
+
+def test_filter_gains_are_those_of_the_textbook():
+    f = Filter()
+    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-10)
+    for q, unit in enumerate(np.eye(2)):
+        numeric = slope(lambda h, unit=unit: f.gains(h * unit), 1e-3)
+        np.testing.assert_allclose(dgains[..., q], numeric, atol=1e-8)
+
+
+def test_settled_gains_are_still_those_of_the_textbook():
+    """Behind many rows, and behind a gap in the settled part."""
+    f = Filter(n_rows=400)
+    f.seen[300:310] = False
+    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-9)
+    numeric = slope(lambda h: f.gains(np.array([h, 0.0])), 1e-3)
+    np.testing.assert_allclose(dgains[..., 0], numeric, atol=1e-7)
+
+
+def test_inputs_are_simulated_each_by_itself():
+    f = Filter(1)
+    B, V = f.rng.normal(size=(3, 4)), f.rng.normal(size=(30, 4))
+    expected = np.empty((30, 4))
+    for j in range(4):
+        x = np.zeros(3)
+        for k in range(30):
+            expected[k, j] = x[f.node]
+            x = f.A @ x + B[:, j] * V[k, j]
+    np.testing.assert_allclose(simulate_inputs(f.A, B, V, f.node), expected, atol=1e-12)
+
+
+def filtered(A, gains, node, y, origins):
+    x, out = np.zeros(len(A)), {}
+    for k, value in enumerate(y):
+        if gains[k].any():
+            x = x + gains[k] * (value - x[node])
+        out[k] = x
+        x = A @ x
+    return np.array([out[o] for o in origins])
+
+
+def test_series_are_filtered_each_by_itself():
+    f = Filter(2)
+    gains, S, origins = f.gains(np.zeros(2)), f.rng.normal(size=(40, 3)), np.array([0, 5, 8, 8, 39])
+    S[~f.seen] = np.nan  # never read
+    found = filter_series(f.A, gains, f.node, S, origins)
+    for j in range(3):
+        np.testing.assert_allclose(found[..., j], filtered(f.A, gains, f.node, S[:, j], origins), atol=1e-12)
+
+
+def test_errors_by_lead_are_what_is_left_of_the_filtered_forecast():
+    f = Filter(3)
+    S, states, P = f.rng.normal(size=(20, 2)), f.rng.normal(size=(3, 3, 2)), f.rng.normal(size=(2, 3))
+    origins, leads, weight = np.array([2, 9, 18]), np.array([1, 4]), f.rng.uniform(size=(3, 2))
+    weight[2, 1] = 0.0  # beyond the series
+    found = lead_errors(S, states, P, origins, leads, weight).reshape(3, 2, 2)
+    for o in range(3):
+        for h in range(2):
+            for j in range(2):
+                inside = weight[o, h] > 0
+                expected = weight[o, h] * (S[origins[o] + leads[h], j] - P[h] @ states[o, :, j]) if inside else 0.0
+                assert found[o, h, j] == pytest.approx(expected, abs=1e-12)
+
+
+def test_sensitivities_of_response_and_filter():
+    f = Filter(4)
+    n, N, p = 2, 40, 2
+    A, dA = 0.8 * np.eye(n) + 0.05 * f.rng.normal(size=(n, n)), 0.1 * f.rng.normal(size=(n, n, p))
+    forcing, dforcing = f.rng.normal(size=(N, n)), f.rng.normal(size=(N, n, p))
+    y, origins = np.where(f.seen, f.rng.normal(size=N), np.nan), np.array([0, 6, 8, 39])
+
+    def plain(t):
+        F, _ = f.at(t)
+        s, response = np.zeros(n), np.empty(N)
+        for k in range(N):
+            response[k] = s[f.node]
+            s = (A + dA @ t) @ s + forcing[k] + dforcing[k] @ t
+        return response, filtered(F, f.gains(t), f.node, y - response, origins)
+
+    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    found = lead_sensitivities(A, dA, forcing, dforcing, f.A, f.dA, gains, dgains, f.node, y, origins)
+    response, states = plain(np.zeros(p))
+    np.testing.assert_allclose(found.response, response, atol=1e-12)
+    np.testing.assert_allclose(found.states, states, atol=1e-10)
+    for q, unit in enumerate(np.eye(p)):
+        np.testing.assert_allclose(found.dresponse[:, q], slope(lambda h, u=unit: plain(h * u)[0], 1e-3), atol=1e-7)
+        np.testing.assert_allclose(found.dstates[..., q], slope(lambda h, u=unit: plain(h * u)[1], 1e-3), atol=1e-7)
+
+
+# ------------------------------------------------------------------------------------------------------------- model
+def test_the_model_and_its_derivatives_by_logarithms():
+    model = LeadModel.of(get_network("4R3C"), 0.5, 2.0)
+    psi = np.log(np.linspace(0.5, 3.0, len(model.names)))
+    M = model.matrices(psi)
+    sigma_x, sigma_g, tau = np.exp(psi[-4:-1])
+    phi = np.exp(-0.5 / tau)
+    n = len(M.A)
+    assert M.F[n, n] == pytest.approx(phi)
+    np.testing.assert_allclose(M.F[:n, :n], M.A)
+    np.testing.assert_allclose(M.F[:n, n], M.B[:, 1 + model.zone])  # tracked heat enters as any heat on the air does
+    np.testing.assert_allclose(np.diag(M.Q), [*[sigma_x**2 * 0.5] * n, sigma_g**2 * (1 - phi**2)])
+    leads = np.array([1, 3, 7])
+    rows, drows = lead_rows(M.F, model.zone, leads, M.dF)
+    for row, lead in zip(rows, leads, strict=True):
+        np.testing.assert_allclose(row, np.linalg.matrix_power(M.F, lead)[model.zone], atol=1e-12)
+    for q, unit in enumerate(np.eye(len(psi))):
+        for name in "ABFQ":
+            numeric = slope(lambda h, u=unit, name=name: getattr(model.matrices(psi + h * u), name), 1e-3)
+            np.testing.assert_allclose(getattr(M, "d" + name)[..., q], numeric, atol=1e-8)
+        numeric = slope(lambda h, u=unit: lead_rows(model.matrices(psi + h * u).F, model.zone, leads)[0], 1e-3)
+        np.testing.assert_allclose(drows[..., q], numeric, atol=1e-8)
+
+
+def test_a_steady_kilowatt_warms_every_node_by_its_resistance():
+    """Closed form: in the long run heat leaves through the resistances to the outside only."""
+    model = LeadModel.of(get_network("1R1C"), 1.0, 1.0)
+    M = model.matrices(np.log([2.0, 5.0, 0.1, 0.1, 1.0, 1.0]))
+    assert model.names[:2] == ("C_za", "R_zo")
+    np.testing.assert_allclose(np.linalg.solve(np.eye(1) - M.A, M.B), [[1.0, 5.0]], rtol=1e-10)
+
+
+# ---------------------------------------------------------------------------------------------------------- channels
+def test_what_an_emitter_holds_back():
+    rng = np.random.default_rng(0)
+    heat, step, tau = rng.uniform(0, 3, 50), 0.5, 2.0
+    z, expected = heat[0], np.empty(50)
+    for k in range(50):
+        expected[k] = z - heat[k]
+        z += (1.0 - np.exp(-step / tau)) * (heat[k] - z)
+    found, by_log = emitter_series(heat, step, tau)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    numeric = slope(lambda h: emitter_series(heat, step, tau * np.exp(h))[0], 1e-3)
+    np.testing.assert_allclose(by_log, numeric, atol=1e-8)
+
+
+def test_names_groups_and_places_of_the_channels(table):
+    plan = make_plan(get_network("4R3C"), table, {}, calendar=True)
+    channels = make_channels(plan, table)
+    group = pd.Series([GROUPS[g] for g in channels.group], channels.names)
+    node = pd.Series([plan.network.nodes[i] for i in channels.node], channels.names)
+    kinds = {"gain_hour": "gain_hour_", "gain_day_type": "gain_day_type_", "ua_day_type": "ua_day_type_"}
+    for kind, start in kinds.items():
+        assert list(group.index[group == kind]) == [f"{start}{h}" for h in range(24)]
+    assert list(group.index[group == "ua_hour"]) == ["ua", *(f"ua_hour_{h}" for h in range(24))]
+    assert group["gain"] == group["u_cool"] == "free"
+    zone = plan.network.measured_nodes[0]
+    assert (node[[n for n in node.index if n.startswith(("gain", "ua", "u_"))]] == zone).all()
+    sun = [f"q_sol_{part}->{n}" for part in ("morning", "noon", "afternoon") for n in plan.network.nodes]
+    assert list(channels.names[: len(sun)]) == sun
+    assert [n.split("->")[1] for n in sun] == list(node[sun])
+    positive = {name for name, p in zip(channels.names, channels.positive, strict=True) if p}
+    assert positive == {*sun, "u_cool"}
+    own = dict(zip(channels.names, channels.series.T, strict=True))
+    np.testing.assert_array_equal(own["u_cool"], -table.inputs["u_cool"])
+    away = (table.inputs["T_oa"] - table.inputs["T_oa"].mean()) / 10.0
+    np.testing.assert_allclose(own["ua"], away, atol=1e-12)
+    np.testing.assert_allclose(sum(own[f"ua_hour_{h}"] for h in range(24)), away, atol=1e-12)
+
+
+def test_without_a_calendar_there_are_levels_only(table):
+    plan = make_plan(get_network("4R3C"), table, {}, calendar=False)
+    names = make_channels(plan, table).names
+    assert [n for n in names if n.startswith(("gain", "ua"))] == ["gain", "ua"]
+
+
+def test_schedules_follow_the_clock_on_the_wall():
+    """Across the end of daylight saving, where the hour that begins at 2 comes twice."""
+    stamps = pd.date_range("2023-10-27", periods=5 * 24 + 1, freq="1h", tz="Europe/Berlin")  # Friday ... Tuesday
+    X = pd.DataFrame({"T_oa": 10.0, "Q_hvac": 0.0}, stamps)
+    table = as_table(X)
+    channels = make_channels(make_plan(get_network("4R3C"), table, {}, calendar=True), table)
+    own = dict(zip(channels.names, channels.series.T, strict=True))
+    for row, stamp in enumerate(stamps):
+        sign = 1.0 if stamp.day_name() in ("Saturday", "Sunday") else -1.0
+        for hour in range(24):
+            here = float(stamp.hour == hour)
+            assert own[f"gain_hour_{hour}"][row] == here
+            assert own[f"gain_day_type_{hour}"][row] == sign * here
+    assert own["gain_hour_2"].sum() == 6
+
+
+def test_parts_of_the_day_lie_around_the_suns_noon():
+    """A site whose sun is highest at 13:00 by its clock."""
+    stamps = pd.date_range("2023-06-01", periods=4 * 48, freq="30min")
+    hour = np.asarray(stamps.hour + stamps.minute / 60.0)
+    X = pd.DataFrame({"T_oa": 10.0, "q_sol": np.maximum(np.cos((hour - 13.0) * np.pi / 15.0), 0.0)}, stamps)
+    table = as_table(X)
+    plan = make_plan(get_network("4R3C"), table, {}, calendar=False)
+    assert plan.noon == pytest.approx(13.0, abs=1e-6)
+    channels, own = make_channels(plan, table), {}
+    for name, series in zip(channels.names, channels.series.T, strict=True):
+        own.setdefault(name.split("->")[0], series)
+    for part, centre in (("morning", 9.5), ("noon", 13.0), ("afternoon", 16.5)):
+        tent = np.maximum(1.0 - np.abs(hour - centre) / 3.5, 0.0)
+        np.testing.assert_allclose(own[f"q_sol_{part}"], X["q_sol"] * tent, atol=1e-9)
+    inside = np.abs(hour - 13.0) <= 3.5
+    total = own["q_sol_morning"] + own["q_sol_noon"] + own["q_sol_afternoon"]
+    np.testing.assert_allclose(total[inside], X["q_sol"][inside], atol=1e-9)
+
+
+def test_facades_are_taken_as_they_are(table):
+    inputs = {"T_oa": table.inputs["T_oa"], "q_sol_E": table.inputs["q_sol"], "q_sol_W": 2.0 * table.inputs["q_sol"]}
+    facades = table.replace(inputs=inputs)
+    channels = make_channels(make_plan(get_network("4R3C"), facades, {}, calendar=False), facades)
+    nodes = get_network("4R3C").nodes
+    sun = [name for name in channels.names if name.startswith("q_sol")]
+    assert sun == [f"q_sol_{side}->{node}" for side in "EW" for node in nodes]
+    for name, series in zip(channels.names, channels.series.T, strict=True):
+        if name.startswith("q_sol"):
+            np.testing.assert_array_equal(series, inputs[name.split("->")[0]])
+
+
+def test_a_plan_for_measured_heat(table):
+    inputs = {
+        "T_oa": table.inputs["T_oa"],
+        "Q_hvac": 5.0 * table.inputs["u_heat"],
+        "Q_fan": 0.1 * np.ones(table.n_rows),
+    }
+    measured = table.replace(inputs=inputs)
+    plan = make_plan(get_network("4R3C"), measured, {}, calendar=False)
+    assert plan.stages == plan.knots == ()
+    np.testing.assert_allclose(heat_of(plan, measured), inputs["Q_hvac"] + 0.1, atol=1e-12)
+    assert not any(n.startswith(("u_", "Q_")) for n in make_channels(plan, measured).names)
+
+
+def test_a_plan_for_a_given_capacity(table):
+    plan = make_plan(get_network("4R3C"), table, {"Q_h": 4.0}, calendar=False)
+    assert plan.fixed == (("u_heat", 4.0),)
+    assert plan.stages == (("u_cool", -1.0),)
+    np.testing.assert_allclose(heat_of(plan, table), 4.0 * table.inputs["u_heat"])
+    both = make_plan(get_network("4R3C"), table, {"Q_h": 4.0, "Q_c": -3.0}, calendar=False)
+    np.testing.assert_allclose(heat_of(both, table), 4.0 * table.inputs["u_heat"] - 3.0 * table.inputs["u_cool"])
+    assert both.stages == ()
+
+
+def test_a_plan_for_cooling_only(table):
+    """Also where a heating column never moves: the scale is fixed by what runs."""
+    cooling = table.replace(inputs={k: v for k, v in table.inputs.items() if k != "u_heat"})
+    idle = table.replace(inputs=table.inputs | {"u_heat": np.zeros(table.n_rows)})
+    for one in (cooling, idle):
+        plan = make_plan(get_network("4R3C"), one, {}, calendar=False)
+        assert plan.fixed == (("u_cool", -6.0),)
+        np.testing.assert_allclose(heat_of(plan, one), -6.0 * table.inputs["u_cool"])
+
+
+def test_a_plan_without_a_plant(table):
+    bare = table.replace(inputs={"T_oa": table.inputs["T_oa"]})
+    plan = make_plan(get_network("4R3C"), bare, {}, calendar=False)
+    assert not plan.emitter
+    assert make_channels(plan, bare).names == ("gain", "ua")
+    assert not heat_of(plan, bare).any()
+
+
+# ------------------------------------------------------------------------------------------------------ coefficients
+@pytest.mark.parametrize("seed", range(5))
+def test_coefficients_solve_the_bounded_ridge(seed):
+    rng = np.random.default_rng(seed)
+    E, penalty = rng.normal(size=(60, 13)) * 3.0, rng.uniform(0.1, 2.0, 12)
+    E[:, -1] += E[:, :-1] @ rng.normal(size=12)
+    positive = rng.uniform(size=12) < 0.6
+    design = np.vstack([E[:, :-1], np.diag(np.sqrt(penalty))])
+    target = np.append(E[:, -1], np.zeros(12))
+    lowest = np.where(positive, 0.0, -np.inf)
+    truth = lsq_linear(design, target, (lowest, np.inf), method="bvls", tol=1e-14)
+    found = solve_coefficients(gram(E), penalty, positive)
+    assert (truth.active_mask < 0).any()  # a bound does hold something
+    np.testing.assert_allclose(found.coef, truth.x, atol=1e-7)
+    np.testing.assert_array_equal(found.free, truth.active_mask == 0)
+    assert found.loss == pytest.approx(truth.cost, rel=1e-9)
+
+
+# --------------------------------------------------------------------------------------------------------- objective
+def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
+    """A stretch whose temperature was made by a network with an emitter that holds back 60 %, with gaps."""
+    network, part = get_network(network), table.rows(slice(n_rows))
+    plan = make_plan(network, part, {}, calendar=True)
+    model = LeadModel.of(network, 0.5, 2.0)
+    psi = np.log([*[3.0] * len(network.capacitances), *[2.0] * len(network.resistors), 0.05, 0.5, 6.0, 1.5])
+    M, channels = model.matrices(psi), make_channels(plan, part)
+    heat = heat_of(plan, part)
+    lag, _ = emitter_series(heat, 0.5, 1.5)
+    rng = np.random.default_rng(0)
+    x, T = np.zeros(len(M.A)), np.empty(n_rows)
+    for k in range(n_rows):
+        T[k] = 20.0 + x[model.zone] + rng.normal(0.0, 0.03)
+        air = heat[k] + 0.6 * lag[k] + 0.3 * (channels.series[k, channels.names.index("gain_hour_9")] > 0)
+        x = M.A @ x + M.B[:, 0] * (part.inputs["T_oa"][k] - 20.0) + M.B[:, 1 + plan.heated] * air
+    T[50:70], T[200] = np.nan, np.nan
+    stretch = make_stretch(plan, part, T, 20.0)
+    sample = Sample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
+    spread = np.full(len(psi), 1.2)
+    precision = np.array([4.0, 3.0, 2.0, 1.0])
+    parts = (Part(stretch, sample), Part(stretch.until(150), Sample(np.arange(60, 140, 7), sample.leads), 2.0))
+    return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
+
+
+def test_the_objective_is_that_of_weighted_forecast_errors(table):
+    """Loss from the forecasts themselves, with the weights written out."""
+    problem, psi = lagging_problem(table)
+    point, loss = problem.evaluate(psi), 0.0
+    for part, count in zip(problem.parts, (1.5 / 8.0, 2.0 * 3.5 / 8.0), strict=True):
+        ones = np.ones((len(part.sample.origins), 4))
+        rows = part.sample.origins[:, None] + part.sample.leads
+        ones[rows >= part.stretch.n_rows] = 0.0
+        E = error_columns(problem.model, psi, part.stretch, part.sample, ones)
+        e = (E[:, -1] - E[:, :-1] @ point.solution.coef).reshape(ones.shape)
+        for (o, h), error in np.ndenumerate(e):
+            if rows[o, h] < part.stretch.n_rows and part.stretch.seen[rows[o, h]]:
+                loss += 0.5 * error**2 * problem.precision[h] * count / 4.0
+    loss += 0.5 * np.sum(problem.penalty * point.solution.coef**2) + 0.5 * np.sum(((psi - problem.centre) / 1.2) ** 2)
+    assert point.loss == pytest.approx(loss, rel=1e-8)
+
+
+@pytest.mark.parametrize("network", ["2R2C", "4R3C"])
+def test_the_gradient_is_exact(table, network):
+    problem, psi = lagging_problem(table, network)
+    psi = psi + np.random.default_rng(1).normal(0.0, 0.05, len(psi))
+    point = problem.evaluate(psi)
+    assert point.solution.coef[-1] > 0.1  # the emitter's
+    g, H = problem.slopes(point)
+    numeric = [slope(lambda h, u=u: problem.evaluate(psi + h * u).loss, 2e-3) for u in np.eye(len(psi))]
+    np.testing.assert_allclose(g, numeric, rtol=1e-5, atol=1e-6 * np.abs(g).max())
+    assert np.linalg.eigvalsh(H).min() > 0
+
+
+def test_the_hessian_is_that_of_the_projected_residuals(table):
+    """Gauss-Newton by hand: derivatives at fixed coefficients, less what the free coefficients can take up."""
+    problem, psi = lagging_problem(table)
+    point = problem.evaluate(psi)
+    coef, free = point.solution.coef, point.solution.free
+
+    def residuals(t):
+        E = np.vstack([problem.columns(t, part) for part in problem.parts])
+        return np.concatenate([E[:, -1] - E[:, :-1] @ coef, -np.sqrt(problem.penalty) * coef])
+
+    J = np.column_stack([slope(lambda h, u=u: residuals(psi + h * u), 1e-3) for u in np.eye(len(psi))])
+    D = np.vstack([*point.columns, np.zeros((0, len(coef) + 1))])[:, :-1]
+    D = np.vstack([D, np.diag(np.sqrt(problem.penalty))])[:, free]
+    rest = J - D @ np.linalg.lstsq(D, J, rcond=None)[0]
+    H = rest.T @ rest + np.eye(len(psi)) / 1.2**2
+    np.testing.assert_allclose(problem.slopes(point)[1], H, rtol=1e-5, atol=1e-6 * np.abs(H).max())
+
+
+def test_penalties_are_in_units_of_the_heat(table):
+    problem, _ = lagging_problem(table, shrinkage=Shrinkage(0.5, 2.0, 3.0))
+    names = problem.parts[0].stretch.channels.names
+    penalty = dict(zip(names, penalty_of(problem.parts[0].stretch, problem.shrinkage, 2.0), strict=False))
+    assert penalty["gain_hour_3"] == pytest.approx(0.5 / 4.0)
+    assert penalty["gain_day_type_3"] == pytest.approx(1.5 / 4.0)
+    assert penalty["ua"] == penalty["ua_hour_3"] == pytest.approx(2.0 / 4.0)
+    assert penalty["ua_day_type_3"] == pytest.approx(6.0 / 4.0)
+    assert penalty["q_sol_noon->za"] == pytest.approx(1e-3 / 100.0)
+
+
+# ------------------------------------------------------------------------------------------------------------ fitting
+def test_hourly_origins_and_shares_of_the_horizon():
+    sample = hourly_sample(1000, 96, 0.25, 96)
+    assert sample.origins[0] == 96
+    assert (np.diff(sample.origins) == 4).all()
+    assert sample.origins[-1] < 999
+    assert list(sample.leads[[0, -1]]) == [1, 96]
+    short = hourly_sample(5, 96, 0.25, 96)
+    assert list(short.leads) == [1, 2]
+
+
+def test_a_fit_improves_on_its_start_and_shows_what_it_found(fit):
+    start = fit.problem.evaluate(fit.problem.centre)
+    assert fit.point.loss < start.loss
+    np.testing.assert_allclose(fit.gram, gram(fit.problem.columns(fit.point.psi, fit.problem.parts[0])), rtol=1e-12)
+    shown = ScheduledNetwork.of(fit)
+    assert list(shown.theta_.index) == list(fit.model.names[:-4])
+    np.testing.assert_allclose([*shown.theta_, *shown.disturbance_], np.exp(fit.point.psi))
+    assert (shown.coef_[[n for n in shown.coef_.index if n.startswith("q_sol")]] >= 0).all()
+
+
+def test_the_schedule_is_that_of_its_channels(fit, table):
+    """The unmeasured heat of every row read from the table of hours and day types."""
+    shown = ScheduledNetwork.of(fit)
+    heat = shown.heat_at(table)
+    away = table.inputs["T_oa"] - fit.stretch.plan.mean_outdoor
+    for row in range(0, table.n_rows, 37):
+        stamp = table.index[row]
+        day = "weekend" if stamp.day_of_week >= 5 else "weekday"
+        gain, ua = shown.schedule_.loc[(day, stamp.hour)]
+        assert heat.iloc[row] == pytest.approx(gain + ua * away[row], abs=1e-10)
+
+
+def test_left_out_errors_are_by_coefficients_without_the_block(fit):
+    part, E = fit.problem.parts[0], fit.problem.columns(fit.point.psi, fit.problem.parts[0])
+    blocks = np.repeat(fit.blocks, len(part.sample.leads))
+    assert len(np.unique(blocks)) >= 3
+    penalty = np.diag(np.sqrt(fit.problem.penalty))
+    lowest = np.where(fit.problem.positive, 0.0, -np.inf)
+    root = fit.problem.root_weights(part)
+    for block in np.unique(blocks)[:2]:
+        rest = E[blocks != block]
+        design, target = np.vstack([rest[:, :-1], penalty]), np.append(rest[:, -1], np.zeros(len(penalty)))
+        coef = lsq_linear(design, target, (lowest, np.inf), method="bvls", tol=1e-14).x
+        e = (E[:, -1] - E[:, :-1] @ coef).reshape(root.shape)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = np.where(root > 0, e / root, np.nan)[fit.blocks == block]
+        np.testing.assert_allclose(fit.left_out[fit.blocks == block], expected, atol=1e-5)
+
+
+# --------------------------------------------------------------------------------------------- forecasts and learning
+def brute_force(fit, psi, coef, stretch, origin, n_leads):
+    """Everything in one state space: Kalman's filter on temperatures and tracked heat, then the network runs free.
+
+    Returns the path, and the tracked heat at the origin.
+    """
+    M, model, channels = fit.model.matrices(psi), fit.model, stretch.channels
+    n = len(M.A)
+    heat = np.zeros((stretch.n_rows, n))
+    for j, node in enumerate(channels.node):
+        heat[:, node] += coef[j] * channels.series[:, j]
+    z = stretch.heat[0]
+    for k in range(stretch.n_rows):
+        heat[k, stretch.plan.heated] += stretch.heat[k] + coef[-1] * (z - stretch.heat[k])
+        z += (1.0 - np.exp(-model.step / np.exp(psi[-1]))) * (stretch.heat[k] - z)
+    v = np.hstack([stretch.boundary, heat]) @ M.B.T
+    x, P, c = np.zeros(n + 1), M.P0, np.eye(n + 1)[model.zone]
+    for k in range(origin + 1):
+        if k:
+            x, P = M.F @ x, M.F @ P @ M.F.T + M.Q
+            x[:n] += v[k - 1]
+        if stretch.seen[k]:
+            gain = P @ c / (c @ P @ c + NOISE**2)
+            x, P = x + gain * (stretch.y[k] - x[model.zone]), P - np.outer(gain, c @ P)
+    path, tracked = np.empty(n_leads), x[n]
+    for h in range(n_leads):
+        x = M.F @ x
+        x[:n] += v[origin + h]
+        path[h] = x[model.zone]
+    return path, tracked
+
+
+@pytest.mark.parametrize("origin", [0, N_TRAIN - 1, 9 * DAY + 5, 12 * DAY + 7], ids=["first", "seam", "gap", "later"])
+def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
+    sample = Sample(np.empty(0, dtype=np.int64), fit.sample.leads)
+    found = follow(fit, later, np.array([origin]), DAY, sample, None)
+    coef = fit.point.solution.coef
+    expected, _ = brute_force(fit, fit.point.psi, coef, later.stretch, origin, DAY)
+    np.testing.assert_allclose(found.paths[0], expected, atol=1e-7)
+    assert np.isnan(found.errors).all()
+
+
+def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, later, table):
+    """The filter's heat fades from the origin on; far ahead the schedule is left."""
+    origin = 10 * DAY
+    nothing = Sample(np.empty(0, dtype=np.int64), fit.sample.leads)
+    found = follow(fit, later, np.array([origin]), 4 * DAY, nothing, None)
+    shown = ScheduledNetwork.of(fit)
+    planned = shown.heat_at(table).to_numpy()[origin + 1 : origin + 1 + 4 * DAY]
+    _, tracked = brute_force(fit, fit.point.psi, fit.point.solution.coef, later.stretch, origin, 1)
+    assert abs(tracked) > 1e-3
+    fading = np.exp(-0.5 / shown.disturbance_["tau_g"]) ** np.arange(1, 4 * DAY + 1)
+    np.testing.assert_allclose(found.heat[0], planned + tracked * fading, atol=1e-9)
+
+
+def history(later, origins, leads, every=2):
+    return Sample(np.arange(later.begin, max(later.begin, int(origins[-1])), every), leads)
+
+
+def test_linear_adaptation_is_a_direct_solve(fit, later):
+    """Training forecasts, and twice those of the history that had ended by the origin: nothing else."""
+    leads = fit.sample.leads
+    origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
+    sample = history(later, origins, leads)
+    found = follow(fit, later, origins, DAY, sample, "linear")
+    problem, psi, stretch = fit.problem, fit.point.psi, later.stretch
+    training = problem.columns(psi, problem.parts[0])
+    rows = sample.origins[:, None] + leads
+    E = error_columns(fit.model, psi, stretch, sample, (rows < stretch.n_rows).astype(float))
+    penalty, lowest = np.diag(np.sqrt(problem.penalty)), np.where(problem.positive, 0.0, -np.inf)
+    weight = np.sqrt(2.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
+    for i, origin in enumerate(origins):
+        use = (rows <= origin) & stretch.seen[np.minimum(rows, stretch.n_rows - 1)]
+        own = (E.reshape(*rows.shape, -1) * weight[:, None])[use]
+        design = np.vstack([training, own])
+        matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
+        coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
+        np.testing.assert_allclose(found.learned[i][1], coef, atol=1e-5 * np.abs(coef).max())
+        expected, _ = brute_force(fit, psi, found.learned[i][1], stretch, origin, DAY)
+        np.testing.assert_allclose(found.paths[i], expected, atol=1e-7)
+    assert not np.allclose(found.learned[0][1], found.learned[2][1], atol=1e-3)
+
+
+@pytest.mark.parametrize("adapt", ["linear", "full"])
+def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt):
+    origins = np.array([N_TRAIN + 1, 12 * DAY, N_TRAIN + 11 * DAY])
+    sample = history(later, origins, fit.sample.leads)
+    clean = follow(fit, later, origins, DAY, sample, adapt)
+    rng = np.random.default_rng(0)
+    for i, origin in enumerate(origins):
+        y, seen = later.stretch.y.copy(), later.stretch.seen.copy()
+        y[origin + 1 :] = rng.normal(0.0, 30.0, len(y) - origin - 1)
+        seen[origin + 1 :] |= True
+        other = follow(fit, later._replace(stretch=later.stretch._replace(y=y, seen=seen)), origins, DAY, sample, adapt)
+        np.testing.assert_array_equal(other.paths[: i + 1], clean.paths[: i + 1])
+        np.testing.assert_array_equal(other.learned[i][1], clean.learned[i][1])
+        np.testing.assert_array_equal(other.learned[i][0], clean.learned[i][0])
+        known = sample.origins[:, None] + sample.leads <= origin
+        np.testing.assert_array_equal(other.errors[known], clean.errors[known])
+
+
+@pytest.mark.parametrize("adapt", [None, "linear", "full"])
+def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
+    origins = np.array([N_TRAIN, N_TRAIN + 1, N_TRAIN + 2, N_TRAIN + 3, N_TRAIN + 50, N_TRAIN + 11 * DAY])
+    together = follow(fit, later, origins, DAY, history(later, origins, fit.sample.leads), adapt)
+    for i, origin in enumerate(origins):
+        one = np.array([origin])
+        alone = follow(fit, later, one, DAY, history(later, one, fit.sample.leads), adapt)
+        np.testing.assert_allclose(alone.paths[0], together.paths[i], atol=1e-6)
+
+
+def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later):
+    origins = np.array([11 * DAY])
+    sample = history(later, origins, fit.sample.leads)
+    found = follow(fit, later, origins, DAY, sample, "linear")
+    morning = N_TRAIN + 2 * DAY
+    that_day = follow(fit, later, np.array([morning]), DAY, history(later, [morning], fit.sample.leads), "linear")
+    for place in np.flatnonzero((sample.origins >= morning) & (sample.origins < morning + DAY))[::7]:
+        origin = sample.origins[place]
+        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0][1], later.stretch, origin, DAY)
+        target = np.minimum(origin + sample.leads, later.stretch.n_rows - 1)
+        expected = np.where(later.stretch.seen[target], later.stretch.y[target] - path[sample.leads - 1], np.nan)
+        np.testing.assert_allclose(found.errors[place], expected, atol=1e-6)
+
+
+def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
+    """Every ten days; the row of the mark is the last one that counts."""
+    later = later._replace(begin=N_TRAIN + 3)  # so that a lead of the sample ends at the row behind the mark
+    mark = N_TRAIN + 3 + 10 * DAY
+    origins = np.array([mark - 1, mark, mark + 20])
+    sample = history(later, origins, fit.sample.leads)
+
+    def learned(y):
+        return follow(fit, later._replace(stretch=later.stretch._replace(y=y)), origins, 1, sample, "full").learned
+
+    y = later.stretch.y
+    before, at, behind = (psi for psi, _ in learned(y))
+    np.testing.assert_array_equal(before, fit.point.psi)
+    assert not np.array_equal(at, before)
+    np.testing.assert_array_equal(at, behind)
+    changed = y.copy()
+    changed[mark + 1 :] += 5.0
+    np.testing.assert_array_equal(learned(changed)[2][0], at)
+    changed = y.copy()
+    changed[mark] += 5.0
+    assert not np.array_equal(learned(changed)[1][0], at)
+
+
+def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
+    """Where the rows are not behind the training, a re-fit sees them and the training, and nothing behind its mark."""
+    part = table.rows(slice(2 * DAY + 3, None))
+    y = T[2 * DAY + 3 :]
+    mark, found = 10 * DAY, []
+    for changed in (None, mark + 1, mark):
+        own = y.copy()
+        if changed is not None:
+            own[changed:] += 3.0
+        elsewhere = Later(make_stretch(fit.stretch.plan, part, own, fit.reference), 0, joined=False)
+        origins = np.array([mark - 1, mark])
+        sample = history(elsewhere, origins, fit.sample.leads)
+        found.append(follow(fit, elsewhere, origins, 1, sample, "full").learned)
+    np.testing.assert_array_equal(found[0][0][0], fit.point.psi)
+    assert not np.array_equal(found[0][1][0], fit.point.psi)
+    np.testing.assert_array_equal(found[1][1][0], found[0][1][0])
+    np.testing.assert_array_equal(found[1][1][1], found[0][1][1])
+    assert not np.array_equal(found[2][1][0], found[0][1][0])
+
+
+def test_full_adaptation_is_a_fit_on_the_window(fit, later):
+    """From where the last fit ended: the re-fitted point beats it on the rows that it was fitted on."""
+    mark = N_TRAIN + 10 * DAY
+    sample = history(later, [mark], fit.sample.leads)
+    psi = follow(fit, later, np.array([mark]), 1, sample, "full").learned[0][0]
+    origins = np.arange(DAY, mark, 4)
+    weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
+    window = replace(
+        fit.problem, parts=(Part(later.stretch.until(mark + 1), Sample(origins, fit.sample.leads), weight),)
+    )
+    assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss
