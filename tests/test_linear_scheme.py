@@ -14,6 +14,7 @@ from sklearn.model_selection import GridSearchCV
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, PeriodicDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
+from skhybrid.hybrid.echo import echo
 from skhybrid.hybrid.members import BlackBox
 from skhybrid.identification.scheduled import Later, Sample, fit_leads, follow, loads, make_stretch
 from skhybrid.identification.setpoints import Band, Limits
@@ -107,6 +108,31 @@ def test_products_of_errors_by_plain_loops():
                 count = {0: 2, 1: 1, 2: 1}[int(groups[h])]
                 expected[groups[h]] += share[o, h] * np.outer(errors[o, h], errors[o, h]) / count
     np.testing.assert_allclose(moments(errors, groups, share), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("seam", [0, -1, 3], ids=["even", "closer", "apart"])
+def test_the_echo_of_known_errors_by_plain_loops(seam):
+    """A tenth of what was missed a week ago and 8 % of two weeks ago, where known, wherever the history joins."""
+    rng, leads, a_day = np.random.default_rng(0), np.array([1, 5, 48, 96]), 48
+    origins = np.concatenate([np.arange(48, 960, 2), np.arange(960 + seam, 1400, 2)])
+    errors = rng.normal(size=(len(origins), 4))
+    errors[origins % 7 == 3] = np.nan
+    for row in (100, 390, 730, 731, 1250, 1251, 1398):
+        expected = np.zeros(4)
+        for days, share in ((7, 0.10), (14, 0.08)):
+            past = [i for i, o in enumerate(origins) if row - days * a_day - 2 < o <= row - days * a_day]
+            for j, lead in enumerate(leads):
+                if past and origins[past[-1]] + lead <= row and np.isfinite(errors[past[-1], j]):
+                    expected[j] += share * errors[past[-1], j]
+        np.testing.assert_allclose(echo(errors, origins, leads, row, a_day), expected, atol=1e-12)
+
+
+def test_the_echo_reads_nothing_that_ends_behind_its_row():
+    """Of a week of leads the ones that have ended."""
+    leads, origins = np.array([1, 7 * 48, 7 * 48 + 1]), np.arange(0, 1000, 2)
+    found = echo(np.ones((500, 3)), origins, leads, 400, 48)
+    np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
+    assert not echo(np.ones((1, 3)), origins[:1], leads, 400, 48).any()
 
 
 # --------------------------------------------------------------------------------------------------------- black box

@@ -18,7 +18,7 @@ from skhybrid.identification.scheduled.coefficients import gram, solve_coefficie
 from skhybrid.identification.scheduled.fit import hourly_sample
 from skhybrid.identification.scheduled.model import NOISE, LeadModel, lead_rows
 from skhybrid.identification.scheduled.problem import LeadProblem, Part, Shrinkage, penalty_of
-from skhybrid.identification.scheduled.responses import error_columns
+from skhybrid.identification.scheduled.responses import error_columns, respond
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
@@ -404,7 +404,8 @@ def test_the_objective_is_that_of_weighted_forecast_errors(table):
         ones = np.ones((len(part.sample.origins), 4))
         rows = part.sample.origins[:, None] + part.sample.leads
         ones[rows >= part.stretch.n_rows] = 0.0
-        E = error_columns(problem.model, psi, part.stretch, part.sample, ones)
+        found = respond(problem.model, psi, part.stretch, part.sample.origins)
+        E = error_columns(problem.model, found, part.sample, ones)
         e = (E[:, -1] - E[:, :-1] @ point.solution.coef).reshape(ones.shape)
         for (o, h), error in np.ndenumerate(e):
             if rows[o, h] < part.stretch.n_rows and part.stretch.seen[rows[o, h]]:
@@ -572,7 +573,8 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
     problem, psi, stretch = fit.problem, fit.point.psi, later.stretch
     training = problem.columns(psi, problem.parts[0])
     rows = sample.origins[:, None] + leads
-    E = error_columns(fit.model, psi, stretch, sample, (rows < stretch.n_rows).astype(float))
+    responses = respond(fit.model, psi, stretch, sample.origins)
+    E = error_columns(fit.model, responses, sample, (rows < stretch.n_rows).astype(float))
     penalty, lowest = np.diag(np.sqrt(problem.penalty)), np.where(problem.positive, 0.0, -np.inf)
     weight = np.sqrt(2.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
     for i, origin in enumerate(origins):

@@ -37,7 +37,8 @@ def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a
         return np.zeros(len(leads))
     rows = row - _DAYS_BACK * a_day
     at = np.searchsorted(origins, rows, side="right") - 1
-    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.min(np.diff(origins)))
+    # where history joins the training two origins may lie closer than all others
+    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.median(np.diff(origins)))
     at = np.maximum(at, 0)
     known = near[:, None] & (origins[at][:, None] + leads <= row)
     return np.asarray(_SHARES @ np.where(known, np.nan_to_num(errors[at]), 0.0))
