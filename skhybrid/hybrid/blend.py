@@ -10,7 +10,7 @@ import numpy as np
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
 #: pull toward equal weights, beside the harmonic mean of the models' squared errors
-_PULL = 0.1
+_PULL = 0.3
 #: days after which an error of the history counts half
 _HALF_LIFE = 14.0
 

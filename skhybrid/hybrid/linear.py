@@ -23,8 +23,6 @@ from .tables import one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
-#: how much an error on left-out training days counts beside one of the history: the network has seen those days
-_TRAINED = 1.0
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
 #: the last rows that a new fit learns from, where the first one had fewer
@@ -73,7 +71,7 @@ class LinearScheme:
         self._groups = lead_groups(fit.sample.leads, self._n_leads)
         self._left_out = np.stack([m.left_out(fit.sample, fit.blocks) for m in self._members], axis=-1)
         ends = fit.sample.origins[:, None] + fit.sample.leads
-        self._products = _TRAINED * moments(self._left_out, self._groups, self._share(ends, table.n_rows - 1, table.step))
+        self._products = moments(self._left_out, self._groups, self._share(ends, table.n_rows - 1, table.step))
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
         self.weights_ = pd.DataFrame(blend_weights(self._products), list(GROUP_NAMES), [m.name for m in self._members])

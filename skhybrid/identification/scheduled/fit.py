@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,7 @@ def fit_leads(
     point = minimise(problem, point.psi, most=4)
     E = point.columns[0]
     total = gram(E)
-    left_out = _left_out(problem, E, total, blocks)
+    left_out = _left_out(problem, E, blocks)
     return LeadFit(model, problem, point._replace(columns=()), total, blocks, left_out, reference)
 
 
@@ -183,24 +184,40 @@ def _blocks(sample: Sample, step: float) -> np.ndarray:
     )
 
 
-def _block_grams(E: np.ndarray, blocks: np.ndarray) -> list[np.ndarray]:
+class _Block(NamedTuple):
+    """A block of days: its own forecasts, and the others that touch none of its days."""
+
+    own: np.ndarray  # (J + 1, J + 1)
+    others: np.ndarray  # (J + 1, J + 1)
+
+
+def _parted(E: np.ndarray, sample: Sample, blocks: np.ndarray) -> list[_Block]:
     by_origin = E.reshape(len(blocks), -1, E.shape[1])
-    return [gram(by_origin[blocks == b].reshape(-1, E.shape[1])) for b in range(int(blocks.max()) + 1)]
+
+    def of(chosen: np.ndarray) -> np.ndarray:
+        return gram(by_origin[chosen].reshape(-1, E.shape[1]))
+
+    grams = [of(blocks == b) for b in range(int(blocks.max()) + 1)]
+    total = np.sum(grams, axis=0)
+    begins = sample.origins[np.searchsorted(blocks, np.arange(len(grams)))]
+    span = int(sample.leads[-1])
+    # forecasts from just before a block have their targets in it
+    reach = [of((blocks < b) & (sample.origins + span > begin)) for b, begin in enumerate(begins)]
+    return [_Block(own, total - own - before) for own, before in zip(grams, reach, strict=True)]
 
 
 def _best_shrinkage(problem: LeadProblem, point: Point, blocks: np.ndarray) -> Shrinkage:
     """The shrinkage with the least error in blocks that are left out in turn; linear re-solves only."""
     if not problem.plan.calendar or not len(blocks) or not blocks.max():
         return Shrinkage()
-    grams = _block_grams(point.columns[0], blocks)
-    total = sum(grams)
+    parts = _parted(point.columns[0], problem.parts[0].sample, blocks)
     stretch, scale, positive = problem.parts[0].stretch, problem.model.heat_scale, problem.positive
 
     def score(shrinkage: Shrinkage) -> float:
         penalty, out = penalty_of(stretch, shrinkage, scale), 0.0
-        for own in grams:
-            against = np.append(-solve_coefficients(total - own, penalty, positive).coef, 1.0)
-            out += float(against @ own @ against)
+        for part in parts:
+            against = np.append(-solve_coefficients(part.others, penalty, positive).coef, 1.0)
+            out += float(against @ part.own @ against)
         return out
 
     # one coordinate after the other: the three hardly depend on each other
@@ -208,12 +225,12 @@ def _best_shrinkage(problem: LeadProblem, point: Point, blocks: np.ndarray) -> S
     return min((best._replace(day_type=d) for d in _DAY_TYPES), key=score)
 
 
-def _left_out(problem: LeadProblem, E: np.ndarray, total: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+def _left_out(problem: LeadProblem, E: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     part = problem.parts[0]
     errors = np.full((len(part.sample.origins), len(part.sample.leads)), np.nan)
     if not len(blocks) or not blocks.max():
         return errors
-    for b, own in enumerate(_block_grams(E, blocks)):
-        coef = solve_coefficients(total - own, problem.penalty, problem.positive).coef
+    for b, block in enumerate(_parted(E, part.sample, blocks)):
+        coef = solve_coefficients(block.others, problem.penalty, problem.positive).coef
         errors[blocks == b] = _errors(problem, part, E, coef)[blocks == b]
     return errors
