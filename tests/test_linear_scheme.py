@@ -59,7 +59,7 @@ def test_weights_have_the_least_penalised_error_on_the_simplex(n_models):
         size = n_models / np.sum(1.0 / np.diag(S))
 
         def loss(w, S=S, size=size):
-            return w @ S @ w / size + 0.1 * np.sum((w - 1.0 / n_models) ** 2)
+            return w @ S @ w / size + 0.3 * np.sum((w - 1.0 / n_models) ** 2)
 
         simplex = {"type": "eq", "fun": lambda w: w.sum() - 1.0}
         start = np.full(n_models, 1.0 / n_models)
