@@ -38,7 +38,7 @@ class Plan(NamedTuple):
     knots: tuple[tuple[str, float, float], ...]  # stages whose slope may change, where, and the capacity [kW]
     tops: tuple[tuple[str, float], ...]  # largest training value of each stage
     mean_outdoor: float  # [degC]
-    noon: float  # local hour at which the sun is highest
+    noon: float  # hour (UTC where known) at which the sun is highest
     calendar: bool
 
     @property
@@ -103,12 +103,14 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
 def _noon(table: ZoneTable, sun: tuple[str, ...]) -> float:
     """Local hour around which a table's irradiance lies."""
     total = np.sum([table.inputs[role] for role in sun], axis=0) if sun else np.zeros(table.n_rows)
-    angle = 2.0 * np.pi * _hour(table.time) / _HOURS
+    angle = 2.0 * np.pi * _sun_hour(table) / _HOURS
     x, y = np.sum(total * np.cos(angle)), np.sum(total * np.sin(angle))
     return float(np.arctan2(y, x) * _HOURS / (2.0 * np.pi)) % _HOURS if np.hypot(x, y) > 0 else 12.0
 
 
-def _hour(time: pd.DatetimeIndex) -> np.ndarray:
+def _sun_hour(table: ZoneTable) -> np.ndarray:
+    """(N,) hour of a clock that no daylight saving moves."""
+    time = table.time if table.utc is None else table.utc.tz_localize(None)
     return np.asarray((time - time.normalize()) / pd.Timedelta("1h"), dtype=np.float64)
 
 
@@ -138,7 +140,7 @@ def _sunlight(plan: Plan, table: ZoneTable):
     beams = {role: table.inputs[role] for role in plan.sun}
     if len(beams) == 1:
         role, light = next(iter(beams.items()))
-        away = (_hour(table.time) - plan.noon + 12.0) % _HOURS - 12.0
+        away = (_sun_hour(table) - plan.noon + 12.0) % _HOURS - 12.0
         beams = {
             f"{role}_{part}": light * np.clip(1.0 - np.abs(away - centre) / _PART_WIDTH, 0.0, 1.0)
             for part, centre in _PARTS.items()
