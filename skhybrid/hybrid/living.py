@@ -104,9 +104,10 @@ class LivingMixin:
     def partial_fit(self, X: Any, y: Any) -> Self:
         """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
 
-        Baselines of the disturbance (``model="ridge"`` among them) are fitted again on training and new rows, or on the
-        last weeks alone where those forecast the latest one clearly better; networks keep their weights and the gray
-        box stays as identified, unless ``adapt="full"``.
+        The linear scheme is fitted anew on the last eight weeks, or on as many rows as its first training had where
+        those are more.  In the published one, baselines of the disturbance (``model="ridge"`` among them) are fitted
+        again on training and new rows, or on the last weeks alone where those forecast the latest one clearly better;
+        networks keep their weights and the gray box stays as identified, unless ``adapt="full"``.
 
         Parameters
         ----------
@@ -148,8 +149,8 @@ class LivingMixin:
     def drift(self, X: Any = None) -> pd.DataFrame:
         """Tell day by day whether what was learned still holds; nothing is taken in.
 
-        Each day's disturbance is held against what the trained forecaster, without adaptation, expected of it at
-        midnight; the reference are days of the training that it was not fitted on
+        Each day's temperature (linear scheme) or disturbance (published) is held against what was expected of it at
+        midnight as trained, without adaptation; the reference are days of the training that were left out of the fit
         (:class:`~skhybrid.hybrid.DriftMonitor`).
 
         Parameters

@@ -1,4 +1,4 @@
-"""HybridPredictor: a gray box driven by a forecast of what nobody measures (paper 3.1)."""
+"""HybridPredictor: a thermal network and a forecast of what nobody measures, joined by one of two schemes."""
 
 from __future__ import annotations
 
@@ -32,35 +32,46 @@ DEFAULT_NETWORK = "4R3C"
 
 
 class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEstimator):
-    """Day-ahead forecast of temperature and load: an identified network driven by a forecast disturbance.
+    """Day-ahead forecast of temperature and load: a thermal network and a forecast of its unmeasured heat.
 
-    The gray box is identified, the disturbance that it leaves is estimated (causally, as later in use), gathered into
-    hours and learned by the forecaster; a forecast drives the network with the forecast disturbance (paper Eqs.
-    ID_hybrid and od_hybrid).
+    Without arguments it takes the *linear* scheme: schedules of gain and of conductance are learned through the
+    network, on the errors of its forecasts at all leads, and the forecast is blended with ARX.  With a gray box or a
+    forecaster it takes the *published* one: the gray box is identified, the disturbance that it leaves is estimated
+    (causally, as later in use), gathered into hours and learned by the forecaster; a forecast drives the network with
+    the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid).  The user guide has the equations of both.
 
     Parameters
     ----------
     gray_box : estimator, optional
-        An identification of this package; default ``PeriodicDisturbanceID()``.
+        An identification of this package, for the published scheme; there the default is ``PeriodicDisturbanceID()``.
+        The linear scheme takes its ``network`` (default 4R3C), ``columns``, ``sampling_time`` and of ``known`` the
+        capacities, and identifies nothing.
     forecaster : estimator, optional
-        A regressor of the disturbance; default ``DisturbanceForecaster(model="ridge")`` with the same horizon.
+        A regressor of the disturbance.  ``DisturbanceForecaster("linear")`` takes the linear scheme, whatever the gray
+        box; any other the published one, whose default is ``DisturbanceForecaster("ridge")`` with the same horizon.
     disturbance : {"input", "output"}, default="input"
-        Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].
+        Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K] (published scheme only).
     horizon : timedelta-like, default="1D"
         How far ahead ``predict`` looks; None forecasts from the first row on.
-    adapt : {None, "linear", "full"}, default="linear"
-        What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
-        ``"linear"``: for every full week of history behind the training table a linear forecaster or baseline is also
-        re-fitted on training and history (on its last weeks alone where those forecast the latest one clearly
-        better); networks and other regressors stay as trained.  ``"full"``: a forecast acts
-        as with ``"linear"``; :meth:`partial_fit` also identifies the network again and trains any forecaster anew, for
-        which the measured rows are kept.
+    adapt : {None, "linear", "full"}, default="full"
+        What a forecast takes in from the history up to its origin.  None: the state, and in the published scheme the
+        recent disturbance.
+
+        ``"linear"``: in the linear scheme also schedules, other linear coefficients and ARX, solved again at every
+        origin, weights by recent errors, and a share of what was missed one and two weeks ago.  In the published one a
+        linear forecaster or baseline is re-fitted on training and history for every full week of history (on its last
+        weeks alone where those forecast the latest one clearly better); networks of neurons and other regressors stay
+        as trained.
+
+        ``"full"``: in the linear scheme the network and its filter too are fitted again every ten days of history.  In
+        the published one a forecast acts as with ``"linear"``; :meth:`partial_fit` also identifies the network again
+        and trains any forecaster anew, for which the measured rows are kept.
     memory : str or joblib.Memory, optional
-        Where identifications are kept, so that candidates of a search that share one identify it once.
+        Where identifications are kept, so that candidates of a search that share one identify it once (published).
     n_jobs : int, optional
-        Passed to parts that take it and have none.
+        Passed to parts that take it and have none (published).
     random_state : int, RandomState or None
-        Passed to parts that take it and have none.
+        Passed to parts that take it and have none (published); the linear scheme draws nothing at random.
     verbose : int, default=0
         1 shows progress.
     columns : dict of role to column, optional
@@ -75,20 +86,26 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
     Attributes
     ----------
     gray_box_ : estimator
-        The identified network.
+        The identified network.  In the linear scheme the fitted network with ``theta_`` (resistances [K/kW],
+        capacitances [kWh/K]), ``disturbance_`` (of its filter), ``coef_`` (by channel) and ``schedule_`` (``gain`` [kW]
+        and ``ua`` [kW/K] by day type and hour).
     forecaster_ : estimator
-        The fitted disturbance model.
+        The fitted disturbance model; in the linear scheme the same as ``gray_box_``, whose schedules it is.
+    weights_ : DataFrame
+        Shares of network and ARX by group of leads, as the training has them (linear scheme only).
     sampling_time_, disturbance_step_ : Timedelta
         Steps of the table and of the disturbance.
     zeta_ : Series
-        The training disturbance by steps of the forecaster [kW or K].
+        The training disturbance by steps of the forecaster [kW or K]; in the linear scheme that of the schedules.
+    intervals_ : LeadIntervals
+        What quantiles are made of; learned when first asked for.
 
     Examples
     --------
     >>> from skhybrid import HybridPredictor
     >>> from skhybrid.datasets import make_office
     >>> office = make_office(n_days=14, random_state=0)
-    >>> model = HybridPredictor(random_state=0).fit(office.X[:-96], office.y[:-96])
+    >>> model = HybridPredictor().fit(office.X[:-96], office.y[:-96])
     >>> tomorrow = model.predict(office.X[-96:])
     >>> tomorrow.shape
     (96,)
@@ -128,7 +145,7 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
     # --------------------------------------------------------------------------------------------------------- fit
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> HybridPredictor:
-        """Identify the network, estimate its disturbance, learn to forecast it.
+        """Learn from a training table, by the scheme that the parameters ask for.
 
         Parameters
         ----------
@@ -297,8 +314,8 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         ----------
         history : DataFrame or None
             Rows up to the origin, with ``T_za``; where it continues the training table, that is taken as its history.
-            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`, which takes a few
-            milliseconds.
+            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`; the published scheme goes
+            on from where its filter stands, the linear one goes through the known rows again.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
         quantiles : sequence of float, optional
@@ -308,7 +325,8 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         -------
         DataFrame
             Index of ``future``; ``T_za`` [degC] at each stamp and ``zeta`` [kW, or K for an output disturbance] over
-            the step that begins there; with ``quantiles`` a column ``q_0.1`` [degC] for each of them.
+            the step that begins there; with ``quantiles`` a column ``q_0.1`` [degC] for each of them.  In the linear
+            scheme ``zeta`` is what the network reckons with; the temperature is that of the blend.
 
         Raises
         ------
@@ -362,6 +380,8 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
     # ---------------------------------------------------------------------------------------------------------- load
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
+
+        The linear scheme asks its network alone, for ARX knows no plant.
 
         Parameters
         ----------
