@@ -14,11 +14,11 @@ from .problem import Part, minimise
 from .responses import Responses, Sample, Stretch, respond
 
 #: how much a completed forecast of the history counts beside one of the training
-_RECENT = 2.0
+_RECENT = 3.0
 #: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
 _REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3.0
 #: days after which what was learned counts half
-_HALF_LIFE = 1e9
+_HALF_LIFE = 30.0
 _DAY = 24.0
 _NEVER = np.iinfo(np.int64).max
 
@@ -153,10 +153,11 @@ def _learn(
     total, done, coefs = _training_gram(fit, later, era.psi, found), 0, np.empty((len(origins), len(problem.penalty)))
     before = later.begin
     for row in np.unique(np.concatenate([origins, marks])):
-        total = total * 0.5 ** (max(row - before, 0) / (a_day * _HALF_LIFE))
-        before = max(row, before)
         stop = int(np.searchsorted(ends[order], row, side="right"))
-        total, done = total + gram(E[order[done:stop]]), stop
+        new = order[done:stop]
+        faded = 0.5 ** (0.5 * (row - ends[new]) / (a_day * _HALF_LIFE))
+        total = total * 0.5 ** (max(row - before, 0) / (a_day * _HALF_LIFE)) + gram(E[new] * faded[:, None])
+        before, done = max(row, before), stop
         coef = solve_coefficients(total, problem.penalty, problem.positive).coef
         coefs[origins == row] = coef
         if row in marks:
