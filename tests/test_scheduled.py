@@ -569,7 +569,7 @@ def history(later, origins, leads, every=2):
 
 
 def test_linear_adaptation_is_a_direct_solve(fit, later):
-    """Training forecasts, and twice those of the history that had ended by the origin: nothing else."""
+    """Training forecasts, and three times those of the history that had ended by the origin, halved in thirty days."""
     leads = fit.sample.leads
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
@@ -580,11 +580,13 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
     responses = respond(fit.model, psi, stretch, sample.origins)
     E = error_columns(fit.model, responses, sample, (rows < stretch.n_rows).astype(float))
     penalty, lowest = np.diag(np.sqrt(problem.penalty)), np.where(problem.positive, 0.0, -np.inf)
-    weight = np.sqrt(2.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
+    weight = np.sqrt(3.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
     for i, origin in enumerate(origins):
         use = (rows <= origin) & stretch.seen[np.minimum(rows, stretch.n_rows - 1)]
-        own = (E.reshape(*rows.shape, -1) * weight[:, None])[use]
-        design = np.vstack([training, own])
+        fade = 0.5 ** ((origin - rows) / (30.0 * DAY) / 2.0)
+        own = (E.reshape(*rows.shape, -1) * weight[:, None] * fade[..., None])[use]
+        old = 0.5 ** ((origin - later.begin) / (30.0 * DAY) / 2.0)
+        design = np.vstack([old * training, own])
         matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
         coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
         np.testing.assert_allclose(found.learned[i][1], coef, atol=1e-5 * np.abs(coef).max())
