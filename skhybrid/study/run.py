@@ -14,9 +14,11 @@ import pandas as pd
 
 from ..model_selection import backtest
 from .data import StudyData, standstill
-from .rivals import HYBRID, Rival, make_rivals
+from .rivals import HYBRID, Rival, identifies, make_rivals
 from .settings import Settings
 
+#: quantiles of the intervals that are shown: 80 % lie between them.
+INTERVAL = (0.1, 0.9)
 #: says what is being done: number of the step, number of steps, text.
 Progress = Callable[[int, int, str], None]
 
@@ -33,14 +35,16 @@ class StudyResult:
         The rows it was done on.
     model : fitted HybridPredictor
         The one whose forecast is shown.
+    identification : fitted estimator
+        The one whose parameters tell of the building; the model's own, but for the default scheme.
     frames : dict of label to DataFrame
-        Back-tests.
+        Back-tests; the hybrid's with the quantiles of :data:`INTERVAL` where there are intervals.
     table : DataFrame
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
     forecast : DataFrame
         The next day.
     zeta : Series
-        Estimated disturbance of the training rows [kW].
+        Disturbance of the training rows as the identification estimates it [kW].
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
     warnings : list of str
@@ -52,6 +56,7 @@ class StudyResult:
     settings: Settings
     data: StudyData
     model: Any
+    identification: Any
     frames: dict[str, pd.DataFrame]
     table: pd.DataFrame
     forecast: pd.DataFrame
@@ -64,6 +69,13 @@ class StudyResult:
     def best(self) -> str:
         """Label of the lowest day-ahead error."""
         return str(self.table.index[0])
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the test measurements that lay within the intervals; None where there are none."""
+        frame = self.frames[HYBRID].dropna(subset="y_true")
+        low, high = (f"q_{level:g}" for level in INTERVAL)
+        return float(frame["y_true"].between(frame[low], frame[high]).mean()) if low in frame else None
 
 
 def run_study(settings: Settings, data: StudyData, progress: Progress | None = None) -> StudyResult:
@@ -85,7 +97,8 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     Raises
     ------
     ValueError
-        If the hybrid cannot be fitted or tested; a rival that cannot is left out, with a warning.
+        If the hybrid or the identification cannot be fitted or tested; a rival that cannot is left out, with a
+        warning.
     """
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
@@ -100,23 +113,31 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
             try:
                 fitted[rival.label], frames[rival.label], rows[rival.label] = _compete(rival, settings, data)
             except ValueError as error:
-                if rival.label == HYBRID:
+                if rival.label in (HYBRID, identifies(settings)):
                     raise
                 remarks.append(f"{rival.label} was left out: {error}")
-        say("forecast of the next day")
+        say("intervals, and forecast of the next day")
         model = fitted[HYBRID].set_params(memory=None)  # the folder ends with this block
-        forecast = _next_day(model, data)
-        zeta = model.gray_box_.estimate_disturbance(data.train, smooth=True)
+        quantiles: tuple[float, float] | None = INTERVAL
+        try:
+            frames[HYBRID] = _backtest(model, settings, data, quantiles)
+        except ValueError as error:
+            remarks.append(f"no intervals are given: {error}")
+            quantiles = None
+        forecast = _next_day(model, data, quantiles)
+        identification = fitted[identifies(settings)].gray_box_
+        zeta = identification.estimate_disturbance(data.train, smooth=True)
     texts = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return StudyResult(
         settings,
         data,
         model,
+        identification,
         frames,
         _compared(frames, rows),
         forecast,
         zeta,
-        _parameters(model.gray_box_),
+        _parameters(identification),
         list(dict.fromkeys([*remarks, *texts])),
         time.perf_counter() - begun,
     )
@@ -136,16 +157,23 @@ def _compete(rival: Rival, settings: Settings, data: StudyData) -> tuple[Any, pd
     """Fit a rival on the training rows; its back-test, and its row of the table but for the scores."""
     begun = time.perf_counter()
     model = rival.estimator.fit(data.train, data.train["T_za"])
-    frame = backtest(
+    frame = _backtest(model, settings, data)
+    seconds = time.perf_counter() - begun
+    return model, frame, {"load_rmse": _load_error(model, data), "seconds": seconds, "note": rival.note}
+
+
+def _backtest(
+    model: Any, settings: Settings, data: StudyData, quantiles: tuple[float, float] | None = None
+) -> pd.DataFrame:
+    return backtest(
         model,
         data.later,
         data.later["T_za"],
         horizon=settings.horizon,
         origin_step=settings.origin_step,
         start=data.test_start,
+        quantiles=quantiles,
     )
-    seconds = time.perf_counter() - begun
-    return model, frame, {"load_rmse": _load_error(model, data), "seconds": seconds, "note": rival.note}
 
 
 def _load_error(model: Any, data: StudyData) -> float:
@@ -176,6 +204,8 @@ def delivered_heat(model: Any, rows: pd.DataFrame) -> pd.Series | None:
     Series or None
     """
     gray_box = getattr(model, "gray_box_", model)
+    if hasattr(gray_box, "delivered_at"):
+        return gray_box.delivered_at(rows)
     network, theta = getattr(gray_box, "network_", None), getattr(gray_box, "theta_", {})
     if network is None:
         return None
@@ -195,9 +225,9 @@ def _compared(frames: dict[str, pd.DataFrame], rows: dict[str, dict[str, Any]]) 
     return table.sort_values("rmse").rename_axis("model")
 
 
-def _next_day(model: Any, data: StudyData) -> pd.DataFrame:
-    """Temperature under the known control, and the load that holds the set-point."""
-    out = model.forecast(data.history, data.future)
+def _next_day(model: Any, data: StudyData, quantiles: tuple[float, float] | None) -> pd.DataFrame:
+    """Temperature under the known control with its interval, and the load that holds the set-point."""
+    out = model.forecast(data.history, data.future, quantiles=quantiles)
     unknown = data.future.assign(T_za=np.nan)
     whole = pd.concat([data.history, unknown])
     if delivered_heat(model, data.future) is not None:
