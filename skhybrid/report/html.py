@@ -218,7 +218,7 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
     words = (
         f"<p>What the {escape(label)} forecast has learned from the training days of the hours: heat that nobody "
         "measures, at their mean outdoor temperature, and conductance to the outside. Both are what the network lacks, "
-        "and may be negative; they serve the forecast and are refreshed at every start of one.</p>\n"
+        "and may be negative; they serve the forecast, and are learned anew whenever one starts.</p>\n"
     )
     picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
     return f"<h2>What the forecast has learned</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))

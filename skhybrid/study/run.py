@@ -126,7 +126,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
             quantiles = None
         forecast = _next_day(model, data, quantiles)
         identification = fitted[identifies(settings)].gray_box_
-        zeta = identification.estimate_disturbance(data.train, smooth=True)
+        zeta = identification.estimate_disturbance(data.train[list(identification.feature_names_in_)], smooth=True)
     texts = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return StudyResult(
         settings,
