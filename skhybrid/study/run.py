@@ -105,18 +105,22 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         warnings.simplefilter("always")
         rivals = make_rivals(settings, memory=folder)
         say = _counted(progress, len(rivals) + 1)
-        frames, rows, fitted = {}, {}, {}
+        frames, rows, fitted, loads = {}, {}, {}, {}
         stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))
         remarks = [] if stuck is None else [stuck]
         for rival in rivals:
             say(f"{rival.label}: fit and back-test")
             try:
                 fitted[rival.label], frames[rival.label], rows[rival.label] = _compete(rival, settings, data)
+                loads[rival.label] = _held_load(fitted[rival.label], data)
             except ValueError as error:
                 if rival.label in (HYBRID, identifies(settings)):
                     raise
                 remarks.append(f"{rival.label} was left out: {error}")
         say("intervals, and forecast of the next day")
+        identification = fitted[identifies(settings)].gray_box_
+        for label in frames:
+            rows[label]["load_rmse"] = _load_error(loads[label], identification, data)
         model = fitted[HYBRID].set_params(memory=None)  # the folder ends with this block
         quantiles: tuple[float, float] | None = INTERVAL
         try:
@@ -124,8 +128,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         except ValueError as error:
             remarks.append(f"no intervals are given: {error}")
             quantiles = None
-        forecast = _next_day(model, data, quantiles)
-        identification = fitted[identifies(settings)].gray_box_
+        forecast = _next_day(model, identification, data, quantiles)
         zeta = identification.estimate_disturbance(data.train[list(identification.feature_names_in_)], smooth=True)
     texts = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return StudyResult(
@@ -159,7 +162,7 @@ def _compete(rival: Rival, settings: Settings, data: StudyData) -> tuple[Any, pd
     model = rival.estimator.fit(data.train, data.train["T_za"])
     frame = _backtest(model, settings, data)
     seconds = time.perf_counter() - begun
-    return model, frame, {"load_rmse": _load_error(model, data), "seconds": seconds, "note": rival.note}
+    return model, frame, {"load_rmse": np.nan, "seconds": seconds, "note": rival.note}
 
 
 def _backtest(
@@ -176,26 +179,51 @@ def _backtest(
     )
 
 
-def _load_error(model: Any, data: StudyData) -> float:
+def _held_load(model: Any, data: StudyData) -> pd.DataFrame | None:
+    """What would have held the measured temperature; None where nothing heats or cools."""
+    if not hasattr(model, "predict_load") or not _plant_roles(data.later):
+        return None
+    return model.predict_load(data.later, data.later["T_za"].interpolate(limit_direction="both"))
+
+
+def _plant_roles(rows: pd.DataFrame) -> list[str]:
+    return [str(role) for role in rows if str(role).startswith(("Q_", "u_"))]
+
+
+def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
     """RMSE [kW] of the heat that would have held the measured temperature, against the heat that was delivered."""
     rows = data.later
-    delivered = delivered_heat(model, rows)
-    if not hasattr(model, "predict_load") or delivered is None:
+    delivered = delivered_heat(identification, rows)
+    if load is None or delivered is None:
         return np.nan
-    held = rows["T_za"].interpolate(limit_direction="both")
-    wanted = model.predict_load(rows, held)["Q_hvac"]
     known = rows["T_za"].notna() & rows["T_za"].shift(-1).notna() & (rows.index >= data.test_start)
-    error = (wanted - delivered)[known]
+    error = (_in_kilowatts(load, identification, rows)["Q_hvac"] - delivered)[known]
     return float(np.sqrt((error**2).mean()))
 
 
-def delivered_heat(model: Any, rows: pd.DataFrame) -> pd.Series | None:
+def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
+    """A load of stages alone in kW of the identification's capacities, which then are those of every model.
+
+    Temperatures do not tell the scale of a network, and a model may bend what a stage gives: the kW of two models could
+    not be compared.
+    """
+    stages = _plant_roles(rows)
+    if not stages or any(role.startswith("Q_") for role in stages):
+        return load
+    asked = {}
+    for end in ("", "_unclipped"):  # a stage whose capacity came out as 0 is not asked for anything
+        by_role = load.reindex(columns=[role + end for role in stages], fill_value=0.0).set_axis(stages, axis=1)
+        asked["Q_hvac" + end] = delivered_heat(identification, by_role)
+    return load.assign(**asked)
+
+
+def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     """Measured heat, or the stages times their identified capacities [kW]; None where nothing heats or cools.
 
     Parameters
     ----------
-    model : fitted estimator
-        A gray box, or a predictor that holds one as ``gray_box_``.
+    identification : fitted estimator
+        With ``network_`` and ``theta_``.
     rows : DataFrame
         One column a role.
 
@@ -203,13 +231,8 @@ def delivered_heat(model: Any, rows: pd.DataFrame) -> pd.Series | None:
     -------
     Series or None
     """
-    gray_box = getattr(model, "gray_box_", model)
-    if hasattr(gray_box, "delivered_at"):
-        return gray_box.delivered_at(rows)
-    network, theta = getattr(gray_box, "network_", None), getattr(gray_box, "theta_", {})
-    if network is None:
-        return None
-    plant = [s for s in network.sources(rows.columns) if s.role.startswith(("Q_", "u_"))]
+    theta = identification.theta_
+    plant = [s for s in identification.network_.sources(rows.columns) if s.role.startswith(("Q_", "u_"))]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
 
@@ -225,18 +248,19 @@ def _compared(frames: dict[str, pd.DataFrame], rows: dict[str, dict[str, Any]]) 
     return table.sort_values("rmse").rename_axis("model")
 
 
-def _next_day(model: Any, data: StudyData, quantiles: tuple[float, float] | None) -> pd.DataFrame:
+def _next_day(model: Any, identification: Any, data: StudyData, quantiles: tuple[float, float] | None) -> pd.DataFrame:
     """Temperature under the known control with its interval, and the load that holds the set-point."""
     out = model.forecast(data.history, data.future, quantiles=quantiles)
     unknown = data.future.assign(T_za=np.nan)
     whole = pd.concat([data.history, unknown])
-    if delivered_heat(model, data.future) is not None:
+    heat = delivered_heat(identification, data.future)
+    if heat is not None:
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
+        load = _in_kilowatts(load, identification, data.future)
         out = out.join(load.drop(columns=["zeta", "T_za"], errors="ignore"))
     out["setpoint"] = data.setpoint.loc[data.future.index]
     if data.held_out:
         out["T_za_measured"] = data.future["T_za"]
-        heat = delivered_heat(model, data.future)
         if heat is not None:
             out["Q_hvac_delivered"] = heat
     return out.rename_axis("time")

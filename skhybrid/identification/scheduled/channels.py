@@ -7,7 +7,7 @@ profile that weekdays and weekends share, and an hourly contrast between the two
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -122,16 +122,9 @@ def heat_of(plan: Plan, table: ZoneTable) -> np.ndarray:
     return heat
 
 
-def plant_heat(plan: Plan, coef: Any, inputs: Any) -> Any:
-    """Heat of the whole plant [kW] by coefficients and inputs of these names; None where there is no plant."""
-    parts = [capacity * inputs[role] for role, capacity in plan.fixed]
-    parts += [coef[name] * series for name, series, *_ in _equipment(plan, inputs)]
-    return sum(parts[1:], parts[0]) if parts else None
-
-
 def make_channels(plan: Plan, table: ZoneTable) -> Channels:
     """The channels of a table but for the emitter's, whose series depends on its time constant."""
-    parts = [*_sunlight(plan, table), *_equipment(plan, table.inputs), *_schedules(plan, table)]
+    parts = [*_sunlight(plan, table), *_equipment(plan, table), *_schedules(plan, table)]
     names, columns, node, positive, group = zip(*parts, strict=True)
     return Channels(
         names,
@@ -157,11 +150,11 @@ def _sunlight(plan: Plan, table: ZoneTable):
             yield f"{role}->{node}", light, i, True, "free"
 
 
-def _equipment(plan: Plan, inputs: Any):
+def _equipment(plan: Plan, table: ZoneTable):
     for role, sign in plan.stages:
-        yield role, sign * inputs[role], plan.heated, True, "free"
+        yield role, sign * table.inputs[role], plan.heated, True, "free"
     for role, knot, capacity in plan.knots:
-        yield f"{role}_{knot:.2g}", capacity * np.minimum(inputs[role], knot), plan.heated, False, "free"
+        yield f"{role}_{knot:.2g}", capacity * np.minimum(table.inputs[role], knot), plan.heated, False, "free"
 
 
 def _schedules(plan: Plan, table: ZoneTable):

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..._contract import ZoneTable
 from ...thermal import RCNetwork
-from .channels import UA_DIFFERENCE, make_channels, plant_heat
+from .channels import UA_DIFFERENCE, make_channels
 from .fit import LeadFit
 from .model import OWN
 
@@ -58,11 +58,6 @@ class ScheduledNetwork:
         mine = [name.startswith(("gain", "ua")) for name in channels.names]
         heat = channels.series[:, mine] @ self._fit.point.solution.coef[: len(mine)][mine]
         return pd.Series(heat, table.index, name="zeta")
-
-    def delivered_at(self, rows: pd.DataFrame) -> pd.Series | None:
-        """Heat of the plant over rows with one column a role [kW]; None where nothing heats or cools."""
-        heat = plant_heat(self._fit.stretch.plan, self.coef_, rows)
-        return None if heat is None else heat.rename("Q_hvac")
 
 
 def _schedule(coef: pd.Series) -> pd.DataFrame:
