@@ -207,8 +207,8 @@ def _results(table: pd.DataFrame) -> str:
     return (
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>\n'
         '<p class="soft">The best first. The load error compares the heat that would have held the measured '
-        "temperature with the heat that was delivered. Time is for fit and back-test; the hybrids that rest "
-        "on an identification share one, which the first of them has paid for.</p>\n"
+        "temperature with the heat that was delivered, stages by the identified capacities. Time is for fit and "
+        "back-test; the hybrids that rest on an identification share one, which the first of them has paid for.</p>\n"
     )
 
 
