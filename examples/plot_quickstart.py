@@ -46,24 +46,21 @@ plain = conventional.predict_from(X, [origin], horizon="1D")[0]
 
 # %%
 # Beside what came.
-fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 6), layout="constrained")
+fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 actual = y[n_train:]
-above.plot(actual.index, actual, color="black", label="measured")
-above.plot(tomorrow.index, tomorrow["T_za"], color="tab:blue", label="hybrid")
-above.fill_between(tomorrow.index, tomorrow["q_0.1"], tomorrow["q_0.9"], color="tab:blue", alpha=0.2, label="80 %")
-above.plot(actual.index, plain, color="tab:orange", label="gray box without a disturbance")
-above.set_ylabel("zone temperature [degC]")
-above.legend()
-below.plot(actual.index, office.heat_gain[n_train:], color="black", label="true heat gain")
-below.plot(tomorrow.index, tomorrow["zeta"], color="tab:blue", drawstyle="steps-post", label="forecast disturbance")
-below.set_ylabel("unmeasured heat [kW]")
-below.legend()
+ax.fill_between(tomorrow.index, tomorrow["q_0.1"], tomorrow["q_0.9"], color="tab:blue", alpha=0.2, label="80 % interval")
+ax.plot(actual.index, actual, color="black", label="measured")
+ax.plot(tomorrow.index, tomorrow["T_za"], color="tab:blue", label="hybrid")
+ax.plot(actual.index, plain, color="tab:orange", label="gray box without a disturbance")
+ax.set_ylabel("zone temperature [degC]")
+ax.legend()
 fig.autofmt_xdate()
 
 # %%
 # What the hybrid has learned
 # ---------------------------
-# Schedules of unmeasured heat and of conductance, beside what its network has, for working days and weekends.
+# Schedules of unmeasured heat and of conductance, beside what its network has, for working days and weekends.  Stages
+# are all that is logged of the plant here, so that these kW are relative.
 ScheduleDisplay.from_estimator(hybrid)
 
 # %%
@@ -73,3 +70,14 @@ ScheduleDisplay.from_estimator(hybrid)
 # identification; here are its parameters beside the true and the conventional ones.
 identified = PeriodicDisturbanceID(known=name_plate, random_state=0).fit(X[:n_train], y[:n_train])
 pd.DataFrame({"true": office.theta, "identified": identified.theta_, "conventional": conventional.theta_}).round(2)
+
+# %%
+# Its disturbance is the heat of people, plugs, lights and air, here over the last week of the training.
+week = slice(n_train - 7 * PER_DAY, n_train)
+zeta = identified.estimate_disturbance(X[:n_train], smooth=True)
+fig, ax = plt.subplots(figsize=(8, 3.5), layout="constrained")
+ax.plot(X.index[week], office.heat_gain[week], color="black", label="true heat gain")
+ax.plot(X.index[week], zeta[week], color="tab:blue", label="estimated")
+ax.set_ylabel("unmeasured heat [kW]")
+ax.legend()
+fig.autofmt_xdate()
