@@ -48,7 +48,9 @@ plain = conventional.predict_from(X, [origin], horizon="1D")[0]
 # Beside what came.
 fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 actual = y[n_train:]
-ax.fill_between(tomorrow.index, tomorrow["q_0.1"], tomorrow["q_0.9"], color="tab:blue", alpha=0.2, label="80 % interval")
+ax.fill_between(
+    tomorrow.index, tomorrow["q_0.1"], tomorrow["q_0.9"], color="tab:blue", alpha=0.2, label="80 % interval"
+)
 ax.plot(actual.index, actual, color="black", label="measured")
 ax.plot(tomorrow.index, tomorrow["T_za"], color="tab:blue", label="hybrid")
 ax.plot(actual.index, plain, color="tab:orange", label="gray box without a disturbance")
