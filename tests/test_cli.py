@@ -8,14 +8,18 @@ import signal
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid import PeriodicDisturbanceID
 from skhybrid.cli import main
+from skhybrid.identification.scheduled import ScheduledNetwork
 from skhybrid.persistence import load_model
+from skhybrid.preprocessing import FacadeIrradiance
 from skhybrid.study import (
     Settings,
     Yesterday,
@@ -149,11 +153,73 @@ def test_two_temperatures_are_enough(files, capsys):
     assert "needed that day" not in (files / "out" / "report.html").read_text()
 
 
+def test_the_default_scheme_stands_beside_the_published_one(files, capsys):
+    (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""))
+    assert _run(files, "-q") == 0
+    out = files / "out"
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert set(metrics["models"]) >= {"hybrid", "hybrid, published (ridge)", "hybrid, profile", "ARX re-fitted"}
+    assert metrics["settings"]["forecaster"] == {"model": "linear"}
+    forecast = pd.read_csv(out / "forecast.csv")
+    assert (forecast["q_0.1"] < forecast["q_0.9"]).all()
+    model = load_model(out / "model.skops")
+    assert isinstance(model.gray_box_, ScheduledNetwork)
+    assert model.gray_box_.network_.states == ("T_za",)  # the network that the settings name
+    # the parameters are the building's, by the identification
+    parameters = pd.read_csv(out / "parameters.csv", index_col="parameter")
+    assert parameters.loc["C_za", "value"] == pytest.approx(4.0, rel=0.3)
+    backtest = pd.read_csv(out / "backtest.csv")
+    assert {"hybrid", "hybrid, published (ridge)"} <= set(backtest)
+    page = (out / "report.html").read_text()
+    assert "identification of its own (InputDisturbanceID)" in page
+    assert "What the forecast has learned" in page
+    assert f"held {metrics['interval_80_coverage']:.0%} of the" in page
+
+
+def test_loads_of_stages_are_in_kw_of_the_identification(files):
+    log = _log()
+    log["burner"] = (log.pop("hvac_kW") / 5.0).clip(0, 1)
+    log.to_csv(files / "log.csv")
+    config = CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "burner"').replace('[forecaster]\nmodel = "profile"\n', "")
+    (files / "zone.toml").write_text(config.replace("n_starts = 2", "n_starts = 2\nknown = { Q_h = 5.0 }"))
+    assert _run(files, "-q") == 0
+    forecast = pd.read_csv(files / "out" / "forecast.csv")
+    np.testing.assert_allclose(forecast["Q_hvac"], 5.0 * forecast["u_heat"], atol=1e-3)
+    np.testing.assert_allclose(forecast["Q_hvac_delivered"], 5.0 * log["burner"].iloc[-24:], atol=1e-3)
+    assert load_model(files / "out" / "model.skops").gray_box.known == {"Q_h": 5.0}
+
+
+def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
+    (files / "zone.toml").write_text(CONFIG + "[site]\nlatitude = 52.4\nlongitude = 4.9\n")
+    settings = read_settings(files / "zone.toml")
+    settings = replace(settings, forecaster={"model": "linear"}, timezone="UTC")
+    data = split_log(read_log(files / "log.csv", settings)[0], settings)
+    facades = {"q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"}
+    for table in (data.train, data.later, data.history, data.future):
+        assert facades < set(table)
+    expected = FacadeIrradiance(52.4, 4.9).fit_transform(data.train[["q_sol"]])
+    pd.testing.assert_frame_equal(data.train[sorted(facades)], expected[sorted(facades)])
+    rivals = {rival.label: rival.estimator for rival in make_rivals(settings)}
+    fitted = {name: rivals[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "conventional CONV")}
+    assert "q_sol_south->za" in fitted["hybrid"].gray_box_.coef_
+    assert [name for name in fitted["conventional CONV"].theta_.index if name.startswith("A_win")] == ["A_win"]
+
+
+def test_a_log_too_short_for_intervals_goes_without(files, capsys):
+    (files / "zone.toml").write_text(
+        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"linear"')
+    )
+    assert _run(files) == 0
+    assert "no intervals are given" in capsys.readouterr().err
+    assert "q_0.1" not in pd.read_csv(files / "out" / "forecast.csv")
+    assert json.loads((files / "out" / "metrics.json").read_text())["interval_80_coverage"] is None
+
+
 def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
     out, _ = capsys.readouterr()
     assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
-    for row in ("hybrid", "conventional OD", "ARX", "hybrid, profile", "hybrid, last_week", "hybrid, persistence"):
+    for row in ("hybrid", "conventional OD", "ARX", "hybrid, published (ridge)", "hybrid, profile"):
         assert row in out
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
@@ -200,6 +266,10 @@ def test_the_module_runs_and_tells_its_version():
         ('name = "input"', 'name = ["input"]', "[estimator] name = ['input']"),
         ('name = "1R1C"', 'capacitances = "C"', "[network] capacitances = 'C' must be a table"),
         ("[train]", "[load]\nsetpoint = 70\n[train]", "[load] setpoint = 70"),
+        ("[train]", "[site]\nlatitude = 95\nlongitude = 0\n[train]", "[site] latitude = 95 must be a number"),
+        ("[train]", "[site]\nlatitude = 52\n[train]", "[site] does not say longitude"),
+        ("[train]", "[site]\nlatitude = 52\nlongitude = 5\n[train]", "have no time zone"),
+        ("[train]", "[site]\nlattitude = 52\n[train]", "did you mean 'latitude'?"),
     ],
 )
 def test_a_wrong_setting_is_refused_in_one_line(files, capsys, old, new, message):
@@ -333,6 +403,9 @@ def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
         "T_za": "room_temp", "T_oa": "outdoor_temp", "q_sol": "solar_W_m2", "Q_hvac": "hvac_kW",
     }  # fmt: skip
     assert proposed["units"] == {"q_sol": "W/m2"}
+    assert proposed["forecaster"] == {"model": "linear"}
+    assert proposed["network"] == {}
+    assert tomllib.loads(text.replace("# [site]", "[site]").replace("# l", "l"))["site"]["latitude"] == 52.4
     data = split_log(read_log(files / "log.csv", settings_from(proposed))[0], settings_from(proposed))
     assert len(data.train)
     assert data.test_start > data.train.index[-1]
@@ -388,9 +461,22 @@ def test_a_declared_network_is_understood():
             "capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"]}, "solar": {"za": "rest"},
         }
     )  # fmt: skip
-    network = make_rivals(settings)[0].estimator.gray_box.network
-    assert network.states == ("T_za",)
-    assert network.resistors["R_zo"] == ("za", "T_oa")
+    for rival in make_rivals(settings)[:2]:  # the default scheme's, and an identification's
+        network = getattr(rival.estimator, "gray_box", rival.estimator).network
+        assert network.states == ("T_za",)
+        assert network.resistors["R_zo"] == ("za", "T_oa")
+
+
+def test_the_hybrid_is_the_predictors_default_unless_more_is_said():
+    hybrid = make_rivals(Settings())[0].estimator
+    assert hybrid.gray_box is None
+    assert hybrid.forecaster.model == "linear"
+    known = make_rivals(Settings(estimator={"known": {"Q_h": 8.0}}))[0].estimator.gray_box
+    assert (known.network, known.known) == ("4R3C", {"Q_h": 8.0})
+    published = make_rivals(Settings(forecaster={"model": "profile"}))
+    assert isinstance(published[0].estimator.gray_box, PeriodicDisturbanceID)
+    assert published[0].estimator.gray_box.network.name == "2R2C"
+    assert "hybrid, profile" not in [rival.label for rival in published]
 
 
 def test_spans_that_are_not_given_are_two_thirds_and_one():

@@ -17,6 +17,7 @@ from skhybrid.inspection import (
     DisturbanceWeekDisplay,
     ForecastDisplay,
     LeadErrorDisplay,
+    ScheduleDisplay,
     blank_axes,
 )
 from skhybrid.model_selection import backtest
@@ -192,3 +193,22 @@ def test_importing_loads_no_matplotlib():
     code = "import sys, skhybrid.inspection; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout.strip() == "False"
+
+
+def test_schedules_are_drawn_by_hour_and_type_of_day():
+    index = pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"])
+    schedule = pd.DataFrame({"gain": np.arange(48.0), "ua": -np.arange(48.0)}, index=index)
+    display = ScheduleDisplay.from_predictions(schedule, title="learned")
+    above, below = display.ax_
+    weekend = _lines(above)["weekend"]
+    np.testing.assert_array_equal(weekend.get_ydata()[:24], np.arange(24.0, 48.0))
+    np.testing.assert_array_equal(weekend.get_xdata(), np.arange(25))
+    assert weekend.get_drawstyle() == "steps-post"
+    np.testing.assert_array_equal(_lines(below)["weekday"].get_ydata()[:24], -np.arange(24.0))
+    assert "kW]" in above.get_ylabel()
+    assert "kW/K" in below.get_ylabel()
+
+
+def test_schedules_of_a_model_that_has_none_are_refused():
+    with pytest.raises(ValueError, match="Shifted has learned no schedules"):
+        ScheduleDisplay.from_estimator(Shifted())

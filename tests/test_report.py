@@ -55,6 +55,13 @@ def _study(**other):
         "forecast": forecast,
         "parameters": parameters,
         "zeta": pd.Series(1.0, index=INDEX),
+        "schedule": pd.DataFrame(
+            {"gain": 1.5, "ua": -0.1},
+            index=pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"]),
+        ),
+        "weights": pd.DataFrame({"network": [0.75], "ARX": [0.25]}, index=["first twelfth"]),
+        "identification": "PeriodicDisturbanceID",
+        "coverage": 0.81,
         "spans": {"train": "January"},
         "settings": {"network": {"name": "2R2C"}, "timezone": None},
         "notes": ["the scale is not identifiable"],
@@ -98,7 +105,7 @@ def _read(page):
 
 def test_it_refers_to_nothing_outside_itself(page):
     reader = _read(page)
-    assert len(reader.addresses) == len(reader.alts) == 4
+    assert len(reader.addresses) == len(reader.alts) == 5
     for address in reader.addresses:
         kind, content = address.split(",", 1)
         assert kind == "data:image/png;base64"
@@ -118,6 +125,10 @@ def test_it_tells_the_numbers(page):
         "2R2C",
         "Monday 1 January 2024",
         "last day of the log",
+        "first twelfth",
+        "75%",
+        "held 81% of the",
+        "identification of its own (PeriodicDisturbanceID)",
     ):
         assert wanted in text
     assert "timezone" not in text
@@ -130,6 +141,8 @@ def test_what_it_is_given_is_escaped(tmp_path):
     study = _study(title=evil, notes=[evil], settings={evil: evil})
     study["table"] = study["table"].assign(note=evil)
     study["parameters"] = study["parameters"].assign(remark=evil, unit=evil)
+    study["weights"] = study["weights"].rename(columns={"ARX": evil}, index={"first twelfth": evil})
+    study["identification"] = evil
     write_report(tmp_path / "r.html", **study)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "<script" not in page
@@ -137,12 +150,14 @@ def test_what_it_is_given_is_escaped(tmp_path):
 
 
 def test_it_does_without_what_is_not_there(tmp_path):
-    study = _study(zeta=None, notes=(), spans=None, settings=None)
+    nothing = dict.fromkeys(("zeta", "spans", "settings", "schedule", "weights", "identification", "coverage"))
+    study = _study(notes=(), **nothing)
     study["forecast"] = study["forecast"][["T_za"]]
     write_report(tmp_path / "r.html", **study)
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "kWh" not in text.replace("kWh/K", "")
-    assert "Warnings" not in text
+    for absent in ("Warnings", "has learned", "interval", "identification of its own"):
+        assert absent not in text
     assert "behind the end of the measurements" in text
 
 
@@ -166,6 +181,7 @@ def test_one_picture_of_a_study(tmp_path, columns):
         (0.4, 0.5, "forecasts best: 0.40 K, 20% less than the next, ARX"),
         (0.5, 0.4, "A rival forecasts better here: ARX misses by 0.40 K"),
         (0.4, 0.405, "equally well within the noise"),
+        (0.4, 0.415, "equally well within the noise"),
         (0.4, np.nan, "misses the day-ahead temperature by 0.40 K"),
     ],
 )

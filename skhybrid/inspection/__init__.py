@@ -10,6 +10,7 @@ from ._forecast import ForecastDisplay
 from ._lead import LeadErrorDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
+from ._schedule import ScheduleDisplay
 from ._step_response import StepResponseDisplay
 from ._style import blank_axes
 
@@ -21,6 +22,7 @@ __all__ = [
     "LeadErrorDisplay",
     "ProfileDisplay",
     "ResidualDisplay",
+    "ScheduleDisplay",
     "StepResponseDisplay",
     "blank_axes",
 ]

@@ -10,7 +10,14 @@ from typing import Any
 
 import pandas as pd
 
-from ..inspection import DayAheadDisplay, DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, blank_axes
+from ..inspection import (
+    DayAheadDisplay,
+    DisturbanceWeekDisplay,
+    ForecastDisplay,
+    LeadErrorDisplay,
+    ScheduleDisplay,
+    blank_axes,
+)
 from ..persistence import atomic_path
 
 #: days of the back-test that a picture shows.
@@ -131,6 +138,23 @@ def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
     """
     figure, axes = blank_axes(1, (9.0, 3.2))
     DisturbanceWeekDisplay.from_predictions(zeta, truth=truth, ax=axes[0])
+    return figure
+
+
+def schedule_figure(schedule: pd.DataFrame) -> Any:
+    """What the forecast has learned of the hours.
+
+    Parameters
+    ----------
+    schedule : DataFrame
+        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K].
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure, axes = blank_axes(2, (9.0, 4.4))
+    ScheduleDisplay.from_predictions(schedule, ax=axes)
     return figure
 
 

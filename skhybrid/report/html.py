@@ -12,7 +12,7 @@ import pandas as pd
 
 from .. import __version__
 from ..persistence import atomic_path
-from .figures import as_image, backtest_figure, day_figure, lead_figure, week_figure
+from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 from .verdict import verdict
 
 _STYLE = """
@@ -54,6 +54,10 @@ def write_report(
     label: str = "hybrid",
     zeta: pd.Series | None = None,
     truth: pd.Series | None = None,
+    schedule: pd.DataFrame | None = None,
+    weights: pd.DataFrame | None = None,
+    identification: str | None = None,
+    coverage: float | None = None,
     spans: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
@@ -78,6 +82,14 @@ def write_report(
         The model whose forecast is shown.
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
+    schedule : DataFrame, optional
+        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K], as the forecast has learned them.
+    weights : DataFrame, optional
+        Share of each member of a blend (columns) by lead (index).
+    identification : str, optional
+        What gave ``parameters`` and ``zeta``, where the model itself did not.
+    coverage : float, optional
+        Share of the test measurements inside the intervals.
     spans : mapping, optional
         What was trained and tested on, to be listed.
     settings : mapping, optional
@@ -88,9 +100,10 @@ def write_report(
     sections = [
         _head(title, table, frames, forecast, label),
         _tomorrow(forecast),
-        _accuracy(table, frames, label),
+        _accuracy(table, frames, label, coverage),
+        _learned(schedule, weights, label),
         _week(zeta, truth),
-        _building(parameters),
+        _building(parameters, identification, label),
         _remarks(notes),
         _settings(spans, settings),
     ]
@@ -148,14 +161,18 @@ def _tomorrow(forecast: pd.DataFrame) -> str:
     )
     words = (
         f"<p>{told} The temperature is what the room will do under the logged or planned heating and cooling; the load "
-        "is the heat that would hold the set-point instead, within what the plant can deliver.</p>"
+        "is the heat that would hold the set-point instead, within what the plant can deliver."
+        + (" Four in five measurements should lie within the shaded interval." if "q_0.1" in forecast else "")
+        + "</p>"
     )
     return f"<h2>Forecast for {escape(_day(forecast.index))}</h2>\n{words}\n" + _figure(
         as_image(day_figure(forecast)), "Forecast of room temperature and heating or cooling load."
     )
 
 
-def _accuracy(table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str) -> str:
+def _accuracy(
+    table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str, coverage: float | None = None
+) -> str:
     ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
     hours = frames[label]["lead"].max() / pd.Timedelta("1h")
     days = "Measured and forecast temperature over the last test days; a grey line marks the start of each forecast."
@@ -165,8 +182,16 @@ def _accuracy(table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: st
         f"{hours:g} hours ahead, knowing the weather and the heating and cooling of those hours but nothing "
         "measured in the room after the start of each forecast. All models are compared at the same moments.</p>\n"
         + _results(table)
+        + ("" if coverage is None else _held(coverage, label))
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), leads)
+    )
+
+
+def _held(coverage: float, label: str) -> str:
+    return (
+        f"<p>The 80 % interval of the {escape(label)} model, learned on the training days, held {coverage:.0%} of the "
+        "measurements of the test days.</p>\n"
     )
 
 
@@ -182,8 +207,32 @@ def _results(table: pd.DataFrame) -> str:
     return (
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>\n'
         '<p class="soft">The best first. The load error compares the heat that would have held the measured '
-        "temperature with the heat that was delivered. Time is for fit and back-test; the further hybrids share "
-        "the identification of the first.</p>\n"
+        "temperature with the heat that was delivered, stages by the identified capacities. Time is for fit and "
+        "back-test; the hybrids that rest on an identification share one, which the first of them has paid for.</p>\n"
+    )
+
+
+def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label: str) -> str:
+    if schedule is None:
+        return ""
+    words = (
+        f"<p>What the {escape(label)} forecast has learned from the training days of the hours: heat that nobody "
+        "measures, at their mean outdoor temperature, and conductance to the outside. Both are what the network lacks, "
+        "and may be negative; they serve the forecast, and are learned anew whenever one starts.</p>\n"
+    )
+    picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
+    return f"<h2>What the forecast has learned</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))
+
+
+def _shares(weights: pd.DataFrame) -> str:
+    head = "<th>share in the forecast</th>" + "".join(f"<th>{escape(str(name))}</th>" for name in weights)
+    rows = "".join(
+        f"<tr><td>{escape(str(name))}</td>" + "".join(f"<td>{share:.0%}</td>" for share in row) + "</tr>"
+        for name, row in zip(weights.index, weights.to_numpy(), strict=True)
+    )
+    return (
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n'
+        '<p class="soft">By part of the horizon, as the training weighs them.</p>'
     )
 
 
@@ -204,7 +253,7 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     )
 
 
-def _building(parameters: pd.DataFrame) -> str:
+def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
     rows = []
     for name, row in parameters.iterrows():
         cells = f"<td>{escape(str(name))}</td><td>{_number(row['value'], 3)}</td><td>{_number(row['std'], 2)}</td>"
@@ -217,7 +266,14 @@ def _building(parameters: pd.DataFrame) -> str:
     )
     return (
         "<h2>The building, as identified</h2>\n<p>Capacitances store heat, resistances hold it back. The standard "
-        "error says how far the data leave a value open.</p>\n"
+        "error says how far the data leave a value open."
+        + (
+            ""
+            if identification is None
+            else f" These and the week above come from an identification of its own ({escape(identification)}): the "
+            f"{escape(label)} model fits its network to forecast well, and its parameters are not the building's."
+        )
+        + "</p>\n"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 #: differences below this are noise at a few dozen origins.
-_NOISE = 0.03
+_NOISE = 0.05
 
 
 def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:

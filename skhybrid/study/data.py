@@ -12,10 +12,13 @@ import pandas as pd
 from .._clock import even_step
 from .._contract import HISTORY_ROLES
 from ..datasets import read_zone_csv, regularize
+from ..preprocessing import FacadeIrradiance
 from .settings import Settings
 
 #: column of the log's own set-point, beside the roles.
 SETPOINT = "setpoint"
+#: facades of a site, and where they look [deg clockwise from north].
+FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 #: history that a forecast of the next day is given at least: the longest lag of any forecaster.
 _HISTORY = pd.Timedelta("14D")
 #: an empty end of T_za shorter than this is a sensor's outage, not a future.
@@ -113,7 +116,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     -------
     StudyData
         If the log ends in rows without ``T_za``, these are the next day; else its last whole local day is, and is
-        held out.
+        held out.  With a site, the irradiance on its facades stands beside ``q_sol``.
 
     Raises
     ------
@@ -125,6 +128,11 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
     frame = frame.iloc[complete[0] : complete[-1] + 1]
+    if settings.site:
+        frame = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES).fit_transform(
+            frame
+        )
+        inputs = _inputs(frame)
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     if not len(known):
         raise ValueError("the log has no measured temperature (T_za) at all.")

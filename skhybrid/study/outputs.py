@@ -78,6 +78,8 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
         label=HYBRID,
         zeta=result.zeta,
         truth=truth,
+        **_learned(result),
+        coverage=result.coverage,
         spans=_spans(result),
         settings=result.settings.as_dict(),
         notes=result.warnings,
@@ -94,6 +96,18 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
         "forecast.png",
     )
     return [out / name for name in names]
+
+
+def _learned(result: StudyResult) -> dict[str, Any]:
+    """What only the default scheme has, for the report."""
+    model = result.model
+    if model.gray_box_ is result.identification:
+        return {}
+    return {
+        "schedule": getattr(model.gray_box_, "schedule_", None),
+        "weights": getattr(model, "weights_", None),
+        "identification": type(result.identification).__name__,
+    }
 
 
 def _write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
@@ -128,6 +142,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "models": rows,
+        "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),
         "next_day_held_out": result.data.held_out,

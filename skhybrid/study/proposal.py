@@ -184,16 +184,20 @@ def _proposal(
     for title, table in (("units", units), ("scale", scale)):
         if table:
             lines += ["", f"[{title}]", *[f"{k} = {_quoted(v)}" for k, v in table.items()]]
-    lines += ["", "[network]", 'name = "2R2C"', "", "[estimator]", 'name = "periodic"']
+    lines += ["", "[network]", '# name = "2R2C"  # of the catalogue, for hybrid and identification; best left to them']
+    lines += ["", "[estimator]", 'name = "periodic"  # the identification that tells the parameters']
     for role, parameter in (("u_heat", "Q_h"), ("u_cool", "Q_c")):
         if role in chosen:
             lines.append(f"# known = {{ {parameter} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain")
             break
-    lines += ["", "[forecaster]", 'model = "ridge"']
+    lines += ["", "[forecaster]", 'model = "linear"  # the default scheme; with "ridge" the published one']
     day = pd.Timedelta("1D")
     lines += ["", "[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"]
     lines += ["", "[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"]
     lines += ["", "[load]", 'setpoint = "measured"  # or a temperature [degC]']
+    if "q_sol" in chosen:
+        lines += ["", "# [site]  # where the building stands, for the sun on its facades"]
+        lines += ["# latitude = 52.4", "# longitude = 4.9"]
     return "\n".join(lines) + "\n"
 
 

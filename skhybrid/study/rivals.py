@@ -1,8 +1,8 @@
-"""The models that a study compares: the hybrid, the conventional gray box, a black box, and simple rules."""
+"""The models that a study compares: the default hybrid, the published one, gray boxes, black boxes, simple rules."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -15,13 +15,25 @@ from .. import identification
 from .._clock import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor
+from ..hybrid.predictor import DEFAULT_NETWORK
+from ..identification import PeriodicDisturbanceID
 from ..thermal import RCNetwork, get_network
+from .data import FACADES
 from .settings import ESTIMATORS, Settings
 
 #: the row of the comparison that all others are rivals of.
 HYBRID = "hybrid"
-#: forecasters that any claim must be measured against.
-BASELINES = ("profile", "last_week", "persistence", "ridge")
+#: forecaster that stands for the default scheme.
+DEFAULT = "linear"
+#: forecasters of the published scheme that any claim must be measured against: label and what it is.
+_BASELINES = {
+    "ridge": ("hybrid, published (ridge)", "disturbance linear in calendar, weather and lags"),
+    "profile": ("hybrid, profile", "disturbance = its mean by hour of week"),
+    "last_week": ("hybrid, last_week", "disturbance = that of a week before"),
+    "persistence": ("hybrid, persistence", "disturbance stays as it is"),
+}
+#: where a study without a network of its own finds the identification's.
+_IDENTIFIED = "2R2C"
 
 
 class Rival(NamedTuple):
@@ -93,32 +105,50 @@ def make_rivals(settings: Settings, memory: Any = None) -> list[Rival]:
     -------
     list of Rival
     """
-    model = str(settings.forecaster.get("model", "ridge"))
+    model = str(settings.forecaster.get("model", DEFAULT))
 
-    def hybrid(**forecaster: Any) -> HybridPredictor:
+    def published(**forecaster: Any) -> HybridPredictor:
         parts = {"gray_box": make_gray_box(settings), "forecaster": make_forecaster(settings, **forecaster)}
         return HybridPredictor(**parts, horizon=settings.horizon, memory=memory, random_state=settings.random_state)
 
-    own = str(settings.estimator.get("name", "periodic"))
     found = [
-        Rival(HYBRID, hybrid(), f"{own} identification, {model} disturbance forecast"),
+        _main_rival(settings, published),
         Rival("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, none forecast"),
         Rival("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
         Rival("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
         Rival("ARX re-fitted", ARXRegressor(horizon=settings.horizon, adapt="refit"), "at every origin"),
     ]
-    found += [
-        Rival(f"hybrid, {name}", hybrid(model=name), _BASELINE_NOTES[name]) for name in BASELINES if name != model
-    ]
+    found += [Rival(label, published(model=name), note) for name, (label, note) in _BASELINES.items() if name != model]
     return [*found, Rival("yesterday", Yesterday(), "the temperature 24 h before")]
 
 
-_BASELINE_NOTES = {
-    "profile": "disturbance = its mean by hour of week",
-    "last_week": "disturbance = that of a week before",
-    "persistence": "disturbance stays as it is",
-    "ridge": "disturbance linear in calendar, weather and lags",
-}
+def identifies(settings: Settings) -> str:
+    """Label of the row whose identification tells of the building: the hybrid's own, but for the default scheme.
+
+    Parameters
+    ----------
+    settings : Settings
+        Forecaster settings.
+
+    Returns
+    -------
+    str
+    """
+    return _BASELINES["ridge"][0] if settings.forecaster.get("model", DEFAULT) == DEFAULT else HYBRID
+
+
+def _main_rival(settings: Settings, published: Callable[..., HybridPredictor]) -> Rival:
+    """The default scheme, or the published one where the settings name a forecaster of it."""
+    forecaster = make_forecaster(settings)
+    if forecaster.model != DEFAULT:
+        own = settings.estimator.get("name", "periodic")
+        return Rival(HYBRID, published(), f"{own} identification, {forecaster.model} disturbance forecast")
+    made = HybridPredictor(forecaster=forecaster, horizon=settings.horizon, random_state=settings.random_state)
+    network, known = make_network(settings.network), dict(settings.estimator.get("known", {}))
+    if settings.network or known:  # only what the user has said; the rest is the predictor's own
+        carrier = PeriodicDisturbanceID(network if settings.network else DEFAULT_NETWORK, known=known)
+        made.set_params(gray_box=carrier)
+    return Rival(HYBRID, made, "network with learned schedules, blended with ARX, adapting at every origin")
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:
@@ -145,7 +175,9 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
     network: str | RCNetwork = make_network(settings.network)
     if not any(role.startswith("q_sol") for role in settings.columns):  # a log without sun: none enters the network
         network = replace(get_network(network), solar={})
-    common = {"network": network, "random_state": settings.random_state}
+    common: dict[str, Any] = {"network": network, "random_state": settings.random_state}
+    if settings.site:  # five window areas are more than an identification can tell apart
+        common["columns"] = {f"q_sol_{name}": None for name in FACADES}
     common |= {"horizon": settings.horizon} if name is not None else {}
     _refuse_unknown("estimator", given, made.get_params(deep=False))
     return made.set_params(**{**common, **{k: _tupled(v) for k, v in given.items()}})
@@ -165,8 +197,8 @@ def make_forecaster(settings: Settings, **other: Any) -> DisturbanceForecaster:
     -------
     DisturbanceForecaster
     """
-    given = dict(other or settings.forecaster) or {"model": "ridge"}
-    made = DisturbanceForecaster(model="ridge")
+    given = dict(other or settings.forecaster) or {"model": DEFAULT}
+    made = DisturbanceForecaster(model=DEFAULT)
     _refuse_unknown("forecaster", given, made.get_params(deep=False))
     return made.set_params(**given)
 
@@ -186,7 +218,7 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
     if "capacitances" not in given:
         if set(given) - {"name"}:
             raise ValueError("[network] declares a network without capacitances; give them, or only a name.")
-        return str(given.get("name", "2R2C"))
+        return str(given.get("name", _IDENTIFIED))
     declared = {k: _with_rest(_tupled(v)) if k in ("solar", "heated") else _tupled(v) for k, v in given.items()}
     return RCNetwork(**{"name": "declared", "resistors": {}, **declared})
 

@@ -22,9 +22,10 @@ ESTIMATORS = {
     "output": "OutputDisturbanceID",
     "periodic": "PeriodicDisturbanceID",
 }
-_TABLES = ("columns", "units", "scale", "network", "estimator", "forecaster", "train", "test", "load")
+_TABLES = ("columns", "units", "scale", "network", "estimator", "forecaster", "train", "test", "load", "site")
 _SPAN = ("start", "end")
 _NETWORK = ("name", "capacitances", "resistors", "solar", "measured", "disturbed", "heated", "bounds")
+_SITE = {"latitude": 90.0, "longitude": 180.0}
 
 
 @dataclass(frozen=True)
@@ -54,15 +55,21 @@ class Settings:
     scale : mapping of role to number
         Factors on columns, after the units.
     network : mapping
-        ``name`` of the catalogue, or a declaration as :class:`skhybrid.thermal.RCNetwork` takes it.
+        ``name`` of the catalogue, or a declaration as :class:`skhybrid.thermal.RCNetwork` takes it; where nothing is
+        said, the identifications take 2R2C and the hybrid the network of :class:`skhybrid.HybridPredictor`.
     estimator : mapping
-        ``name`` (conventional, input, output, periodic) and settings of that class.
+        ``name`` (conventional, input, output, periodic) of the identification, and settings of that class.
     forecaster : mapping
-        Settings of :class:`skhybrid.forecasting.DisturbanceForecaster`.
+        ``model``: ``"linear"`` is the default of :class:`skhybrid.HybridPredictor`, which takes of the estimator's
+        settings only the capacities in ``known``; with any other the hybrid is the published scheme, and these are
+        settings of :class:`skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping
         ``start`` and ``end`` (a whole day where no time is given).
     load : mapping
         ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log.
+    site : mapping
+        ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is worked out from ``q_sol``, for
+        the default hybrid and for ARX.
     """
 
     name: str = "zone"
@@ -79,12 +86,13 @@ class Settings:
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
-    network: Mapping[str, Any] = field(default_factory=lambda: {"name": "2R2C"})
+    network: Mapping[str, Any] = field(default_factory=dict)
     estimator: Mapping[str, Any] = field(default_factory=lambda: {"name": "periodic"})
-    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": "ridge"})
+    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": "linear"})
     train: Mapping[str, Any] = field(default_factory=dict)
     test: Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
+    site: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_plain(self)
@@ -102,6 +110,7 @@ class Settings:
             if not _is_number(factor) or not factor:
                 raise ValueError(f"[scale] {role} = {factor!r} must be a number other than 0.")
         _check_tables(self)
+        _check_site(self.site, self.columns)
 
     def as_dict(self) -> dict[str, Any]:
         """All settings as plain values, for ``metrics.json``."""
@@ -216,6 +225,17 @@ def _check_tables(settings: Settings) -> None:
     held = settings.load.get("setpoint", "measured")
     if not isinstance(held, str) and not (_is_number(held) and 0 <= held <= 45):
         raise ValueError(f"[load] setpoint = {held!r} must be a temperature [degC], 'measured' or a column in quotes.")
+
+
+def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
+    _check_keys("site", site, tuple(_SITE))
+    for key, bound in _SITE.items():
+        if site and key not in site:
+            raise ValueError(f"[site] does not say {key}.")
+        if site and not (_is_number(site[key]) and abs(site[key]) <= bound):
+            raise ValueError(f"[site] {key} = {site[key]!r} must be a number of degrees from {-bound:g} to {bound:g}.")
+    if site and "q_sol" not in columns:
+        raise ValueError("[site] needs the irradiance on the horizontal, q_sol, in [columns].")
 
 
 def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, Any]:
