@@ -241,11 +241,11 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
         return ""
     return (
         "<h2>Heat that nobody measures</h2>\n<p>People, equipment, lights, air and everything else that the log does "
-        "not hold, as the model infers it from the temperature over the training days. Positive heats the room."
+        "not hold, as the identification infers it from the temperature over the training days. Positive heats the room."
         + (
             ""
             if truth is None
-            else " The dashed line is the internal gains alone; the model infers the net of gains,"
+            else " The dashed line is the internal gains alone; what is inferred is the net of gains,"
             " ventilation, infiltration and what the simple network leaves out."
         )
         + "</p>\n"
