@@ -241,7 +241,7 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
         return ""
     return (
         "<h2>Heat that nobody measures</h2>\n<p>People, equipment, lights, air and everything else that the log does "
-        "not hold, as the identification infers it from the temperature over the training days. Positive heats the room."
+        "not hold, as the identification infers it from the temperature of the training days. Positive heats the room."
         + (
             ""
             if truth is None
