@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from . import __version__
 
@@ -47,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse has said why
         return int(stop.code or 0)
     if argv is None and threading.current_thread() is threading.main_thread():  # run as a program: end tidily
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, _stop)
+        signal.signal(signal.SIGINT, _stop)
     try:
         return int(arguments.run(arguments))
     except (ValueError, TypeError, OSError) as error:
@@ -153,6 +154,16 @@ def _study(settings: Settings, data: StudyData, out: Path, say: _Progress, truth
     return 0
 
 
+#: signals that have come in
+_STOPS: list[int] = []
+
+
+def _stop(number: int, frame: Any) -> None:
+    """Stop now; a compiler's callback may swallow that, so that the next step looks once more."""
+    _STOPS.append(number)
+    raise KeyboardInterrupt
+
+
 class _Progress:
     """Steps on stderr, each with the time since the beginning."""
 
@@ -164,6 +175,8 @@ class _Progress:
         self.note(f"[{number}/{total}] {time.perf_counter() - self.begun:6.1f} s  {text}")
 
     def note(self, text: str) -> None:
+        if _STOPS:
+            raise KeyboardInterrupt
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
