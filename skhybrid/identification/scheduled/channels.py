@@ -153,8 +153,17 @@ def _sunlight(plan: Plan, table: ZoneTable):
 def _equipment(plan: Plan, table: ZoneTable):
     for role, sign in plan.stages:
         yield role, sign * table.inputs[role], plan.heated, True, "free"
+    tops = dict(plan.tops)
     for role, knot, capacity in plan.knots:
-        yield f"{role}_{knot:.2g}", capacity * np.minimum(table.inputs[role], knot), plan.heated, False, "free"
+        yield f"{role}_{knot:.2g}", capacity * bent(table.inputs[role], knot, tops[role]), plan.heated, False, "free"
+
+
+def bent(stage: np.ndarray, knot: float, top: float) -> np.ndarray:
+    """How a stage's heat may leave the straight line: most at the knot, not at all at 0 and from the top on.
+
+    So the heat of the full stage stays that of its capacity, and a stage that was not seen is not bent.
+    """
+    return np.minimum(stage, knot) - np.minimum(stage, top) * knot / top
 
 
 def _schedules(plan: Plan, table: ZoneTable):

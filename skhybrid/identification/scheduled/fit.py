@@ -24,6 +24,8 @@ _COARSE = slice(2, None, 4)
 _SCALES, _PACES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.3, 1.0, 3.0)
 #: rough guess of a network for 2.5 kW of spread in its heat: the measured node, others [kWh/K], inside, outside [K/kW]
 _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
+#: least spread of the known heat, as a share of its largest value
+_LEAST_SPREAD = 0.1
 #: standard deviation of the logarithms of the parameters around the grid's best point
 _SPREAD = 1.2
 #: shrinkages that are tried
@@ -112,7 +114,8 @@ def fit_leads(
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
     stretch = make_stretch(plan, table, T, reference)
     step = table.step / pd.Timedelta("1h")
-    scale = float(stretch.heat.std())
+    # a plant that hardly ran does not make the building small
+    scale = max(float(stretch.heat.std()), _LEAST_SPREAD * float(np.abs(stretch.heat).max()))
     model = LeadModel.of(network, step, scale if scale > 1e-6 else 1.0)
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     problem = _start(model, Part(stretch, sample))
@@ -175,7 +178,9 @@ def _blocks(sample: Sample, step: float) -> np.ndarray:
     """(O,) block of days of every origin: weeks where there are enough; one block where nothing can be left out."""
     hours = (sample.origins - sample.origins[:1]) * step if len(sample.origins) else np.empty(0)
     days = hours[-1] / _DAY if len(hours) else 0.0
-    length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
+    # of a log of two or three days, parts of a day are left out: a model that runs away is seen in them too
+    least = 1.0 if days >= _LEAST_BLOCKS else max(days / _LEAST_BLOCKS, 0.5)
+    length = max(least, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
     count = max(1, round(days / length))
     return (
         np.zeros(len(hours), dtype=np.int64)

@@ -12,7 +12,7 @@ from ..._kernels import filter_gains, filter_series, simulate_inverse, simulate_
 from ..load import Plant, load_frame, steps_ahead
 from ..setpoints import Band, Limits
 from .adaptation import Later
-from .channels import Plan, emitter_series
+from .channels import Plan, bent, emitter_series
 from .fit import LeadFit
 from .model import NOISE, Matrices
 from .responses import Stretch
@@ -102,7 +102,7 @@ def _bent(out: pd.DataFrame, plan: Plan, plant: Plant, coef: np.ndarray, fit: Le
         heat = next(c for known, c in plan.fixed if known == role) * grid
         for name, knot, c in plan.knots:
             if name == role:
-                heat = heat + coef[names.index(f"{role}_{knot:.2g}")] * c * np.minimum(grid, knot)
+                heat = heat + coef[names.index(f"{role}_{knot:.2g}")] * c * bent(grid, knot, dict(plan.tops)[role])
         share = np.maximum.accumulate(heat / full[role])  # the stage in proportion that gives as much
         for column in (role, f"{role}_unclipped"):
             even = out[column].to_numpy()
@@ -115,8 +115,6 @@ def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
     names = fit.stretch.channels.names
     most = {role: max(1.0, top) for role, top in plan.tops}
     capacity = {role: c for role, c in plan.fixed if role.startswith("u_")}
-    for role, knot, c in plan.knots:  # at full stage the heat is what the pieces add up to
-        capacity[role] += coef[names.index(f"{role}_{knot:.2g}")] * c * knot / most[role]
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
