@@ -299,7 +299,9 @@ def test_short_tables(n_rows, office):
     model = HybridPredictor().fit(X[:n_rows], y[:n_rows])
     assert np.isfinite(model.predict(X[n_rows : n_rows + 2 * DAY])).all()
     assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
-    np.testing.assert_allclose(model.weights_, 0.5)  # nothing can be left out
+    np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
+    if n_rows == 5:  # nothing can be left out
+        np.testing.assert_allclose(model.weights_, 0.5)
     live = model.update(X[n_rows : n_rows + 3]).forecast(None, X[n_rows + 3 : n_rows + 20])
     assert np.isfinite(live).all(axis=None)
 
@@ -546,7 +548,10 @@ def test_stages_give_the_heat_that_is_asked_of_them(fitted, X):
     knots = [name for name in coef.index if name.startswith("u_heat_")]
     assert len(knots) == 2
     heat = 6.0 * load["u_heat"] - coef["u_cool"] * load["u_cool"]
-    for name in knots:
-        heat = heat + coef[name] * 6.0 * np.minimum(load["u_heat"], float(name.split("_")[-1]))
+    top = X["u_heat"][:N_TRAIN].max()
+    for share in (0.2, 0.45):
+        name = next(n for n in knots if n.endswith(f"_{share * top:.2g}"))
+        bend = np.minimum(load["u_heat"], share * top) - np.minimum(load["u_heat"], top) * share
+        heat = heat + coef[name] * 6.0 * bend
     assert (load["u_heat"] > 0.1).any()
     np.testing.assert_allclose(heat, load["Q_hvac"], atol=1e-6)
