@@ -178,9 +178,7 @@ def _blocks(sample: Sample, step: float) -> np.ndarray:
     """(O,) block of days of every origin: weeks where there are enough; one block where nothing can be left out."""
     hours = (sample.origins - sample.origins[:1]) * step if len(sample.origins) else np.empty(0)
     days = hours[-1] / _DAY if len(hours) else 0.0
-    # of a log of two or three days, parts of a day are left out: a model that runs away is seen in them too
-    least = 1.0 if days >= _LEAST_BLOCKS else max(days / _LEAST_BLOCKS, 0.5)
-    length = max(least, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
+    length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
     count = max(1, round(days / length))
     return (
         np.zeros(len(hours), dtype=np.int64)
