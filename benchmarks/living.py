@@ -204,8 +204,7 @@ def main() -> None:
             "Drift signal of the frozen model": signals.set_index(["change", "seed"]),
         },
         f"make_office (Oakland), {TRAIN} weeks of training, {BEFORE} weeks as before, then {AFTER} under another "
-        f"schedule; seeds {', '.join(map(str, SEEDS))}; the default, and the published scheme (PeriodicDisturbanceID and "
-        "ridge).",
+        f"schedule; seeds {', '.join(map(str, SEEDS))}; the default, and the published scheme with ridge.",
     )
 
 
