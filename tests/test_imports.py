@@ -20,7 +20,7 @@ BASE = {"_clock", "_contract", "_rolling", "_threads", "exceptions"}
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"_kernels"},
     "identification": {"_kernels", "thermal"},
-    "forecasting": set(),
+    "forecasting": {"_kernels"},
     "hybrid": {"thermal", "identification", "forecasting"},
     "persistence": set(),
     "preprocessing": set(),

@@ -223,12 +223,13 @@ def test_a_block_that_is_all_there_is_cannot_be_left_out(arx, X):
 def test_refitted_coefficients_are_of_training_and_what_is_known(arx, X):
     table, T = arx._read_X(X.drop(columns="T_za")), X["T_za"].to_numpy()
     origins = np.array([13 * DAY, N_TRAIN - 1, N_TRAIN + 4])  # in any order
-    found = arx.refitted(table, T, origins, N_TRAIN)
+    view = arx.view(table, T)
+    found = arx.refitted(view, origins, N_TRAIN)
     own = plain(X, len(X))
     np.testing.assert_allclose(found[1], arx.coef_, atol=1e-10)
     for coef, origin in zip(found, origins, strict=True):
         np.testing.assert_allclose(coef, own.solve(range(origin)), atol=1e-8)
-    paths = arx.paths_by(table, T, origins, DAY, found)
+    paths = arx.iterate(view, origins, DAY, found)
     for path, coef, origin in zip(paths, found, origins, strict=True):
         np.testing.assert_allclose(path, list(own.path(coef, origin, DAY)), atol=1e-8)
 
@@ -239,15 +240,19 @@ def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
     box = next(m for m in scheme._members if isinstance(m, BlackBox))
     rows, _ = scheme._rows(fitted._with_history(X[N_TRAIN:])[0])
     assert rows.table.index[rows.begin] == X.index[N_TRAIN]
-    origin = np.array([rows.begin + 3 * DAY])
-    sample = Sample(np.arange(rows.begin, origin[0], 2), np.array([1, 8, 48]))
-    found = box.follow(rows, origin, DAY, sample, "linear")
-    for place in (0, 30, len(sample.origins) - 1):
-        o = sample.origins[place]
+    origin, leads = rows.begin + 3 * DAY, np.array([1, 8, 48])
+    course = box.course(rows, Sample(np.empty(0, dtype=np.int64), leads), "linear")
+    view = box.view(rows)
+    for stop in (rows.begin + 2, rows.begin + 50, origin):  # in pieces
+        course.advance(view, stop)
+    assert len(course.errors) == 3 * DAY // 2 + 1
+    for place in (0, 30, len(course.errors) - 26, len(course.errors) - 3):
+        o = rows.begin + 2 * place
         morning = rows.begin + (o - rows.begin) // DAY * DAY
-        coef = box.arx_.refitted(rows.table, rows.T, np.array([morning]), rows.begin)
-        path = box.arx_.paths_by(rows.table, rows.T, np.array([o]), DAY, coef)[0]
-        np.testing.assert_allclose(found.errors[place], rows.T[o + sample.leads] - path[sample.leads - 1], atol=1e-10)
+        coef = box.arx_.refitted(view, np.array([morning]), rows.begin)
+        path = box.arx_.iterate(view, np.array([o]), DAY, coef)[0]
+        expected = np.where(o + leads <= origin, rows.T[o + leads] - path[leads - 1], np.nan)
+        np.testing.assert_allclose(course.errors[place], expected, atol=1e-10)
 
 
 # ------------------------------------------------------------------------------------------------- tables of all sorts
@@ -449,15 +454,13 @@ class Piece:
         return Later(make_stretch(self.fit.stretch.plan, table, self.T, self.fit.reference), N_TRAIN, True)
 
     def learned(self, origins):
-        nothing = Sample(np.empty(0, dtype=np.int64), self.fit.sample.leads)
-        return follow(self.fit, self.later(), origins, 1, nothing, None).learned
+        return follow(self.fit, self.later(), origins, 1, None).learned
 
     def path(self, heat, origin):
         """Forecast [degC] of the rows behind an origin under the heat from it on."""
         n = self.table.n_rows - origin - 1
-        nothing = Sample(np.empty(0, dtype=np.int64), self.fit.sample.leads)
         later = self.later(heat[: n + 1], origin)
-        return follow(self.fit, later, np.array([origin]), n, nothing, None).paths[0] + self.fit.reference
+        return follow(self.fit, later, np.array([origin]), n, None).paths[0] + self.fit.reference
 
 
 @pytest.fixture(scope="module")
@@ -472,7 +475,7 @@ def test_the_load_holds_the_set_point(piece):
     wanted = 21.0 + np.sin(np.arange(n) / 7.0)
     free = Limits(np.full(n, -np.inf), np.full(n, np.inf))
     load = loads(
-        piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, Band(wanted, wanted), free
+        piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, Band(wanted, wanted), free
     )
     assert piece.fit.point.solution.coef[-1] > 0.01
     found = piece.path(load["Q_hvac"].to_numpy(), first)
@@ -486,7 +489,9 @@ def test_the_load_keeps_within_a_band_and_within_limits(piece):
     origins = np.array([first])
     low, high = np.full(n, 20.5), np.full(n, 22.0)
     limits = Limits(np.where(np.arange(n) % 7 == 0, 0.0, -1.0), np.where(np.arange(n) % 7 == 0, 0.0, 1.5))
-    load = loads(piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, Band(low, high), limits)
+    load = loads(
+        piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, Band(low, high), limits
+    )
     heat = load["Q_hvac"].to_numpy()
     assert (heat >= limits.lower).all()
     assert (heat <= limits.upper).all()
@@ -503,15 +508,14 @@ def test_each_origin_begins_with_what_is_measured_there(piece):
     first, second, n = 12 * DAY, 13 * DAY, len(piece.T) - 12 * DAY
     band, free = Band(np.full(n, 21.0), np.full(n, 21.0)), Limits(np.full(n, -np.inf), np.full(n, np.inf))
     origins = np.array([first, second])
-    both = loads(piece.fit, piece.later(), origins, piece.learned(origins), piece.table, first, band, free)
+    both = loads(piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, band, free)
     rest = tuple(side[DAY:] for side in band)
     alone = loads(
         piece.fit,
-        piece.later(),
+        piece.later().stretch,
         origins[1:],
         piece.learned(origins[1:]),
         piece.table,
-        second,
         Band(*rest),
         Limits(*(side[DAY:] for side in free)),
     )

@@ -10,13 +10,20 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from skhybrid._contract import ZoneTable
-from skhybrid._kernels import filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
+from skhybrid._kernels import (
+    filter_gains,
+    filter_series,
+    lead_errors,
+    lead_rows,
+    lead_sensitivities,
+    simulate_inputs,
+)
 from skhybrid.datasets import make_office
-from skhybrid.identification.scheduled import Later, Sample, ScheduledNetwork, fit_leads, follow, make_stretch
+from skhybrid.identification.scheduled import Later, Learner, Sample, ScheduledNetwork, fit_leads, follow, make_stretch
 from skhybrid.identification.scheduled.channels import GROUPS, emitter_series, heat_of, make_channels, make_plan
 from skhybrid.identification.scheduled.coefficients import gram, solve_coefficients
 from skhybrid.identification.scheduled.fit import hourly_sample
-from skhybrid.identification.scheduled.model import NOISE, LeadModel, lead_rows
+from skhybrid.identification.scheduled.model import NOISE, LeadModel
 from skhybrid.identification.scheduled.problem import LeadProblem, Part, Shrinkage, penalty_of
 from skhybrid.identification.scheduled.responses import error_columns, respond
 from skhybrid.thermal import get_network
@@ -102,7 +109,7 @@ class Filter:
 
 def test_filter_gains_are_those_of_the_textbook():
     f = Filter()
-    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
     np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-10)
     for q, unit in enumerate(np.eye(2)):
         numeric = slope(lambda h, unit=unit: f.gains(h * unit), 1e-3)
@@ -113,7 +120,7 @@ def test_settled_gains_are_still_those_of_the_textbook():
     """Behind many rows, and behind a gap in the settled part."""
     f = Filter(n_rows=400)
     f.seen[300:310] = False
-    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
     np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-9)
     numeric = slope(lambda h: f.gains(np.array([h, 0.0])), 1e-3)
     np.testing.assert_allclose(dgains[..., 0], numeric, atol=1e-7)
@@ -128,7 +135,16 @@ def test_inputs_are_simulated_each_by_itself():
         for k in range(30):
             expected[k, j] = x[f.node]
             x = f.A @ x + B[:, j] * V[k, j]
-    np.testing.assert_allclose(simulate_inputs(f.A, B, V, f.node), expected, atol=1e-12)
+    found = np.empty((30, 4))
+    here, ahead = simulate_inputs(f.A, B, V, f.node, np.zeros((3, 4)), found)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(ahead, f.A @ here + B * V[-1], atol=1e-12)
+    middle = np.zeros((3, 4))
+    for rows in (slice(11), slice(11, 12), slice(12, None)):  # in pieces
+        again = np.empty_like(V[rows])
+        _, middle = simulate_inputs(f.A, B, V[rows], f.node, middle, again)
+        np.testing.assert_allclose(again, expected[rows], atol=1e-12)
+    np.testing.assert_allclose(middle, ahead, atol=1e-12)
 
 
 def filtered(A, gains, node, y, origins):
@@ -145,9 +161,14 @@ def test_series_are_filtered_each_by_itself():
     f = Filter(2)
     gains, S, origins = f.gains(np.zeros(2)), f.rng.normal(size=(40, 3)), np.array([0, 5, 8, 8, 39])
     S[~f.seen] = np.nan  # never read
-    found = filter_series(f.A, gains, f.node, S, origins)
+    found, last, ahead = filter_series(f.A, gains, f.node, S, origins, np.zeros((3, 3)))
     for j in range(3):
         np.testing.assert_allclose(found[..., j], filtered(f.A, gains, f.node, S[:, j], origins), atol=1e-12)
+    np.testing.assert_array_equal(last, found[-1])
+    np.testing.assert_allclose(ahead, f.A @ last, atol=1e-12)
+    _, _, middle = filter_series(f.A, gains[:9], f.node, S[:9], origins[:0], np.zeros((3, 3)))
+    rest, _, _ = filter_series(f.A, gains[9:], f.node, S[9:], np.array([30]), middle)
+    np.testing.assert_allclose(rest[0], last, atol=1e-12)
 
 
 def test_errors_by_lead_are_what_is_left_of_the_filtered_forecast():
@@ -179,7 +200,7 @@ def test_sensitivities_of_response_and_filter():
             s = (A + dA @ t) @ s + forcing[k] + dforcing[k] @ t
         return response, filtered(F, f.gains(t), f.node, y - response, origins)
 
-    gains, dgains = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
     found = lead_sensitivities(A, dA, forcing, dforcing, f.A, f.dA, gains, dgains, f.node, y, origins)
     response, states = plain(np.zeros(p))
     np.testing.assert_allclose(found.response, response, atol=1e-12)
@@ -202,14 +223,14 @@ def test_the_model_and_its_derivatives_by_logarithms():
     np.testing.assert_allclose(M.F[:n, n], M.B[:, 1 + model.zone])  # tracked heat enters as any heat on the air does
     np.testing.assert_allclose(np.diag(M.Q), [*[sigma_x**2 * 0.5] * n, sigma_g**2 * (1 - phi**2)])
     leads = np.array([1, 3, 7])
-    rows, drows = lead_rows(M.F, model.zone, leads, M.dF)
+    rows, drows = lead_rows(M.F, M.dF, model.zone, leads)
     for row, lead in zip(rows, leads, strict=True):
         np.testing.assert_allclose(row, np.linalg.matrix_power(M.F, lead)[model.zone], atol=1e-12)
     for q, unit in enumerate(np.eye(len(psi))):
         for name in "ABFQ":
             numeric = slope(lambda h, u=unit, name=name: getattr(model.matrices(psi + h * u), name), 1e-3)
             np.testing.assert_allclose(getattr(M, "d" + name)[..., q], numeric, atol=1e-8)
-        numeric = slope(lambda h, u=unit: lead_rows(model.matrices(psi + h * u).F, model.zone, leads)[0], 1e-3)
+        numeric = slope(lambda h, u=unit: lead_rows(model.matrices(psi + h * u).F, M.dF, model.zone, leads)[0], 1e-3)
         np.testing.assert_allclose(drows[..., q], numeric, atol=1e-8)
 
 
@@ -392,7 +413,7 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
     sample = Sample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
     spread = np.full(len(psi), 1.2)
     precision = np.array([4.0, 3.0, 2.0, 1.0])
-    parts = (Part(stretch, sample), Part(stretch.until(150), Sample(np.arange(60, 140, 7), sample.leads), 2.0))
+    parts = (Part(stretch, sample), Part(stretch.between(0, 150), Sample(np.arange(60, 140, 7), sample.leads), 2.0))
     return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
 
 
@@ -543,19 +564,17 @@ def brute_force(fit, psi, coef, stretch, origin, n_leads):
 
 @pytest.mark.parametrize("origin", [0, N_TRAIN - 1, 9 * DAY + 5, 12 * DAY + 7], ids=["first", "seam", "gap", "later"])
 def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
-    sample = Sample(np.empty(0, dtype=np.int64), fit.sample.leads)
-    found = follow(fit, later, np.array([origin]), DAY, sample, None)
+    found = follow(fit, later, np.array([origin]), DAY, None)
     coef = fit.point.solution.coef
     expected, _ = brute_force(fit, fit.point.psi, coef, later.stretch, origin, DAY)
     np.testing.assert_allclose(found.paths[0], expected, atol=1e-7)
-    assert np.isnan(found.errors).all()
+    assert not len(found.errors)
 
 
 def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, later, table):
     """The filter's heat fades from the origin on; far ahead the schedule is left."""
     origin = 10 * DAY
-    nothing = Sample(np.empty(0, dtype=np.int64), fit.sample.leads)
-    found = follow(fit, later, np.array([origin]), 4 * DAY, nothing, None)
+    found = follow(fit, later, np.array([origin]), 4 * DAY, None)
     shown = ScheduledNetwork.of(fit)
     planned = shown.heat_at(table).to_numpy()[origin + 1 : origin + 1 + 4 * DAY]
     _, tracked = brute_force(fit, fit.point.psi, fit.point.solution.coef, later.stretch, origin, 1)
@@ -573,7 +592,7 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
     leads = fit.sample.leads
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
-    found = follow(fit, later, origins, DAY, sample, "linear")
+    found = follow(fit, later, origins, DAY, "linear")
     problem, psi, stretch = fit.problem, fit.point.psi, later.stretch
     training = problem.columns(psi, problem.parts[0])
     rows = sample.origins[:, None] + leads
@@ -589,51 +608,74 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
         design = np.vstack([old * training, own])
         matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
         coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
-        np.testing.assert_allclose(found.learned[i][1], coef, atol=1e-5 * np.abs(coef).max())
-        expected, _ = brute_force(fit, psi, found.learned[i][1], stretch, origin, DAY)
+        np.testing.assert_allclose(found.learned[i].coef, coef, atol=1e-5 * np.abs(coef).max())
+        expected, _ = brute_force(fit, psi, found.learned[i].coef, stretch, origin, DAY)
         np.testing.assert_allclose(found.paths[i], expected, atol=1e-7)
-    assert not np.allclose(found.learned[0][1], found.learned[2][1], atol=1e-3)
+    assert not np.allclose(found.learned[0].coef, found.learned[2].coef, atol=1e-3)
 
 
 @pytest.mark.parametrize("adapt", ["linear", "full"])
 def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt):
     origins = np.array([N_TRAIN + 1, 12 * DAY, N_TRAIN + 11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    clean = follow(fit, later, origins, DAY, sample, adapt)
+    clean = follow(fit, later, origins, DAY, adapt)
     rng = np.random.default_rng(0)
     for i, origin in enumerate(origins):
         y, seen = later.stretch.y.copy(), later.stretch.seen.copy()
         y[origin + 1 :] = rng.normal(0.0, 30.0, len(y) - origin - 1)
         seen[origin + 1 :] |= True
-        other = follow(fit, later._replace(stretch=later.stretch._replace(y=y, seen=seen)), origins, DAY, sample, adapt)
+        other = follow(fit, later._replace(stretch=later.stretch._replace(y=y, seen=seen)), origins, DAY, adapt)
         np.testing.assert_array_equal(other.paths[: i + 1], clean.paths[: i + 1])
-        np.testing.assert_array_equal(other.learned[i][1], clean.learned[i][1])
-        np.testing.assert_array_equal(other.learned[i][0], clean.learned[i][0])
+        np.testing.assert_array_equal(other.learned[i].coef, clean.learned[i].coef)
+        np.testing.assert_array_equal(other.learned[i].psi, clean.learned[i].psi)
         known = sample.origins[:, None] + sample.leads <= origin
-        np.testing.assert_array_equal(other.errors[known], clean.errors[known])
+        np.testing.assert_array_equal(other.errors[:-1][known], clean.errors[:-1][known])
 
 
 @pytest.mark.parametrize("adapt", [None, "linear", "full"])
 def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
     origins = np.array([N_TRAIN, N_TRAIN + 1, N_TRAIN + 2, N_TRAIN + 3, N_TRAIN + 50, N_TRAIN + 11 * DAY])
-    together = follow(fit, later, origins, DAY, history(later, origins, fit.sample.leads), adapt)
+    together = follow(fit, later, origins, DAY, adapt)
     for i, origin in enumerate(origins):
         one = np.array([origin])
-        alone = follow(fit, later, one, DAY, history(later, one, fit.sample.leads), adapt)
+        alone = follow(fit, later, one, DAY, adapt)
         np.testing.assert_allclose(alone.paths[0], together.paths[i], atol=1e-6)
+
+
+@pytest.mark.parametrize("adapt", ["linear", "full"])
+def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
+    """Shown the last rows only, and all of them at a re-fit, a learner forecasts what one with all rows does."""
+    origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
+    whole = follow(fit, later, origins, DAY, adapt)
+    learner, asked = Learner(fit, later.begin, later.joined, adapt), []
+    for i, origin in enumerate(origins):
+        first, end = learner.row, int(origin) + 1 + DAY
+
+        def rows(origin=int(origin)):
+            asked.append(origin)
+            return later.stretch.between(0, origin + 1)
+
+        window = later._replace(stretch=later.stretch.between(first, end), first=first, whole=rows)
+        learner.advance(window, int(origin))
+        path, heat = learner.forecast(window, DAY)
+        np.testing.assert_allclose(path, whole.paths[i], atol=1e-9)
+        np.testing.assert_allclose(heat, whole.heat[i], atol=1e-9)
+    np.testing.assert_allclose(learner.errors, whole.errors, atol=1e-9)
+    assert set(asked) == ({int(origins[3])} if adapt == "full" else set())
 
 
 def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later):
     origins = np.array([11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    found = follow(fit, later, origins, DAY, sample, "linear")
+    found = follow(fit, later, origins, DAY, "linear")
     morning = N_TRAIN + 2 * DAY
-    that_day = follow(fit, later, np.array([morning]), DAY, history(later, [morning], fit.sample.leads), "linear")
+    that_day = follow(fit, later, np.array([morning]), DAY, "linear")
     for place in np.flatnonzero((sample.origins >= morning) & (sample.origins < morning + DAY))[::7]:
         origin = sample.origins[place]
-        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0][1], later.stretch, origin, DAY)
+        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0].coef, later.stretch, origin, DAY)
         target = np.minimum(origin + sample.leads, later.stretch.n_rows - 1)
-        expected = np.where(later.stretch.seen[target], later.stretch.y[target] - path[sample.leads - 1], np.nan)
+        known = later.stretch.seen[target] & (target <= origins[-1])
+        expected = np.where(known, later.stretch.y[target] - path[sample.leads - 1], np.nan)
         np.testing.assert_allclose(found.errors[place], expected, atol=1e-6)
 
 
@@ -642,22 +684,21 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     later = later._replace(begin=N_TRAIN + 3)  # so that a lead of the sample ends at the row behind the mark
     mark = N_TRAIN + 3 + 10 * DAY
     origins = np.array([mark - 1, mark, mark + 20])
-    sample = history(later, origins, fit.sample.leads)
 
     def learned(y):
-        return follow(fit, later._replace(stretch=later.stretch._replace(y=y)), origins, 1, sample, "full").learned
+        return follow(fit, later._replace(stretch=later.stretch._replace(y=y)), origins, 1, "full").learned
 
     y = later.stretch.y
-    before, at, behind = (psi for psi, _ in learned(y))
+    before, at, behind = (known.psi for known in learned(y))
     np.testing.assert_array_equal(before, fit.point.psi)
     assert not np.array_equal(at, before)
     np.testing.assert_array_equal(at, behind)
     changed = y.copy()
     changed[mark + 1 :] += 5.0
-    np.testing.assert_array_equal(learned(changed)[2][0], at)
+    np.testing.assert_array_equal(learned(changed)[2].psi, at)
     changed = y.copy()
     changed[mark] += 5.0
-    assert not np.array_equal(learned(changed)[1][0], at)
+    assert not np.array_equal(learned(changed)[1].psi, at)
 
 
 def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
@@ -671,23 +712,21 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
             own[changed:] += 3.0
         elsewhere = Later(make_stretch(fit.stretch.plan, part, own, fit.reference), 0, joined=False)
         origins = np.array([mark - 1, mark])
-        sample = history(elsewhere, origins, fit.sample.leads)
-        found.append(follow(fit, elsewhere, origins, 1, sample, "full").learned)
-    np.testing.assert_array_equal(found[0][0][0], fit.point.psi)
-    assert not np.array_equal(found[0][1][0], fit.point.psi)
-    np.testing.assert_array_equal(found[1][1][0], found[0][1][0])
-    np.testing.assert_array_equal(found[1][1][1], found[0][1][1])
-    assert not np.array_equal(found[2][1][0], found[0][1][0])
+        found.append(follow(fit, elsewhere, origins, 1, "full").learned)
+    np.testing.assert_array_equal(found[0][0].psi, fit.point.psi)
+    assert not np.array_equal(found[0][1].psi, fit.point.psi)
+    np.testing.assert_array_equal(found[1][1].psi, found[0][1].psi)
+    np.testing.assert_array_equal(found[1][1].coef, found[0][1].coef)
+    assert not np.array_equal(found[2][1].psi, found[0][1].psi)
 
 
 def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     """From where the last fit ended: the re-fitted point beats it on the rows that it was fitted on."""
     mark = N_TRAIN + 10 * DAY
-    sample = history(later, [mark], fit.sample.leads)
-    psi = follow(fit, later, np.array([mark]), 1, sample, "full").learned[0][0]
+    psi = follow(fit, later, np.array([mark]), 1, "full").learned[0].psi
     origins = np.arange(DAY, mark, 4)
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
     window = replace(
-        fit.problem, parts=(Part(later.stretch.until(mark + 1), Sample(origins, fit.sample.leads), weight),)
+        fit.problem, parts=(Part(later.stretch.between(0, mark + 1), Sample(origins, fit.sample.leads), weight),)
     )
     assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss

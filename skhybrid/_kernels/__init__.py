@@ -3,7 +3,15 @@
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretize import Discrete, discretize, divided_difference
 from .kalman import Smoothed, kalman_track, smooth_states
-from .leads import LeadSensitivity, filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
+from .leads import (
+    LeadSensitivity,
+    filter_gains,
+    filter_series,
+    lead_errors,
+    lead_rows,
+    lead_sensitivities,
+    simulate_inputs,
+)
 from .predictor import (
     Model,
     Prediction,
@@ -13,6 +21,7 @@ from .predictor import (
     simulate_inverse,
     simulate_path,
 )
+from .recursion import iterate_lags
 
 __all__ = [
     "ChannelAdjoint",
@@ -29,8 +38,10 @@ __all__ = [
     "filter_channels_adjoint",
     "filter_gains",
     "filter_series",
+    "iterate_lags",
     "kalman_track",
     "lead_errors",
+    "lead_rows",
     "lead_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",

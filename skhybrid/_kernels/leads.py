@@ -41,6 +41,8 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
     -------
     gains, dgains : ndarray
         (N, m) and (N, m, p): what an error adds to the state of its own row.
+    P : ndarray of shape (m, m)
+        Variance before the row behind the last one, with which a next stretch begins.
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))
@@ -62,11 +64,27 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
                 gains[k, i] = gain[0, i]
                 for q in range(p):
                     dgains[k, i, q] = dgain[0, i, q]
-    return gains, dgains
+    return gains, dgains, P
 
 
 @compiled
-def simulate_inputs(A, B, V, node):
+def _propagate(A, x, ahead):
+    """``ahead = A x`` for the columns of x."""
+    n, J = x.shape
+    for i in range(n):
+        # views of rows, so that the innermost loop runs on several numbers at once
+        row, first, a = ahead[i], x[0], A[i, 0]
+        for j in range(J):
+            row[j] = a * first[j]
+        for r in range(1, n):
+            other, a = x[r], A[i, r]
+            if a != 0.0:
+                for j in range(J):
+                    row[j] += a * other[j]
+
+
+@compiled
+def simulate_inputs(A, B, V, node, begin, out):
     """Output of a network under each of J inputs by itself.
 
     Parameters
@@ -76,32 +94,33 @@ def simulate_inputs(A, B, V, node):
         Effect of one unit of each input over a step on the states.
     V : ndarray of shape (N, J)
     node : int
-        The state that is the output; all are 0 at the first row.
+        The state that is the output.
+    begin : ndarray of shape (n, J)
+        States at the first row.
+    out : ndarray of shape (N, J)
+        The outputs are written here.
 
     Returns
     -------
-    ndarray of shape (N, J)
+    here, ahead : ndarray of shape (n, J)
+        States at the last row, and at the one behind it.
     """
     n, J = B.shape
     N = V.shape[0]
-    out = np.empty((N, J))
-    x, ahead = np.zeros((n, J)), np.empty((n, J))
+    x, ahead = begin.copy(), begin.copy()
     for k in range(N):
+        x, ahead = ahead, x
         for j in range(J):
             out[k, j] = x[node, j]
+        _propagate(A, x, ahead)
         for i in range(n):
             for j in range(J):
-                ahead[i, j] = B[i, j] * V[k, j]
-            for r in range(n):
-                a = A[i, r]
-                for j in range(J):
-                    ahead[i, j] += a * x[r, j]
-        x, ahead = ahead, x
-    return out
+                ahead[i, j] += B[i, j] * V[k, j]
+    return x, ahead
 
 
 @compiled
-def filter_series(A, gains, node, S, origins):
+def filter_series(A, gains, node, S, origins, begin):
     """Filtered states of J series at the origins, each given its own rows up to the origin.
 
     Parameters
@@ -114,18 +133,24 @@ def filter_series(A, gains, node, S, origins):
         Measured series; a row whose gain is 0 is not read.
     origins : ndarray of int, shape (n_origins,)
         Increasing.
+    begin : ndarray of shape (m, J)
+        States at the first row, before it is read.
 
     Returns
     -------
-    ndarray of shape (n_origins, m, J)
-        All states are 0 before the first row.
+    states : ndarray of shape (n_origins, m, J)
+    last : ndarray of shape (m, J)
+        States at the last row, given it.
+    ahead : ndarray of shape (m, J)
+        States at the row behind it.
     """
     m = A.shape[0]
     N, J = S.shape
     states = np.empty((len(origins), m, J))
-    x, ahead, error = np.zeros((m, J)), np.empty((m, J)), np.empty(J)
+    x, ahead, error = begin.copy(), begin.copy(), np.empty(J)
     at = 0
     for k in range(N):
+        x, ahead = ahead, x
         if gains[k, node] != 0.0:
             for j in range(J):
                 error[j] = S[k, j] - x[node, j]
@@ -138,15 +163,8 @@ def filter_series(A, gains, node, S, origins):
                 for j in range(J):
                     states[at, i, j] = x[i, j]
             at += 1
-        for i in range(m):
-            for j in range(J):
-                ahead[i, j] = 0.0
-            for r in range(m):
-                a = A[i, r]
-                for j in range(J):
-                    ahead[i, j] += a * x[r, j]
-        x, ahead = ahead, x
-    return states
+        _propagate(A, x, ahead)
+    return states, x, ahead
 
 
 @compiled
@@ -246,11 +264,52 @@ def lead_errors(S, states, P, origins, leads, weight):
             w = weight[o, h]
             if w == 0.0:
                 continue
-            row, at = o * L + h, origins[o] + leads[h]
+            row, simulated = out[o * L + h], S[origins[o] + leads[h]]
             for j in range(J):
-                out[row, j] = w * S[at, j]
+                row[j] = w * simulated[j]
             for i in range(m):
-                a = w * P[h, i]
+                a, held = w * P[h, i], states[o, i]
                 for j in range(J):
-                    out[row, j] -= a * states[o, i, j]
+                    row[j] -= a * held[j]
     return out
+
+
+@compiled
+def lead_rows(F, dF, node, leads):
+    """Row ``c F^h`` of every lead h, and its derivatives.
+
+    Parameters
+    ----------
+    F, dF : ndarray of shape (m, m) and (m, m, p)
+    node : int
+        The state that c measures.
+    leads : ndarray of int, shape (L,)
+        Increasing.
+
+    Returns
+    -------
+    rows, drows : ndarray of shape (L, m) and (L, m, p)
+    """
+    m, p, L = F.shape[0], dF.shape[2], len(leads)
+    rows, drows = np.empty((L, m)), np.empty((L, m, p))
+    row, drow, row2, drow2 = np.zeros(m), np.zeros((m, p)), np.empty(m), np.empty((m, p))
+    row[node] = 1.0
+    at = 0
+    for h in range(1, leads[-1] + 1):
+        for j in range(m):
+            value = 0.0
+            for q in range(p):
+                drow2[j, q] = 0.0
+            for i in range(m):
+                value += row[i] * F[i, j]
+                for q in range(p):
+                    drow2[j, q] += drow[i, q] * F[i, j] + row[i] * dF[i, j, q]
+            row2[j] = value
+        row, row2, drow, drow2 = row2, row, drow2, drow
+        if h == leads[at]:
+            for j in range(m):
+                rows[at, j] = row[j]
+                for q in range(p):
+                    drows[at, j, q] = drow[j, q]
+            at += 1
+    return rows, drows

@@ -12,6 +12,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 
 from .._clock import rows_of
 from .._contract import ZoneTable, read_table, read_target
+from .._kernels import iterate_lags
 from .._threads import one_blas_thread
 from .features import day_type_hour, one_hot, rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
@@ -44,6 +45,20 @@ class _Moments(NamedTuple):
     def ridge(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under the penalty's diagonal (p,)."""
         return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
+
+
+class ARXView(NamedTuple):
+    """The rows of a table as the regression sees them, known by their numbers from ``first`` on."""
+
+    exogenous: np.ndarray  # (n_rows, p - n_lags) standardised inputs with lags, calendar and constant
+    T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
+    held: np.ndarray  # (n_rows,) the same with the last known one where missing
+    first: int
+
+    @property
+    def end(self) -> int:
+        """The row behind the last one."""
+        return self.first + len(self.T)
 
 
 class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -147,9 +162,10 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.input_names_ = list(table.inputs)
         self.sampling_time_ = table.step
         self._set_scales(table, T)
-        D, d, rows = self._pairs(table, T)
+        view = self.view(table, T)
+        D, d, rows = self._pairs(view)
         self._moments = _Moments(np.zeros((D.shape[1],) * 2), np.zeros(D.shape[1])).plus(D, d)
-        self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(table, T, D, d, rows)
+        self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(view, D, d, rows)
         self.coef_ = self._moments.ridge(self._penalty(self.alpha_))
         self._intervals = self._left_out_intervals(table.replace(history={"T_za": T}))
         self._tail = table.rows(slice(-self._warmup, None)).replace(history={"T_za": T[-self._warmup :]})
@@ -189,29 +205,47 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         columns = [table.inputs[role][chosen] for role in self.input_names_ for chosen in lags]
         return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
-    def _exogenous(self, table: ZoneTable) -> np.ndarray:
-        """Standardised inputs with lags, calendar and constant of every row, (n_rows, p - n_lags)."""
+    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXView:
+        """A table as the regression sees it.
+
+        Parameters
+        ----------
+        table : ZoneTable
+        T : ndarray of shape (n_rows,)
+            Its measured temperature [degC], NaN where missing.
+        first : int
+            Number of its first row.
+
+        Returns
+        -------
+        ARXView
+        """
         blocks = [(self._lagged_inputs(table) - self._input_mean) / self._input_scale]
         if self.calendar:
             blocks.append(one_hot(day_type_hour(table.time), 48))
-        return np.hstack([*blocks, np.ones((table.n_rows, 1))])
+        return ARXView(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
 
-    def _pairs(self, table: ZoneTable, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _pairs(
+        self, view: ARXView, begin: int = 0, end: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Columns (m, p), temperature steps (m,) and first rows (m,) of pairs (k, k + 1) of measured temperatures.
 
-        A lag that is missing is held at the one before it, as in a forecast; of most lags, some must be known.
+        Of the rows k from ``begin`` on, before ``end``.  A lag that is missing is held at the one before it, as in a
+        forecast; of most lags, some must be known.
         """
-        rows = np.arange(min(self.n_lags, table.n_rows - 1) - 1, table.n_rows - 1)
-        steps = T[rows + 1] - T[rows]
-        known = np.isfinite(self._windows(T, rows)).mean(axis=1)
-        windows = _causally_filled(self._windows(_held(T), rows), self._T_mean)
+        earliest = min(self.n_lags, view.end - 1) - 1
+        rows = np.arange(max(begin, earliest), view.end - 1 if end is None else min(end, view.end - 1))
+        here = rows - view.first
+        steps = view.T[here + 1] - view.T[here]
+        known = np.isfinite(self._windows(view, view.T, rows)).mean(axis=1)
+        windows = _causally_filled(self._windows(view, view.held, rows), self._T_mean)
         use = (known >= _LEAST_KNOWN) & np.isfinite(steps)
-        D = np.hstack([(windows[use] - self._T_mean) / self._T_scale, self._exogenous(table)[rows[use]]])
+        D = np.hstack([(windows[use] - self._T_mean) / self._T_scale, view.exogenous[here[use]]])
         return D, steps[use], rows[use]
 
-    def _windows(self, T: np.ndarray, origins: np.ndarray) -> np.ndarray:
-        """(n_origins, n_lags) temperatures at and before each origin, newest first; row 0 stands for those before."""
-        return T[np.maximum(origins[:, None] - np.arange(self.n_lags), 0)]
+    def _windows(self, view: ARXView, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """(n_rows, n_lags) temperatures at and before rows, newest first; row 0 stands for those before."""
+        return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
 
     def _penalty(self, alpha: float) -> np.ndarray:
         penalty = np.full(len(self._moments.cross), alpha)
@@ -219,22 +253,21 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return penalty
 
     # -------------------------------------------------------------------------------------------------------- penalty
-    def _choose_alpha(self, table: ZoneTable, T: np.ndarray, D: np.ndarray, d: np.ndarray, rows: np.ndarray) -> float:
+    def _choose_alpha(self, view: ARXView, D: np.ndarray, d: np.ndarray, rows: np.ndarray) -> float:
         """The penalty with the least forecast error in left-out blocks of time, each at least two horizons long."""
-        n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
-        n_blocks = min(_MOST_BLOCKS, table.n_rows // (2 * n_leads))
+        n_leads = rows_of(self.horizon if self.horizon is not None else "1D", self.sampling_time_)
+        n_blocks = min(_MOST_BLOCKS, view.end // (2 * n_leads))
         if n_blocks < 3:
             return _DEFAULT_ALPHA
-        exogenous = self._exogenous(table)
-        edges = np.linspace(0, table.n_rows, n_blocks + 1).astype(np.int64)
+        edges = np.linspace(0, view.end, n_blocks + 1).astype(np.int64)
         errors = np.zeros(len(_ALPHAS))
         for start, stop in pairwise(edges):
             inside = (rows >= start) & (rows < stop)
             rest = self._moments.plus(D[inside], d[inside], sign=-1.0)
             origins = np.arange(start, stop - n_leads, max(1, n_leads // 6))
-            truth = T[target_rows(origins, n_leads)]
+            truth = view.T[target_rows(origins, n_leads)]
             for i, alpha in enumerate(_ALPHAS):
-                paths = self._iterate(T, exogenous, origins, n_leads, rest.ridge(self._penalty(alpha))[None, :])
+                paths = self.iterate(view, origins, n_leads, rest.ridge(self._penalty(alpha))[None, :])
                 errors[i] += np.nansum((paths - truth) ** 2)
         return _ALPHAS[int(np.argmin(errors))]
 
@@ -260,8 +293,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         ndarray of shape (n_origins, n_leads)
             [degC]; NaN where nothing else was measured to fit on.
         """
-        D, d, rows = self._pairs(table, T)
-        exogenous, penalty = self._exogenous(table), self._penalty(self.alpha_)
+        view, penalty = self.view(table, T), self._penalty(self.alpha_)
+        D, d, rows = self._pairs(view)
         out = np.full((len(origins), n_leads), np.nan)
         for block in np.unique(blocks):
             mine = np.flatnonzero(blocks == block)
@@ -269,7 +302,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if inside.all():
                 continue
             coef = self._moments.plus(D[inside], d[inside], sign=-1.0).ridge(penalty)
-            out[mine] = self._iterate(T, exogenous, origins[mine], n_leads, coef[None, :])
+            out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
     # ------------------------------------------------------------------------------------------------------ intervals
@@ -305,9 +338,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return float(T[0]) if T is not None and np.isfinite(T[0]) else self._T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
-        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(table, T, origins, self._learned(table))
-        return self.paths_by(table, T, origins, n_leads, coefs)
+        view = self.view(table, np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za)
+        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._learned(table))
+        return self.iterate(view, origins, n_leads, coefs)
 
     def _learned(self, table: ZoneTable) -> int:
         """How many rows of a table the training has seen."""
@@ -315,16 +348,48 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             return 0
         return int((table.utc <= self._tail.utc[-1]).sum())
 
-    def paths_by(
-        self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, n_leads: int, coefs: np.ndarray
-    ) -> np.ndarray:
-        """Forecasts by given coefficients.
+    def learner(self, begin: int = 0) -> ARXLearner:
+        """The regression on its way through rows.
 
         Parameters
         ----------
-        table : ZoneTable
-        T : ndarray of shape (n_rows,)
-            Its temperature [degC], read up to each origin; NaN where missing.
+        begin : int
+            The first row that the training has not seen.
+
+        Returns
+        -------
+        ARXLearner
+        """
+        return ARXLearner(self, begin)
+
+    def refitted(self, view: ARXView, origins: np.ndarray, begin: int = 0) -> np.ndarray:
+        """Coefficients from the training pairs and the pairs of ``view`` that end by each origin.
+
+        Parameters
+        ----------
+        view : ARXView
+        origins : ndarray of int, shape (n_origins,)
+        begin : int
+            The first row that the training has not seen.
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_columns)
+        """
+        learner = self.learner(begin)
+        coefs = np.empty((len(origins), len(self.coef_)))
+        for i in np.argsort(origins, kind="stable"):
+            learner.advance(view, int(origins[i]))
+            coefs[i] = learner.coef()
+        return coefs
+
+    def iterate(self, view: ARXView, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
+        """Run the recursion from each origin.
+
+        Parameters
+        ----------
+        view : ARXView
+            Its temperature is read up to each origin; inputs behind its last row are held.
         origins : ndarray of int, shape (n_origins,)
         n_leads : int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
@@ -334,55 +399,44 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         ndarray of shape (n_origins, n_leads)
             [degC].
         """
-        return self._iterate(T, self._exogenous(table), origins, n_leads, coefs)
-
-    def refitted(self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, begin: int = 0) -> np.ndarray:
-        """Coefficients from the training pairs and the pairs of ``table`` that end by each origin.
-
-        Parameters
-        ----------
-        table : ZoneTable
-        T : ndarray of shape (n_rows,)
-            Its temperature [degC], NaN where missing.
-        origins : ndarray of int, shape (n_origins,)
-        begin : int
-            The first row that the training has not seen.
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_columns)
-        """
-        D, d, rows = self._pairs(table, T)
-        new = rows + 1 >= begin  # the others are counted already
-        D, d, rows = D[new], d[new], rows[new]
-        penalty, moments, done = self._penalty(self.alpha_), self._moments, 0
-        coefs = np.empty((len(origins), len(penalty)))
-        for i in np.argsort(origins, kind="stable"):
-            stop = int(np.searchsorted(rows, origins[i]))  # the pair (k, k + 1) is known where k < origin
-            if stop > done:
-                moments, done = moments.plus(D[done:stop], d[done:stop]), stop
-            coefs[i] = moments.ridge(penalty)
-        return coefs
-
-    def _iterate(
-        self, T: np.ndarray, exogenous: np.ndarray, origins: np.ndarray, n_leads: int, coefs: np.ndarray
-    ) -> np.ndarray:
-        """Run the recursion from each origin, (n_origins, n_leads); ``coefs`` is (n_origins or 1, p)."""
-        state = (_causally_filled(self._windows(_held(T), origins), self._T_mean) - self._T_mean) / self._T_scale
-        rows = np.minimum(origins[:, None] + np.arange(n_leads), len(exogenous) - 1)
+        known = _causally_filled(self._windows(view, view.held, origins), self._T_mean)
+        rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
-            driven = (exogenous @ drive[0])[rows]
+            driven = (view.exogenous @ drive[0])[rows]
         else:
-            driven = np.stack([exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
+            driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
         low, high = ((bound - self._T_mean) / self._T_scale for bound in self._T_range)
-        out = np.empty((len(origins), n_leads))
-        for lead in range(n_leads):
-            step = (state * lag_coefs).sum(axis=1) + driven[:, lead]
-            newest = np.clip(state[:, 0] + step / self._T_scale, low, high)
-            state = np.hstack([newest[:, None], state[:, :-1]])
-            out[:, lead] = newest
-        return out * self._T_scale + self._T_mean
+        begin = np.ascontiguousarray((known[:, ::-1] - self._T_mean) / self._T_scale)
+        each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self._T_scale, begin.shape))
+        return iterate_lags(begin, each, driven / self._T_scale, low, high) * self._T_scale + self._T_mean
+
+
+class ARXLearner:
+    """A regression that takes in pairs of rows as they become known.
+
+    Parameters
+    ----------
+    model : ARXRegressor
+        Fitted.
+    begin : int
+        The first row that its training has not seen.
+    """
+
+    def __init__(self, model: ARXRegressor, begin: int) -> None:
+        self._model = model
+        self._moments = model._moments
+        self._next = begin - 1  # the pair that ends at the first new row
+
+    def advance(self, view: ARXView, row: int) -> None:
+        """Take in the pairs that end by ``row``."""
+        if row > max(self._next, 0):
+            D, d, _ = self._model._pairs(view, max(self._next, 0), row)
+            self._moments, self._next = self._moments.plus(D, d), row
+
+    def coef(self) -> np.ndarray:
+        """(n_columns,) by what has been taken in."""
+        return self._moments.ridge(self._model._penalty(self._model.alpha_))
 
 
 def _held(T: np.ndarray) -> np.ndarray:

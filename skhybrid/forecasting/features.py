@@ -37,6 +37,11 @@ def rows_per_day(step: pd.Timedelta) -> int:
     return max(1, round(pd.Timedelta("1D") / step))
 
 
+def rows_per_hour(step: pd.Timedelta) -> int:
+    """How many steps an hour has, at least 1."""
+    return max(1, round(_HOUR / step))
+
+
 def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
     """Number of a row's step within its local day, (n,) int below ``rows_per_day(step)``."""
     slots = np.floor(hour_of_day(time) * (_HOUR / step) + 1e-9).astype(np.int64)

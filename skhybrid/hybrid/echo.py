@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 #: days back, and the share of those errors that comes back
-_DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
+DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 
 
 def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a_day: int) -> np.ndarray:
@@ -35,7 +35,7 @@ def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a
     """
     if len(origins) < 2:
         return np.zeros(len(leads))
-    rows = row - _DAYS_BACK * a_day
+    rows = row - DAYS_BACK * a_day
     at = np.searchsorted(origins, rows, side="right") - 1
     # where history joins the training two origins may lie closer than all others
     near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.median(np.diff(origins)))

@@ -10,21 +10,24 @@ import pandas as pd
 
 from .._clock import rows_of
 from .._contract import ZoneTable
-from ..forecasting.quantiles import LeftOut
-from ..identification.scheduled import Sample, ScheduledNetwork, follow, loads
+from ..forecasting.features import rows_per_day, rows_per_hour
+from ..forecasting.quantiles import LeftOut, measured_ahead
+from ..identification.scheduled import ScheduledNetwork, loads
 from ..identification.setpoints import Band, Limits
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, blend_weights, by_lead, faded, lead_groups, moments
+from .course import BlendCourse, Trained
 from .drift import DriftMonitor
-from .echo import echo
 from .members import BlackBox, Member, Physics, Rows
 from .scheme import Paths
-from .tables import one_behind_another
+from .tables import last_rows, one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
+#: rows beside its leads that a live forecast looks back on, for the lags of the black box
+_MORE_ROWS = 64
 #: the last rows that a new fit learns from, where the first one had fewer
 _MOST_LEARNED = pd.Timedelta("56D")
 
@@ -58,35 +61,39 @@ class LinearScheme:
         self.horizon = horizon
         self.adapt = adapt
 
+    _live: BlendCourse | None = None  # as far as the last live forecast went
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_live"}
+
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Fit the members and weigh them by their errors on left-out blocks of days."""
-        self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
-        self._known = [_owned(table, target)]
-        self._n_learned = table.n_rows
+        n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
+        self._known, self._n_blocks = [_owned(table, target)], 1
+        self._n_learned = self._n_known = table.n_rows
         self._physics = Physics(self.network, self.known, calendar=True)
         self._members: list[Member] = [self._physics, BlackBox(_LAGS)]
         for member in self._members:
-            member.fit(self._known[0], target, self._n_leads)
+            member.fit(self._known[0], target, n_leads)
         fit = self._physics.fit_
-        self._groups = lead_groups(fit.sample.leads, self._n_leads)
-        self._left_out = np.stack([m.left_out(fit.sample, fit.blocks) for m in self._members], axis=-1)
-        ends = fit.sample.origins[:, None] + fit.sample.leads
-        self._products = moments(self._left_out, self._groups, self._share(ends, table.n_rows - 1, table.step))
+        sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
+        left_out = np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1)
+        a_day = rows_per_day(table.step)
+        age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
+        products = moments(left_out, groups, faded(age))
+        self._trained = Trained(sample, left_out, products, groups, n_leads, a_day, rows_per_hour(table.step))
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
-        self.weights_ = pd.DataFrame(blend_weights(self._products), list(GROUP_NAMES), [m.name for m in self._members])
+        self.weights_ = pd.DataFrame(blend_weights(products), list(GROUP_NAMES), [m.name for m in self._members])
         self.zeta_ = self.gray_box_.heat_at(table)
+        self._live = None
         return self
 
     # ----------------------------------------------------------------------------------------------------- forecast
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast each member from each origin, and blend them by what is known of their errors there."""
         rows, moved = self._rows(table)
-        order = np.argsort(origins, kind="stable")
-        found, heat = self._blend(rows, origins[order] + moved, n_leads)
-        temperature, zeta = np.empty_like(found), np.empty_like(heat)
-        temperature[order], zeta[order] = found, heat
-        return Paths(temperature, zeta)
+        return self._blend(rows, origins + moved, n_leads)
 
     def _rows(self, table: ZoneTable) -> tuple[Rows, int]:
         """The rows of a table behind all that is known, and by how many rows origins move."""
@@ -94,67 +101,41 @@ class LinearScheme:
         if not table.n_history:
             return Rows(table, T, 0, joined=False), 0
         later = table.rows(slice(table.n_history, None)).replace(history={"T_za": T[table.n_history :]})
-        whole = one_behind_another([*self._known, later])
-        return Rows(whole, whole.history["T_za"], self._n_learned, joined=True), whole.n_rows - table.n_rows
+        rows = self._joined([*self._known, later])
+        return rows, rows.table.n_rows - table.n_rows
 
-    def _blend(self, rows: Rows, origins: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+    def _joined(self, tables: list[ZoneTable]) -> Rows:
+        """The training and what follows it."""
+        whole = one_behind_another(tables)
+        return Rows(whole, whole.history["T_za"], self._n_learned, joined=True)
+
+    def _blend(self, rows: Rows, origins: np.ndarray, n_leads: int) -> Paths:
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
-        leads, step = self._physics.fit_.sample.leads, rows.table.step
-        last = int(origins[-1]) if len(origins) else 0
-        every = max(1, round(pd.Timedelta("1h") / step))
-        begin = rows.begin if self.adapt is not None else last
-        sample = Sample(np.arange(begin, max(begin, last), every), leads)
-        followed = [m.follow(rows, origins, n_leads, sample, self.adapt) for m in self._members]
-        paths = np.stack([f.paths for f in followed], axis=-1)
-        errors = np.stack([f.errors for f in followed], axis=-1)
-        ends = sample.origins[:, None] + leads
-        every_lead, a_day = np.arange(1, n_leads + 1), round(pd.Timedelta("1D") / step)
-        past, past_origins = errors, sample.origins
-        if rows.joined:
-            past = np.concatenate([self._left_out, errors])
-            past_origins = np.concatenate([self._physics.fit_.sample.origins, sample.origins])
-        out = np.empty(paths.shape[:2])
-        for i, origin in enumerate(origins):
-            products = self._products
-            if self.adapt is not None:  # what was seen in training fades as what the history shows
-                products = products * self._share(np.array(rows.begin), max(int(origin), rows.begin), step)
-            if len(errors):
-                products = products + moments(errors, self._groups, self._share(ends, int(origin), step))
-            shares = blend_weights(products)
-            weights = by_lead(shares, self._n_leads, n_leads)
-            out[i] = np.sum(paths[i] * weights, axis=1)
-            if self.adapt is not None:
-                missed = echo(np.sum(past * shares[self._groups], axis=-1), past_origins, leads, int(origin), a_day)
-                out[i] += np.interp(every_lead, leads, missed)
-        heat = followed[0].heat
-        assert heat is not None  # the physics gives it
-        return out, heat
-
-    @staticmethod
-    def _share(ends: np.ndarray, row: int, step: pd.Timedelta) -> np.ndarray:
-        """How much forecasts that end at the rows ``ends`` count at ``row``."""
-        return faded((row - ends) * (step / pd.Timedelta("1D")))
+        course = BlendCourse(self._members, self._trained, rows, self.adapt)
+        views = course.views(rows)
+        paths = Paths(np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads)))
+        for i in np.argsort(origins, kind="stable"):
+            course.advance(views, int(origins[i]))
+            paths.temperature[i], paths.zeta[i] = course.forecast(views, n_leads)
+        return paths
 
     # ------------------------------------------------------------------------------------------------------ the load
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points, under its schedules and what its filter tracks."""
         rows, moved = self._rows(table)
-        here = origins + moved
-        sample = Sample(np.empty(0, dtype=np.int64), self._physics.fit_.sample.leads)
-        if self.adapt is not None:
-            every = max(1, round(pd.Timedelta("1h") / rows.table.step))
-            sample = Sample(np.arange(rows.begin, max(rows.begin, int(here[-1])), every), sample.leads)
-        later = self._physics.later(rows)
-        learned = follow(self._physics.fit_, later, here, 1, sample, self.adapt).learned
-        first = rows.table.n_rows - len(setpoint.heating)
-        return loads(self._physics.fit_, later, here, learned, rows.table, first, setpoint, limits)
+        course, view = self._physics.course(rows, self._trained.sample, self.adapt), self._physics.view(rows)
+        learned = []
+        for origin in origins + moved:
+            course.advance(view, int(origin))
+            learned.append(course.standing())
+        return loads(self._physics.fit_, view.stretch, origins + moved, learned, rows.table, setpoint, limits)
 
     # ------------------------------------------------------------------------------------------------- its own errors
     def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
         """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
-        sample = self._physics.fit_.sample
-        shares = by_lead(blend_weights(self._products), self._n_leads, self._n_leads)[sample.leads - 1]
-        errors = np.sum(self._left_out * shares, axis=-1)[::3]
+        sample, ours = self._trained.sample, self._trained.n_leads
+        shares = by_lead(blend_weights(self._trained.products), ours, ours)[sample.leads - 1]
+        errors = np.sum(self._trained.errors * shares, axis=-1)[::3]
         known = np.isfinite(errors).all(axis=1)
         every = np.arange(1, n_leads + 1)
         out = np.array([np.interp(every, sample.leads, e) for e in errors[known]]).reshape(-1, n_leads)
@@ -163,38 +144,55 @@ class LinearScheme:
     # ------------------------------------------------------------------------------------------ living with a building
     def advance(self, table: ZoneTable, target: np.ndarray) -> None:
         """Take in rows; what they teach is worked out when a forecast is wanted."""
-        self._known = [*self._known, _owned(table, target)]
-        if len(self._known) > _GATHERED:
-            self._known = [self._known[0], one_behind_another(self._known[1:])]
+        self._known, self._n_known = [*self._known, _owned(table, target)], self._n_known + table.n_rows
+        if len(self._known) - self._n_blocks > _GATHERED:
+            self._known = [*self._known[: self._n_blocks], one_behind_another(self._known[self._n_blocks :])]
+            self._n_blocks = len(self._known)
 
     def forecast_live(self, future: ZoneTable) -> Paths:
-        """Forecast from the last known row."""
-        whole = one_behind_another([*self._known, future.replace(history={"T_za": np.full(future.n_rows, np.nan)})])
-        rows = Rows(whole, whole.history["T_za"], self._n_learned, joined=True)
-        origin = np.array([whole.n_rows - future.n_rows - 1])
-        return Paths(*self._blend(rows, origin, future.n_rows))
+        """Forecast from the last known row, going on from where the live forecast before had come to."""
+        ahead = future.replace(history={"T_za": np.full(future.n_rows, np.nan)})
+        # whoever comes meanwhile, in another thread, finds none and begins at the first row
+        course = self.__dict__.pop("_live", None)
+        if course is None or course.adapt != self.adapt:
+            rows = self._joined([*self._known, ahead])
+            course = BlendCourse(self._members, self._trained, rows, self.adapt)
+        else:
+            rows = self._last_rows(max(0, course.row - int(self._trained.sample.leads[-1]) - _MORE_ROWS), ahead)
+        views = course.views(rows)
+        course.advance(views, self._n_known - 1)
+        path, heat = course.forecast(views, future.n_rows)
+        self._live = course
+        return Paths(path[None], heat[None])
+
+    def _last_rows(self, first: int, ahead: ZoneTable) -> Rows:
+        """What is known from a row on, or from the last measurement before it, and the rows ahead."""
+        known = last_rows(self._known, self._n_known - first)
+        while not np.isfinite(known.history["T_za"][0]) and known.n_rows < self._n_known:
+            known = last_rows(self._known, 2 * known.n_rows)
+        table = one_behind_another([known, ahead])
+
+        def whole() -> tuple[ZoneTable, np.ndarray]:
+            rows = self._joined(self._known)
+            return rows.table, rows.T
+
+        return Rows(table, table.history["T_za"], self._n_learned, True, self._n_known - known.n_rows, whole)
 
     def learn(self, table: ZoneTable, target: np.ndarray) -> None:
         """Fit again on the last weeks of all that is known."""
         if table.n_rows:
             self.advance(table, target)
-        known = one_behind_another(self._known)
-        most = max(int(_MOST_LEARNED / known.step), self._n_learned)
-        kept = known.rows(slice(max(0, known.n_rows - most), None))
-        self.fit(kept, kept.history["T_za"])
+        known = last_rows(self._known, max(int(_MOST_LEARNED / self._known[0].step), self._n_learned))
+        self.fit(known, known.history["T_za"])
 
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
         """Go through the day-ahead errors of the temperature, forecast as trained."""
-        known, per_day = self._known[0], round(pd.Timedelta("1D") / self._known[0].step)
+        known, per_day = self._known[0], self._trained.a_day
         left_out = self.calibration_errors(known, known.history["T_za"], per_day)
         midnight = _begins_day(known)[left_out.origins]
         reference = _days(known, left_out.origins[midnight], per_day)
         monitor = DriftMonitor().fit(reference, reference - left_out.errors[midnight])
-        if table is None:
-            later = one_behind_another(self._known)
-            rows = Rows(later, later.history["T_za"], self._n_learned, joined=True)
-        else:
-            rows, _ = self._rows(table)
+        rows = self._joined(self._known) if table is None else self._rows(table)[0]
         origins = np.flatnonzero(_begins_day(rows.table))
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
         frozen = copy(self)
@@ -212,10 +210,7 @@ def _begins_day(table: ZoneTable) -> np.ndarray:
 
 def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
     """Measured temperature of the rows after each origin, stamped by the day."""
-    rows = origins[:, None] + np.arange(1, per_day + 1)
-    inside = rows < table.n_rows
-    measured = np.where(inside, table.history["T_za"][np.minimum(rows, table.n_rows - 1)], np.nan)
-    return pd.DataFrame(measured, index=table.time[origins].normalize())
+    return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())
 
 
 def _owned(table: ZoneTable, target: np.ndarray) -> ZoneTable:

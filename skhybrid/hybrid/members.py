@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, Self
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
-import pandas as pd
 
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
 from ..forecasting import ARXRegressor
-from ..identification.scheduled import Followed, Later, LeadFit, Sample, fit_leads, follow, make_stretch
+from ..forecasting.arx import ARXView
+from ..forecasting.features import rows_per_day, rows_per_hour
+from ..identification.scheduled import (
+    GrowingErrors,
+    Later,
+    LeadFit,
+    Learner,
+    Sample,
+    Stretch,
+    fit_leads,
+    make_stretch,
+)
 from ..thermal import RCNetwork
 from .tables import frame_by_role
 
@@ -22,6 +34,25 @@ class Rows(NamedTuple):
     T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
     begin: int  # the first row that the training has not seen
     joined: bool  # whether the rows before ``begin`` are the training's own
+    first: int = 0  # the table's first row, where it holds the last ones only
+    whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
+
+
+class Course(Protocol):
+    """A member on its way through rows: it learns from them, forecasts, and knows how wrong it has been."""
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Errors (n, L) [K] of hourly forecasts from the first new row on, as known on their days.
+
+        NaN where unknown, and where they have not ended.  Only with adaptation.
+        """
+
+    def advance(self, view: Any, origin: int) -> None:
+        """Go through the rows up to ``origin``, that one included."""
+
+    def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """From the last row: (n_leads,) temperatures [degC], and unmeasured heat [kW] where it is known."""
 
 
 class Member(Protocol):
@@ -35,8 +66,11 @@ class Member(Protocol):
     def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
         """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days."""
 
-    def follow(self, rows: Rows, origins: np.ndarray, n_leads: int, sample: Sample, adapt: str | None) -> Followed:
-        """Forecasts [degC] from each origin (increasing), and errors of the history's sample, as known on its days."""
+    def view(self, rows: Rows) -> Any:
+        """Rows as the member takes them."""
+
+    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> Course:
+        """Begin at the first row; errors are wanted at the leads of ``sample``."""
 
 
 class Physics:
@@ -68,15 +102,32 @@ class Physics:
         """Errors of the fit's own sample and blocks, which the blend shares."""
         return self.fit_.left_out
 
-    def later(self, rows: Rows) -> Later:
+    def view(self, rows: Rows) -> Later:
         """Rows as the fit takes them."""
-        stretch = make_stretch(self.fit_.stretch.plan, rows.table, rows.T, self.fit_.reference)
-        return Later(stretch, rows.begin, rows.joined)
+        whole = rows.whole
+        return Later(
+            self._stretch(rows.table, rows.T),
+            rows.begin,
+            rows.joined,
+            rows.first,
+            None if whole is None else cache(lambda: self._stretch(*whole())),
+        )
 
-    def follow(self, rows: Rows, origins: np.ndarray, n_leads: int, sample: Sample, adapt: str | None) -> Followed:
+    def _stretch(self, table: ZoneTable, T: np.ndarray) -> Stretch:
+        return make_stretch(self.fit_.stretch.plan, table, T, self.fit_.reference)
+
+    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> PhysicsCourse:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
-        found = follow(self.fit_, self.later(rows), origins, n_leads, sample, adapt)
-        return found._replace(paths=found.paths + self.fit_.reference)
+        return PhysicsCourse(self.fit_, rows.begin, rows.joined, adapt)
+
+
+class PhysicsCourse(Learner):
+    """The network on its way, in degC."""
+
+    def forecast(self, view: Later, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """From the last row."""
+        path, heat = super().forecast(view, n_leads)
+        return path + self.fit.reference, heat
 
 
 class BlackBox:
@@ -105,29 +156,66 @@ class BlackBox:
         """Errors of regressions without a block."""
         n_leads = int(sample.leads[-1])
         paths = self.arx_.left_out_paths(self._table, self._T, sample.origins, n_leads, blocks)
-        return _errors(self._T, sample, paths[:, sample.leads - 1])
+        rows, inside = sample.targets(len(self._T))
+        return np.where(inside, self._T[rows] - paths[:, sample.leads - 1], np.nan)
 
-    def follow(self, rows: Rows, origins: np.ndarray, n_leads: int, sample: Sample, adapt: str | None) -> Followed:
+    def view(self, rows: Rows) -> ARXView:
+        """Rows as the regression takes them."""
+        return self.arx_.view(rows.table, rows.T, rows.first)
+
+    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> BlackBoxCourse:
         """Re-solved at every origin on all pairs known by then."""
-        if adapt is None or not len(origins):
-            coefs = self.arx_.coef_[None, :]
-            errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
-            return Followed(self.arx_.paths_by(rows.table, rows.T, origins, n_leads, coefs), errors)
-        a_day = round(pd.Timedelta("1D") / rows.table.step)
-        past = sample.origins[sample.origins < origins[-1]]
-        days = (past - rows.begin) // a_day
-        marks = rows.begin + a_day * np.unique(days)
-        coefs = self.arx_.refitted(rows.table, rows.T, np.concatenate([origins, marks]), rows.begin)
-        paths = self.arx_.paths_by(rows.table, rows.T, origins, n_leads, coefs[: len(origins)])
-        errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
-        if len(past):
-            of_day = coefs[len(origins) :][np.searchsorted(marks, rows.begin + a_day * days)]
-            known = Sample(past, sample.leads)
-            made = self.arx_.paths_by(rows.table, rows.T, past, int(sample.leads[-1]), of_day)
-            errors[: len(past)] = _errors(rows.T, known, made[:, sample.leads - 1])
-        return Followed(paths, errors)
+        return BlackBoxCourse(self.arx_, rows.begin, sample.leads, adapt)
 
 
-def _errors(T: np.ndarray, sample: Sample, paths: np.ndarray) -> np.ndarray:
-    rows, inside = sample.targets(len(T))
-    return np.where(inside, T[rows] - paths, np.nan)
+class BlackBoxCourse:
+    """A regression on its way through rows.
+
+    Parameters
+    ----------
+    arx : ARXRegressor
+        Fitted.
+    begin : int
+        The first row that its training has not seen.
+    leads : ndarray of int, shape (L,)
+        At which errors are wanted.
+    adapt : {None, "linear", "full"}
+    """
+
+    def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
+        self.arx, self.begin, self.leads, self.adapt = arx, begin, leads, adapt
+        self._a_day, self._every = rows_per_day(arx.sampling_time_), rows_per_hour(arx.sampling_time_)
+        self._learner = arx.learner(begin)
+        self._row = -1
+        self._coefs: list[np.ndarray] = []  # of the days so far
+        self._errors = GrowingErrors(len(leads))
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Errors of forecasts of the history, by the coefficients that were known at the start of their days."""
+        return self._errors.values
+
+    def advance(self, view: ARXView, origin: int) -> None:
+        """Take in the pairs of rows up to ``origin``."""
+        before, self._row = self._row, origin
+        if self.adapt is None or origin < self.begin:
+            return
+        while (mark := self.begin + len(self._coefs) * self._a_day) <= origin:
+            self._learner.advance(view, mark)
+            self._coefs.append(self._learner.coef())
+        self._learner.advance(view, origin)
+        self._errors.extend((origin - self.begin) // self._every + 1)
+        longest = int(self.leads[-1])
+        place = np.arange(max(0, (before - longest - self.begin) // self._every), len(self.errors))
+        rows = self.begin + place * self._every
+        day = (rows - self.begin) // self._a_day
+        coefs = np.array(self._coefs[day[0] :])[day - day[0]]
+        paths = self.arx.iterate(view, rows, longest, coefs)[:, self.leads - 1]
+        ends = rows[:, None] + self.leads
+        known = (ends > before) & (ends <= origin)
+        self.errors[place] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, self.errors[place])
+
+    def forecast(self, view: ARXView, n_leads: int) -> tuple[np.ndarray, None]:
+        """From the last row."""
+        coef = self.arx.coef_ if self.adapt is None else self._learner.coef()
+        return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :])[0], None

@@ -113,3 +113,13 @@ def one_behind_another(tables: list[ZoneTable]) -> ZoneTable:
         time=joined("time"),
         utc=None if first.utc is None else joined("utc"),
     )
+
+
+def last_rows(tables: list[ZoneTable], n_rows: int) -> ZoneTable:
+    """The last rows of tables that follow each other, as one; all of them where there are fewer."""
+    pieces: list[ZoneTable] = []
+    while n_rows > 0 and len(pieces) < len(tables):
+        table = tables[-1 - len(pieces)]
+        pieces.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
+        n_rows -= table.n_rows
+    return one_behind_another(pieces[::-1])

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ..._kernels import lead_errors, lead_rows, simulate_path
+from .channels import emitter_series
 from .coefficients import gram, solve_coefficients
 from .fit import LeadFit
+from .model import Matrices
 from .problem import Part, minimise
-from .responses import Responses, Sample, Stretch, respond
+from .responses import Sample, Stream, Stretch
 
 #: how much a completed forecast of the history counts beside one of the training
 _RECENT = 3.0
 #: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
-_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3.0
+_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3
 #: days after which what was learned counts half
 _HALF_LIFE = 30.0
+#: days that are gone through at once behind a re-fit, which bounds the memory
+_PIECE_DAYS = 7
 _DAY = 24.0
-_NEVER = np.iinfo(np.int64).max
 
 
 class Later(NamedTuple):
@@ -29,29 +33,304 @@ class Later(NamedTuple):
     stretch: Stretch
     begin: int  # the first row that the training has not seen
     joined: bool  # whether the rows before ``begin`` are the training's own
+    first: int = 0  # the stretch's first row, where it holds the last ones only
+    whole: Callable[[], Stretch] | None = None  # all rows from 0 on, where the stretch does not hold them
+
+    @property
+    def end(self) -> int:
+        """The row behind the last one."""
+        return self.first + self.stretch.n_rows
+
+    def between(self, begin: int, end: int) -> Stretch:
+        """Rows from ``begin`` on, before ``end``."""
+        if begin >= self.first:
+            return self.stretch.between(begin - self.first, end - self.first)
+        assert self.whole is not None
+        return self.whole().between(begin, end)
+
+
+class Standing(NamedTuple):
+    """What a network knows at an origin."""
+
+    psi: np.ndarray
+    matrices: Matrices
+    coef: np.ndarray
+    nodes: np.ndarray  # (n,) temperatures [K from the reference], the origin's own row not yet applied
+    tracked: float  # heat that the filter tracks [kW]
+    store: float  # what the emitter holds back, before the origin's own row [kW]
+
+
+class _Ended(NamedTuple):
+    """Forecasts of the history that have come to their ends."""
+
+    columns: np.ndarray  # (k, J + 1), weighted as at the last row
+    root: np.ndarray  # (k,) root weights
+    origin: np.ndarray  # (k,) rows
+    lead: np.ndarray  # (k,) places among the leads
+
+
+class _Run:
+    """One network on its way through the rows, and what forecasts of the history teach its coefficients."""
+
+    def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
+        channels = fit.stretch.channels
+        self.fit, self.psi, self.start, self.stop = fit, psi, begin, np.iinfo(np.int64).max
+        self.stream = Stream(fit.model, psi, fit.stretch.plan, channels.node)
+        M = self.stream.matrices
+        self._rows, _ = lead_rows(M.F, M.dF[..., :0], fit.model.zone, fit.sample.leads)
+        m, J = self.stream.held.shape
+        self.products, self.at = fit.gram, begin
+        self._half_life = _HALF_LIFE * round(_DAY / fit.model.step)
+        self._first, self._series, self._seen = 0, np.empty((0, J)), np.empty(0, dtype=bool)
+        self._origins, self._share = np.empty(0, dtype=np.int64), np.empty(0)
+        self._states = np.empty((0, m, J))
+
+    def go(self, stretch: Stretch, first: int, origins: np.ndarray, apart: float) -> _Ended:
+        """Go through the next rows; forecasts from the origins, which are ``apart`` rows from one another, begin."""
+        found = self.stream.run(stretch, origins - first)
+        end, leads, problem = first + stretch.n_rows, self.fit.sample.leads, self.fit.problem
+        if not len(self._origins):
+            self._first, self._series, self._seen = first, found.series, stretch.seen
+        else:
+            self._series = np.concatenate([self._series, found.series])
+            self._seen = np.concatenate([self._seen, stretch.seen])
+        self._origins = np.concatenate([self._origins, origins])
+        self._states = np.concatenate([self._states, found.states])
+        self._share = np.append(self._share, np.full(len(origins), _RECENT * problem.share(apart)))
+        ends = self._origins[:, None] + leads
+        known = (ends >= first) & (ends < end)
+        known &= self._seen[np.minimum(ends, end - 1) - self._first]
+        faded = 0.5 ** (0.5 * (end - 1 - ends) / self._half_life)
+        root = problem.roots(known, self._share) * faded
+        E = lead_errors(self._series, self._states, self._rows, self._origins - self._first, leads, root)
+        place, lead = np.nonzero(root)
+        ended = _Ended(E[root.ravel() > 0], root[place, lead], self._origins[place], lead)
+        self._forget(end)
+        return ended
+
+    def _forget(self, end: int) -> None:
+        """Keep what the forecasts that end at row ``end`` or later need."""
+        open_ = self._origins + self.fit.sample.leads[-1] >= end
+        self._origins, self._states, self._share = self._origins[open_], self._states[open_], self._share[open_]
+        first = int(self._origins[0]) if len(self._origins) else end
+        keep = slice(first - self._first, None)
+        self._first, self._series, self._seen = first, self._series[keep], self._seen[keep]
+
+    def learn(self, ended: _Ended, row: int) -> None:
+        """Take in forecasts that have ended by the last row; what was known before fades."""
+        fade = 0.5 ** (max(row - self.at, 0) / self._half_life)
+        self.products, self.at = self.products * fade + gram(ended.columns), max(row, self.at)
+
+    def coef(self) -> np.ndarray:
+        """(J,) by what has been learned."""
+        problem = self.fit.problem
+        return solve_coefficients(self.products, problem.penalty, problem.positive).coef
+
+
+class GrowingErrors:
+    """Errors of one forecast after the other at some leads; NaN until they are known.
+
+    Parameters
+    ----------
+    n_leads : int
+    """
+
+    def __init__(self, n_leads: int) -> None:
+        self._room = np.empty((0, n_leads))
+        self._n = 0
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n, n_leads), to be read and written."""
+        return self._room[: self._n]
+
+    def extend(self, n: int) -> None:
+        """Make room for ``n`` forecasts in all."""
+        if n > len(self._room):
+            grown = np.full((2 * n, self._room.shape[1]), np.nan)
+            grown[: self._n] = self.values
+            self._room = grown
+        self._n = max(n, self._n)
+
+
+class Learner:
+    """A fit that goes through later rows and forecasts from them.
+
+    Parameters
+    ----------
+    fit : LeadFit
+    begin : int
+        The first row that the training has not seen.
+    joined : bool
+        Whether the rows before ``begin`` are the training's own.
+    adapt : {None, "linear", "full"}
+
+    Attributes
+    ----------
+    row : int
+        The row that comes next.
+    errors : ndarray of shape (n, L)
+        [K] of forecasts from ``begin``, ``begin + every``, ... at the fit's leads, by the coefficients that were known
+        at the start of the forecast's day; NaN where unknown, and where they have not ended.  Only with adaptation.
+    every : int
+        An hour of rows, or a row.
+    """
+
+    def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
+        self.fit, self.begin, self.joined, self.adapt = fit, begin, joined, adapt
+        self.every = max(1, round(1.0 / fit.model.step))
+        self.row = 0
+        self._a_day = round(_DAY / fit.model.step)
+        self._errors = GrowingErrors(len(fit.sample.leads))
+        self._run = _Run(fit, fit.point.psi, begin)
+        self._before: _Run | None = None  # the network before, whose last forecasts have not ended
+        self._days: dict[int, np.ndarray] = {}
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Errors of forecasts of the history."""
+        return self._errors.values
+
+    # -------------------------------------------------------------------------------------------------------- advance
+    def advance(self, later: Later, origin: int) -> None:
+        """Go through the rows up to ``origin``, that one included."""
+        while self.row <= origin:
+            if self.adapt is None:
+                self._take(later, origin)
+                continue
+            day = max(0, -(-(self.row - self.begin) // self._a_day))
+            mark = self.begin + day * self._a_day
+            self._take(later, min(origin, mark))
+            if self.row == mark + 1:
+                if self.adapt == "full" and day and day % _REFIT_DAYS == 0:
+                    self._refit(later)
+                self._days[day] = self._run.coef()
+                self._days = {d: coef for d, coef in self._days.items() if d >= day - 1 - self._longest // self._a_day}
+
+    @property
+    def _longest(self) -> int:
+        return int(self.fit.sample.leads[-1])
+
+    def _take(self, later: Later, last: int) -> None:
+        """Go through the rows up to ``last``."""
+        stretch, first = later.between(self.row, last + 1), self.row
+        nothing = np.empty(0, dtype=np.int64)
+        origins = nothing if self.adapt is None else self._hourly(first, last + 1, self.every)
+        self._errors.extend(len(self.errors) + len(origins))
+        ended = self._run.go(stretch, first, origins, self.every)
+        if self.adapt is not None:
+            self._keep_errors(ended, self._run)
+            self._run.learn(ended, last)
+        if self._before is not None:
+            self._keep_errors(self._before.go(stretch, first, nothing, self.every), self._before)
+            if last >= self._run.start + self._longest:
+                self._before = None
+        self.row = last + 1
+
+    def _hourly(self, first: int, end: int, every: int) -> np.ndarray:
+        """Rows of [first, end) that are so many rows apart, counted from ``begin``."""
+        first = max(first, self.begin)
+        return np.arange(first + (self.begin - first) % every, end, every)
+
+    def _keep_errors(self, ended: _Ended, run: _Run) -> None:
+        """Errors of forecasts that began under a network, by the coefficients of their days."""
+        day, own = (ended.origin - self.begin) // self._a_day, (ended.origin >= run.start) & (ended.origin < run.stop)
+        for d in np.unique(day[own]):
+            mine = own & (day == d)
+            columns = ended.columns[mine]
+            e = (columns[:, -1] - columns[:, :-1] @ self._days[d]) / ended.root[mine]
+            self.errors[(ended.origin[mine] - self.begin) // self.every, ended.lead[mine]] = e
+
+    # ---------------------------------------------------------------------------------------------------------- re-fit
+    def _refit(self, later: Later) -> None:
+        """Fit the network again at the last row, and take it through all rows so far."""
+        mark, fit = self.row - 1, self.fit
+        run = _Run(fit, self._refitted(later), self.begin)
+        half = Sample(fit.sample.origins[::2], fit.sample.leads)
+        part, done = Part(fit.stretch, half), self.begin
+        if self.joined:  # the rows are the same, and so is the stream
+            done = fit.stretch.n_rows
+            run.products = gram(
+                fit.problem.columns(run.psi, part, run.stream.run(later.between(0, done), half.origins))
+            )
+        else:
+            run.products = gram(fit.problem.columns(run.psi, part))
+        for first in range(done, mark + 1, _PIECE_DAYS * self._a_day):
+            end = min(first + _PIECE_DAYS * self._a_day, mark + 1)
+            origins = self._hourly(first, end, _REFIT_EVERY * self.every)
+            run.learn(run.go(later.between(first, end), first, origins, _REFIT_EVERY * self.every), end - 1)
+        self._run.stop = run.start = mark
+        self._before, self._run = self._run, run
+
+    def _refitted(self, later: Later) -> np.ndarray:
+        """The network's parameters from the last weeks of rows, beginning with what they were."""
+        fit, end, leads = self.fit, self.row, self.fit.sample.leads
+        first = max(0, end - _WINDOW_DAYS * self._a_day - self._a_day)
+        warm = self._a_day if self.joined or first else 0  # from a day on, as in training
+        origins = np.arange(warm, end - 1 - first, max(1, round(_REFIT_EVERY / fit.model.step)))
+        weight = np.where(origins + first >= self.begin, _RECENT, 1.0)
+        parts = [Part(later.between(first, end), Sample(origins, leads), weight)]
+        if not self.joined:
+            parts.append(Part(fit.stretch, Sample(fit.sample.origins[::2], leads)))
+        return minimise(replace(fit.problem, parts=tuple(parts)), self._run.psi, most=_STEPS).psi
+
+    # -------------------------------------------------------------------------------------------------------- forecast
+    def coef(self) -> np.ndarray:
+        """(J,) as known at the last row."""
+        return self.fit.point.solution.coef if self.adapt is None else self._run.coef()
+
+    def standing(self) -> Standing:
+        """What is known at the last row."""
+        stream, coef = self._run.stream, self.coef()
+        own, held = np.append(coef, 1.0), stream.held @ np.append(-coef, 1.0)
+        # what acts over the first of all rows is not known to have acted before
+        store = stream.store.held if stream.store is not None and self.row > 1 else 0.0
+        return Standing(self._run.psi, stream.matrices, coef, stream.here @ own + held[:-1], held[-1], store)
+
+    def forecast(self, later: Later, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """From the last row: (n_leads,) deviations from the reference [K] and unmeasured heat [kW].
+
+        What lies behind the rows of ``later`` is held at the last of them.
+        """
+        fit, stream, coef = self.fit, self._run.stream, self.coef()
+        M, zone, own, origin = stream.matrices, fit.model.zone, np.append(coef, 1.0), self.row - 1
+        held = stream.held @ np.append(-coef, 1.0)
+        last = min(origin + n_leads, later.end - 1)
+        rows = np.minimum(np.arange(n_leads), last - origin - 1)
+        ahead = later.between(min(origin + 1, last), last + 1)
+        if last > origin:
+            path = simulate_path(M.A, _forcing(stream, ahead, coef)[:-1], stream.ahead @ own)[:, zone]
+        else:  # nothing is known of what follows
+            path = stream.here[[zone]] @ own
+        leads = np.arange(1, n_leads + 1)
+        P, _ = lead_rows(M.F, M.dF[..., :0], zone, leads)
+        channels = ahead.channels
+        mine = channels.scheduled
+        planned = channels.series[:, mine] @ coef[: len(mine)][mine]
+        return path[rows] + P @ held, planned[rows] + held[-1] * M.F[-1, -1] ** leads
+
+
+def _forcing(stream: Stream, stretch: Stretch, coef: np.ndarray) -> np.ndarray:
+    """(N, n) what all inputs of rows that come next add to the nodes."""
+    M, plan, channels = stream.matrices, stretch.plan, stretch.channels
+    heat = channels.heat(coef[: len(channels.names)], len(M.A))
+    heat[:, plan.heated] += stretch.heat
+    if plan.emitter:
+        lag, _ = emitter_series(stretch.heat, stream.model.step, np.exp(stream.psi[-1]), stream.store)
+        heat[:, plan.heated] += coef[-1] * lag
+    return np.hstack([stretch.boundary, heat]) @ M.B.T
 
 
 class Followed(NamedTuple):
     """Forecasts [K from the reference], and how wrong those of the history were."""
 
     paths: np.ndarray  # (n_origins, n_leads)
-    errors: np.ndarray  # (O, L) [K] of the history's sample, made with what was known on the day; NaN where unknown
-    heat: np.ndarray | None = None  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
-    learned: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # psi and coefficients of each origin
+    heat: np.ndarray  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
+    errors: np.ndarray  # (O, L) [K], as :class:`Learner` has them
+    learned: list[Standing]  # at each origin
 
 
-@dataclass(frozen=True)
-class _Era:
-    """Rows over which the network stays as it is."""
-
-    psi: np.ndarray
-    start: int
-    stop: int
-
-
-def follow(
-    fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, sample: Sample, adapt: str | None
-) -> Followed:
+def follow(fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt: str | None) -> Followed:
     """Forecast from each origin.
 
     Parameters
@@ -59,110 +338,19 @@ def follow(
     fit : LeadFit
     later : Later
     origins : ndarray of int, shape (n_origins,)
-        Rows of the stretch, increasing.
+        Rows, increasing.
     n_leads : int
-    sample : Sample
-        Forecasts of the history, from ``later.begin`` on, that are learned from and whose errors are wanted.
     adapt : {None, "linear", "full"}
 
     Returns
     -------
     Followed
     """
+    learner = Learner(fit, later.begin, later.joined, adapt)
     paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
-    errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
-    learned: list[tuple[np.ndarray, np.ndarray]] = []
-    for era in _eras(fit, later, int(origins[-1]) if len(origins) else 0, adapt):
-        mine = np.flatnonzero((origins >= era.start) & (origins < era.stop))
-        wanted = [origins[mine], sample.origins if adapt else origins[:0]]
-        if adapt and later.joined and era.psi is not fit.point.psi:
-            wanted.append(fit.sample.origins)
-        found = respond(fit.model, era.psi, later.stretch, np.unique(np.concatenate(wanted)))
-        if adapt is None:
-            coefs = np.tile(fit.point.solution.coef, (len(mine), 1))
-        else:
-            coefs, own = _learn(fit, later, era, origins[mine], sample, found)
-            past = np.isfinite(own)
-            errors[past] = own[past]
-        if len(mine):
-            ahead = Sample(origins[mine], np.arange(1, n_leads + 1))
-            here = found.at(ahead.origins)
-            paths[mine] = here.forecasts(fit.model, ahead, coefs)
-            heat[mine] = here.unmeasured(later.stretch, ahead, coefs)
-            learned += [(era.psi, coef) for coef in coefs]
-    return Followed(paths, errors, heat, tuple(learned))
-
-
-def _eras(fit: LeadFit, later: Later, last: int, adapt: str | None) -> Iterator[_Era]:
-    """The training's network, and with ``adapt="full"`` one that is re-fitted every so many days."""
-    every = _REFIT_DAYS * round(_DAY / fit.model.step)
-    psi, start, mark = fit.point.psi, 0, later.begin + every
-    while adapt == "full" and mark <= last:
-        yield _Era(psi, start, mark)
-        psi, start, mark = _refit(fit, later, psi, mark), mark, mark + every
-    yield _Era(psi, start, _NEVER)
-
-
-def _training_gram(fit: LeadFit, later: Later, psi: np.ndarray, found: Responses) -> np.ndarray:
-    """Of the training forecasts under a network; every other one where that is not the training's own."""
-    if psi is fit.point.psi:
-        return fit.gram
-    own = fit.problem.parts[0]
-    half = own._replace(sample=Sample(own.sample.origins[::2], own.sample.leads))
-    if later.joined:  # the rows are the same, and the stretch is as it would be
-        return gram(fit.problem.columns(psi, half._replace(stretch=later.stretch.until(own.stretch.n_rows)), found))
-    return gram(fit.problem.columns(psi, half))
-
-
-def _refit(fit: LeadFit, later: Later, psi: np.ndarray, row: int) -> np.ndarray:
-    """The network's parameters from the rows up to ``row`` (that one included), beginning with ``psi``."""
-    a_day, step, leads = round(_DAY / fit.model.step), fit.model.step, fit.sample.leads
-    earliest = a_day if later.joined else later.begin
-    first = max(earliest, row + 1 - _WINDOW_DAYS * a_day)
-    origins = np.arange(first, row, max(1, round(_REFIT_EVERY / step)))
-    weight = np.where(origins >= later.begin, _RECENT, 1.0)
-    parts = [Part(later.stretch.until(row + 1), Sample(origins, leads), weight)]
-    if not later.joined:
-        own = fit.problem.parts[0]
-        parts.append(Part(own.stretch, Sample(own.sample.origins[::2], leads)))
-    return minimise(replace(fit.problem, parts=tuple(parts)), psi, most=_STEPS).psi
-
-
-def _learn(
-    fit: LeadFit, later: Later, era: _Era, origins: np.ndarray, sample: Sample, found: Responses
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (n_origins, J) of each origin, and the errors (O, L) of the era's history.
-
-    Errors are those of coefficients that were known at the start of the forecast's day.
-    """
-    problem, a_day = fit.problem, round(_DAY / fit.model.step)
-    last = int(origins[-1]) if len(origins) else min(era.stop, later.stretch.n_rows) - 1
-    errors = np.full((len(sample.origins), len(sample.leads)), np.nan)
-    known = Sample(sample.origins[sample.origins < last], sample.leads)
-    if not len(known.origins):
-        total = _training_gram(fit, later, era.psi, found)
-        coef = solve_coefficients(total, problem.penalty, problem.positive).coef
-        return np.tile(coef, (len(origins), 1)), errors
-    part = Part(later.stretch, known, _RECENT)
-    root, E = problem.root_weights(part), problem.columns(era.psi, part, found)
-    ends = (known.origins[:, None] + known.leads).ravel()
-    order = np.argsort(ends, kind="stable")
-    day = (known.origins - later.begin) // a_day
-    ours = (known.origins >= era.start) & (known.origins < era.stop)
-    marks = later.begin + a_day * np.unique(day[ours])
-    total, done, coefs = _training_gram(fit, later, era.psi, found), 0, np.empty((len(origins), len(problem.penalty)))
-    before = later.begin
-    for row in np.unique(np.concatenate([origins, marks])):
-        stop = int(np.searchsorted(ends[order], row, side="right"))
-        new = order[done:stop]
-        faded = 0.5 ** (0.5 * (row - ends[new]) / (a_day * _HALF_LIFE))
-        total = total * 0.5 ** (max(row - before, 0) / (a_day * _HALF_LIFE)) + gram(E[new] * faded[:, None])
-        before, done = max(row, before), stop
-        coef = solve_coefficients(total, problem.penalty, problem.positive).coef
-        coefs[origins == row] = coef
-        if row in marks:
-            chosen = np.flatnonzero(ours & (day == (row - later.begin) // a_day))
-            rows = (chosen[:, None] * len(known.leads) + np.arange(len(known.leads))).ravel()
-            e = (E[rows, -1] - E[rows, :-1] @ coef).reshape(len(chosen), -1)
-            errors[chosen] = np.where(root[chosen] > 0, e / np.where(root[chosen] > 0, root[chosen], 1.0), np.nan)
-    return coefs, errors
+    learned = []
+    for i, origin in enumerate(origins):
+        learner.advance(later, int(origin))
+        paths[i], heat[i] = learner.forecast(later, n_leads)
+        learned.append(learner.standing())
+    return Followed(paths, heat, learner.errors, learned)

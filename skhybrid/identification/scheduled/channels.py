@@ -67,6 +67,30 @@ class Channels(NamedTuple):
     positive: np.ndarray  # (J,) bool, coefficient >= 0
     group: np.ndarray  # (J,) int, place in GROUPS
 
+    @property
+    def scheduled(self) -> np.ndarray:
+        """(J,) bool, heat that nobody measures: schedules of gains and of conductance."""
+        return self._begin_with("gain", "ua")
+
+    @property
+    def solar(self) -> np.ndarray:
+        """(J,) bool, irradiance."""
+        return self._begin_with("q_sol")
+
+    @property
+    def equipment(self) -> np.ndarray:
+        """(J,) bool, stages of the plant."""
+        return self._begin_with("u_")
+
+    def _begin_with(self, *prefixes: str) -> np.ndarray:
+        return np.array([name.startswith(prefixes) for name in self.names])
+
+    def heat(self, coef: np.ndarray, n_nodes: int) -> np.ndarray:
+        """(N, n_nodes) heat into every node under coefficients (J,) [kW]."""
+        by_node = np.zeros((len(self.names), n_nodes))
+        by_node[np.arange(len(self.names)), self.node] = coef
+        return self.series @ by_node
+
 
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> Plan:
     """Choose the channels that a table can feed.
@@ -183,15 +207,25 @@ def _schedules(plan: Plan, table: ZoneTable):
                 yield f"{group}_{h}", (hour == h) * drive * sign, plan.zone, False, group
 
 
-def emitter_series(heat: np.ndarray, step: float, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
+class Store(NamedTuple):
+    """An emitter between two stretches of rows."""
+
+    held: float  # what it gave back in the last row [kW]
+    given: float  # what it was given in that row [kW]
+
+
+def emitter_series(
+    heat: np.ndarray, step: float, time_constant: float, store: Store | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """What a lagging emitter gives back later of the heat it was given, less what it takes: ``z - heat``.
 
     ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``; also its derivative by the logarithm
-    of the time constant [h].
+    of the time constant [h].  It begins with a ``store``, or as if the first row's heat had always been given.
     """
     a = np.exp(-step / time_constant)
-    before = np.concatenate([heat[:1], heat[:-1]])
-    z, _ = lfilter([1.0 - a], [1.0, -a], before, zi=a * heat[:1])
+    held, given = store if store is not None else (heat[0], heat[0])
+    before = np.concatenate([[given], heat[:-1]])
+    z, _ = lfilter([1.0 - a], [1.0, -a], before, zi=[a * held])
     da = a * step / time_constant
-    held = np.concatenate([heat[:1], z[:-1]])
-    return z - heat, lfilter([1.0], [1.0, -a], da * (held - before))
+    behind = np.concatenate([[held], z[:-1]])
+    return z - heat, lfilter([1.0], [1.0, -a], da * (behind - before))

@@ -102,7 +102,7 @@ def fit_leads(
         Measured temperature [degC], NaN where missing.
     n_leads : int
     known : dict, optional
-        Capacities [kW] and network parameters that are given.
+        Capacities [kW] that are given.
     calendar : bool
         Whether there are schedules.
 
@@ -123,10 +123,8 @@ def fit_leads(
     blocks = _blocks(sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, point, blocks))
     point = minimise(problem, point.psi, most=4)
-    E = point.columns[0]
-    total = gram(E)
-    left_out = _left_out(problem, E, blocks)
-    return LeadFit(model, problem, point._replace(columns=()), total, blocks, left_out, reference)
+    left_out = _left_out(problem, point.columns[0], blocks)
+    return LeadFit(model, problem, point._replace(columns=()), point.products, blocks, left_out, reference)
 
 
 def _start(model: LeadModel, part: Part) -> LeadProblem:

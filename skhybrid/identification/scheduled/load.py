@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 
 from ..._contract import ZoneTable
-from ..._kernels import filter_gains, filter_series, simulate_inverse, simulate_path
+from ..._kernels import simulate_inverse
 from ..load import Plant, load_frame, steps_ahead
 from ..setpoints import Band, Limits
-from .adaptation import Later
-from .channels import Plan, bent, emitter_series
+from .adaptation import Standing
+from .channels import Plan, bent
 from .fit import LeadFit
-from .model import NOISE, Matrices
 from .responses import Stretch
 
 #: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
@@ -23,29 +22,27 @@ _GRID = 101
 
 def loads(
     fit: LeadFit,
-    later: Later,
+    stretch: Stretch,
     origins: np.ndarray,
-    learned: Sequence[tuple[np.ndarray, np.ndarray]],
+    learned: Sequence[Standing],
     table: ZoneTable,
-    first: int,
     setpoint: Band,
     limits: Limits,
 ) -> pd.DataFrame:
-    """Heat that keeps the rows from ``first`` on within their set-points, each origin's up to the next one.
+    """Heat that keeps the last rows within their set-points, each origin's up to the next one.
 
     Parameters
     ----------
     fit : LeadFit
-    later : Later
+    stretch : Stretch
     origins : ndarray of int, shape (n_origins,)
-        Increasing; the first one is ``first``.
-    learned : sequence of (psi, coef)
+        Rows of the stretch, increasing.
+    learned : sequence of Standing
         What is known at each origin.
     table : ZoneTable
-        The rows of ``later``.
-    first : int
+        The rows of ``stretch``.
     setpoint : Band
-        Of the rows from ``first`` on [degC].
+        Of the rows from the first origin on [degC].
     limits : Limits
         [kW].
 
@@ -57,40 +54,34 @@ def loads(
     ends = np.append(origins[1:], table.n_rows)
     frames = []
     for origin, end, known in zip(origins, ends, learned, strict=True):
-        rows = slice(origin - first, end - first)
+        rows = slice(origin - origins[0], end - origins[0])
         band = Band(*(side[rows] for side in setpoint))
         within = Limits(*(side[rows] for side in limits))
-        frames.append(_load_from(fit, later.stretch, int(origin), int(end), known, table, band, within))
+        ahead = stretch.between(int(origin), int(end))
+        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within))
     # a stage whose capacity came out as 0 at one origin delivers nothing there
     return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
 
 
 def _load_from(
-    fit: LeadFit,
-    stretch: Stretch,
-    origin: int,
-    end: int,
-    known: tuple[np.ndarray, np.ndarray],
-    table: ZoneTable,
-    setpoint: Band,
-    limits: Limits,
+    fit: LeadFit, stretch: Stretch, known: Standing, index: pd.Index, setpoint: Band, limits: Limits
 ) -> pd.DataFrame:
-    """The rows from an origin up to ``end``, by what is known at the origin."""
-    psi, coef = known
-    M = fit.model.matrices(psi)
+    """The rows from an origin on, by what is known there."""
+    M, coef, n = known.matrices, known.coef, stretch.n_rows
     plant = _plant(stretch.plan, coef, fit)
-    state, heat = _standing(fit, M, psi, coef, stretch, origin)
-    zeta = heat[origin:end] + state[-2] * M.F[-1, -1] ** np.arange(end - origin)
-    A, forcing, effect = _augmented(fit, M, psi, coef, stretch, zeta, origin, end)
-    c, begin = np.eye(len(A))[fit.model.zone], np.append(state[:-2], state[-1])
+    scheduled = stretch.channels.scheduled
+    zeta = stretch.channels.series[:, scheduled] @ coef[: len(scheduled)][scheduled]
+    zeta = zeta + known.tracked * M.F[-1, -1] ** np.arange(n)
+    A, forcing, effect = _augmented(fit, known, stretch, zeta)
+    c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]
-    free = np.full(end - origin, np.inf)
+    free = np.full(n, np.inf)
     ahead = steps_ahead(A, effect, c)
     clipped, path = simulate_inverse(A, forcing, effect, c, *band, *plant.within(limits), begin, ahead)
     unclipped, _ = simulate_inverse(A, forcing, effect, c, *band, -free, free, begin, ahead)
-    here = stretch.y[origin] if stretch.seen[origin] else begin[fit.model.zone]
+    here = stretch.y[0] if stretch.seen[0] else begin[fit.model.zone]
     temperature = np.append(here, path[:-1]) + fit.reference
-    out = load_frame(plant, table.index[origin:end], clipped, unclipped, temperature)
+    out = load_frame(plant, index, clipped, unclipped, temperature)
     return _bent(out, stretch.plan, plant, coef, fit).assign(zeta=zeta)
 
 
@@ -124,78 +115,20 @@ def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
     return Plant(heating, cooling, most, lower, upper)
 
 
-def _standing(
-    fit: LeadFit, M: Matrices, psi: np.ndarray, coef: np.ndarray, stretch: Stretch, origin: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """At an origin: nodes, tracked heat and the emitter's store; and the scheduled heat of all rows [kW]."""
-    seen = stretch.until(origin + 1)
-    forcing = _node_heat(seen, coef) @ M.B[:, -len(M.A) :].T + seen.boundary @ M.B[:, : seen.boundary.shape[1]].T
-    store = 0.0
-    delivered = _delivered(seen, coef)
-    unit = M.B[:, seen.boundary.shape[1] + seen.plan.heated]
-    if seen.plan.emitter:
-        given = seen.heat if origin else np.zeros(1)  # what acts over the origin's own row is sought
-        lag, _ = emitter_series(given, fit.model.step, np.exp(psi[-1]))
-        delivered = delivered + coef[-1] * lag
-        store = lag[-1] + given[-1]
-    path = simulate_path(M.A, forcing + np.outer(delivered, unit), np.zeros(len(M.A)))
-    gains, _ = filter_gains(M.F, M.Q, fit.model.output, NOISE**2, M.P0, M.dF[..., :0], M.dQ[..., :0], seen.seen)
-    left = np.where(seen.seen, seen.y - path[: origin + 1, fit.model.zone], 0.0)
-    held = filter_series(M.F, gains, fit.model.zone, left[:, None], np.array([origin]))[0, :, 0]
-    scheduled = [name.startswith(("gain", "ua")) for name in stretch.channels.names]
-    heat = stretch.channels.series[:, scheduled] @ coef[: len(scheduled)][scheduled]
-    return np.concatenate([path[origin] + held[:-1], held[-1:], [store]]), heat
-
-
-def _is_equipment(stretch: Stretch) -> np.ndarray:
-    """(J,) channels that are stages of the plant."""
-    return np.array([name.startswith("u_") for name in stretch.channels.names])
-
-
-def _node_heat(stretch: Stretch, coef: np.ndarray) -> np.ndarray:
-    """(N, n) heat into every node of the sun and the schedules [kW]."""
-    channels, J = stretch.channels, len(stretch.channels.names)
-    share = np.where(_is_equipment(stretch), 0.0, coef[:J])
-    heat = np.zeros((stretch.n_rows, len(stretch.plan.network.nodes)))
-    for i in range(heat.shape[1]):
-        mine = np.flatnonzero((channels.node == i) & (share != 0))
-        heat[:, i] = channels.series[:, mine] @ share[mine]
-    return heat
-
-
-def _delivered(stretch: Stretch, coef: np.ndarray) -> np.ndarray:
-    """(N,) heat of the plant [kW]."""
-    own = np.flatnonzero(_is_equipment(stretch))
-    return stretch.heat + stretch.channels.series[:, own] @ coef[own]
-
-
 def _augmented(
-    fit: LeadFit,
-    M: Matrices,
-    psi: np.ndarray,
-    coef: np.ndarray,
-    stretch: Stretch,
-    zeta: np.ndarray,
-    origin: int,
-    end: int,
+    fit: LeadFit, known: Standing, stretch: Stretch, zeta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The network with the emitter's store: transition, forcing of the rows without the plant, effect of 1 kW."""
+    M, coef, plan, channels = known.matrices, known.coef, stretch.plan, stretch.channels
     n, nb = len(M.A), stretch.boundary.shape[1]
     unit = M.B[:, nb:]
-    held = coef[-1] if stretch.plan.emitter else 0.0
-    a = np.exp(-fit.model.step / np.exp(psi[-1]))
+    held = coef[-1] if plan.emitter else 0.0
+    a = np.exp(-fit.model.step / np.exp(known.psi[-1]))
     A, effect = np.zeros((n + 1, n + 1)), np.empty(n + 1)
-    A[:n, :n], A[:n, n], A[n, n] = M.A, held * unit[:, stretch.plan.heated], a
-    effect[:n], effect[n] = (1.0 - held) * unit[:, stretch.plan.heated], 1.0 - a
-    channels, J = stretch.channels, len(stretch.channels.names)
-    window = channels._replace(series=channels.series[origin:end])
-    sun = np.array([name.startswith("q_sol") for name in channels.names])
-    only = np.where(sun, coef[:J], 0.0)
-    heat = np.zeros((end - origin, n))
-    for i in range(n):
-        mine = np.flatnonzero((channels.node == i) & sun)
-        heat[:, i] = window.series[:, mine] @ only[mine]
-    heat[:, stretch.plan.zone] += zeta
-    forcing = np.zeros((end - origin, n + 1))
-    forcing[:, :n] = stretch.boundary[origin:end] @ M.B[:, :nb].T + heat @ unit.T
+    A[:n, :n], A[:n, n], A[n, n] = M.A, held * unit[:, plan.heated], a
+    effect[:n], effect[n] = (1.0 - held) * unit[:, plan.heated], 1.0 - a
+    heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
+    heat[:, plan.zone] += zeta
+    forcing = np.zeros((stretch.n_rows, n + 1))
+    forcing[:, :n] = stretch.boundary @ M.B[:, :nb].T + heat @ unit.T
     return A, forcing, effect

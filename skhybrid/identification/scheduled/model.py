@@ -101,20 +101,3 @@ class LeadModel:
         P0 = np.diag(np.append(np.full(n, _FIRST_EACH**2), self.heat_scale**2))
         P0[:n, :n] += _FIRST**2
         return Matrices(d.A, d.B, dA, dB, F, Q, dF, dQ, P0)
-
-
-def lead_rows(
-    F: np.ndarray, node: int, leads: np.ndarray, dF: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """``c F^h`` of every lead h (increasing), (L, m), and its derivatives (L, m, p), where those of F are given."""
-    dF = np.zeros((*F.shape, 0)) if dF is None else dF
-    row, drow = np.eye(len(F))[node], np.zeros((len(F), dF.shape[2]))
-    rows, drows, at = [], [], 0
-    for h in range(1, int(leads[-1]) + 1):
-        drow = F.T @ drow + np.tensordot(row, dF, axes=1)
-        row = row @ F
-        if h == leads[at]:
-            rows.append(row)
-            drows.append(drow)
-            at += 1
-    return np.array(rows), np.array(drows)

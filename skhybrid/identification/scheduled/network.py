@@ -55,7 +55,7 @@ class ScheduledNetwork:
     def heat_at(self, table: ZoneTable) -> pd.Series:
         """Scheduled heat over the rows of a table [kW]."""
         channels = make_channels(self._fit.stretch.plan, table)
-        mine = [name.startswith(("gain", "ua")) for name in channels.names]
+        mine = channels.scheduled
         heat = channels.series[:, mine] @ self._fit.point.solution.coef[: len(mine)][mine]
         return pd.Series(heat, table.index, name="zeta")
 

@@ -48,6 +48,7 @@ class Point(NamedTuple):
     psi: np.ndarray
     loss: float
     solution: Solution
+    products: np.ndarray  # (J + 1, J + 1) of the columns
     columns: tuple[np.ndarray, ...]  # of every part, (O L, J + 1), weighted
 
 
@@ -95,16 +96,20 @@ class LeadProblem:
         origins = part.sample.origins
         # a single origin is the first of hourly ones, and counts as it will among them
         several = len(origins) > 1
-        apart = (
-            (origins[-1] - origins[0]) / (len(origins) - 1) * self.model.step if several else max(1.0, self.model.step)
-        )
-        count = (
-            np.broadcast_to(part.weight, len(origins))[:, None] * min(apart / _OVERLAP, 1.0) / len(part.sample.leads)
-        )
-        return np.sqrt(np.where(inside & part.stretch.seen[rows], self.precision * count, 0.0))
+        apart = (origins[-1] - origins[0]) / (len(origins) - 1) if several else max(1.0 / self.model.step, 1.0)
+        share = np.broadcast_to(part.weight, len(origins)) * self.share(apart)
+        return self.roots(inside & part.stretch.seen[rows], share)
+
+    def share(self, apart: float) -> float:
+        """How much each of several forecasts counts whose origins are so many rows apart."""
+        return min(apart * self.model.step / _OVERLAP, 1.0)
+
+    def roots(self, known: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """(O, L) root weights of forecasts that count ``share`` (O,), 0 where nothing is ``known`` (O, L)."""
+        return np.sqrt(np.where(known, self.precision * share[:, None] / known.shape[1], 0.0))
 
     def columns(self, psi: np.ndarray, part: Part, found: Responses | None = None) -> np.ndarray:
-        """(O L, J + 1) weighted columns and target; ``found`` are responses at ``psi`` that hold the part's origins."""
+        """(O L, J + 1) weighted columns and target; ``found`` are the responses at ``psi``, at the part's origins."""
         if found is None:
             found = respond(self.model, psi, part.stretch, part.sample.origins)
         return error_columns(self.model, found, part.sample, self.root_weights(part))
@@ -112,15 +117,17 @@ class LeadProblem:
     def evaluate(self, psi: np.ndarray) -> Point:
         """Solve the coefficients at ``psi``."""
         columns = tuple(self.columns(psi, part) for part in self.parts)
-        solution = solve_coefficients(np.sum([gram(E) for E in columns], axis=0), self.penalty, self.positive)
+        products = np.sum([gram(E) for E in columns], axis=0)
+        solution = solve_coefficients(products, self.penalty, self.positive)
         prior = 0.5 * np.sum(((psi - self.centre) / self.spread) ** 2)
-        return Point(psi, solution.loss + float(prior), solution, columns)
+        return Point(psi, solution.loss + float(prior), solution, products, columns)
 
     def slopes(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (p,) and Gauss-Newton Hessian (p, p) of the objective with the coefficients projected out."""
         free = np.flatnonzero(point.solution.free)
         g, H = (point.psi - self.centre) / self.spread**2, np.diag(1.0 / self.spread**2)
-        inner, cross = np.diag(self.penalty[free]), np.zeros((len(free), len(g)))
+        inner = np.diag(self.penalty[free]) + point.products[np.ix_(free, free)]
+        cross = np.zeros((len(free), len(g)))
         for part, E in zip(self.parts, point.columns, strict=True):
             root = self.root_weights(part)
             e, de = error_sensitivities(self.model, point.psi, point.solution.coef, part.stretch, part.sample)
@@ -128,7 +135,6 @@ class LeadProblem:
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()
             cross += (E.T @ J)[free]
-            inner = inner + gram(E)[np.ix_(free, free)]
         return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
 
 
@@ -137,7 +143,7 @@ def penalty_of(stretch: Stretch, shrinkage: Shrinkage, heat_scale: float) -> np.
     channels = stretch.channels
     strength = shrinkage.by_group()[channels.group]
     unit = np.full(len(strength), heat_scale)
-    unit[[name.startswith("q_sol") for name in channels.names]] = _WINDOW
+    unit[channels.solar] = _WINDOW
     if stretch.plan.emitter:
         strength, unit = np.append(strength, _LEAST), np.append(unit, 1.0)
     return strength / unit**2

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._contract import ZoneTable
-from ..._kernels import filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
-from .channels import Channels, Plan, emitter_series, heat_of, make_channels
-from .model import NOISE, LeadModel, Matrices, lead_rows
+from ..._kernels import filter_gains, filter_series, lead_errors, lead_rows, lead_sensitivities, simulate_inputs
+from .channels import Channels, Plan, Store, emitter_series, heat_of, make_channels
+from .model import NOISE, LeadModel, Matrices
 
 
 class Stretch(NamedTuple):
@@ -27,10 +27,11 @@ class Stretch(NamedTuple):
         """How many rows there are."""
         return len(self.y)
 
-    def until(self, row: int) -> Stretch:
-        """The rows before ``row``."""
-        channels = self.channels._replace(series=self.channels.series[:row])
-        return Stretch(self.plan, channels, self.boundary[:row], self.heat[:row], self.y[:row], self.seen[:row])
+    def between(self, begin: int, end: int) -> Stretch:
+        """The rows from ``begin`` on, before ``end``."""
+        rows = slice(begin, end)
+        channels = self.channels._replace(series=self.channels.series[rows])
+        return Stretch(self.plan, channels, self.boundary[rows], self.heat[rows], self.y[rows], self.seen[rows])
 
 
 class Sample(NamedTuple):
@@ -48,42 +49,13 @@ class Sample(NamedTuple):
 class Responses(NamedTuple):
     """Simulated series of a stretch and what the filter holds of them at some origins.
 
-    The columns are the channels (the emitter's last), the known inputs together, and the measurement.
+    The columns are the channels (the emitter's last), and the measurement less all known inputs.
     """
 
     matrices: Matrices
-    series: np.ndarray  # (N, J + 2)
+    series: np.ndarray  # (N, J + 1)
     origins: np.ndarray  # (n_origins,) increasing
-    states: np.ndarray  # (n_origins, m, J + 2)
-
-    def at(self, origins: np.ndarray) -> Responses:
-        """The same at some of the origins."""
-        if origins is self.origins:
-            return self
-        return self._replace(origins=origins, states=self.states[np.searchsorted(self.origins, origins)])
-
-    def forecasts(self, model: LeadModel, sample: Sample, coef: np.ndarray) -> np.ndarray:
-        """(O, L) forecasts under coefficients (J,), or (O, J) of each origin, in deviations from the reference."""
-        rows, _ = sample.targets(len(self.series))
-        P, _ = lead_rows(self.matrices.F, model.zone, sample.leads)
-        share = np.broadcast_to(np.atleast_2d(coef), (len(rows), self.series.shape[1] - 2))
-        share = np.hstack([share, np.ones((len(rows), 1))])
-        out = np.empty(rows.shape)
-        for i, (chosen, own) in enumerate(zip(rows, share, strict=True)):
-            held = self.states[i, :, -1] - self.states[i, :, :-1] @ own
-            out[i] = self.series[chosen, :-1] @ own + P @ held
-        return out
-
-    def unmeasured(self, stretch: Stretch, sample: Sample, coefs: np.ndarray) -> np.ndarray:
-        """(O, L) heat of the schedules and of what the filter tracks, over the step of each row ahead [kW]."""
-        rows, _ = sample.targets(len(self.series))
-        scheduled = np.flatnonzero([name.startswith(("gain", "ua")) for name in stretch.channels.names])
-        out = np.empty(rows.shape)
-        for i, (chosen, coef) in enumerate(zip(rows, coefs, strict=True)):
-            tracked = self.states[i, -1, -1] - self.states[i, -1, :-1] @ np.append(coef, 1.0)
-            planned = stretch.channels.series[np.ix_(chosen, scheduled)] @ coef[scheduled]
-            out[i] = planned + tracked * self.matrices.F[-1, -1] ** sample.leads
-        return out
+    states: np.ndarray  # (n_origins, m, J + 1)
 
 
 def make_stretch(plan: Plan, table: ZoneTable, T: np.ndarray, reference: float) -> Stretch:
@@ -95,33 +67,97 @@ def make_stretch(plan: Plan, table: ZoneTable, T: np.ndarray, reference: float) 
     return Stretch(plan, make_channels(plan, table), boundary, heat_of(plan, table), measured, seen)
 
 
+class Stream:
+    """A network on its way through rows: simulated responses to every channel, filtered as the measurement is.
+
+    The rows may come in several stretches, one behind the other; what was before is a state.
+
+    Parameters
+    ----------
+    model : LeadModel
+    psi : ndarray of shape (p,)
+    plan : Plan
+    node : ndarray of int, shape (J,)
+        Node of every channel, without the emitter's.
+    """
+
+    def __init__(self, model: LeadModel, psi: np.ndarray, plan: Plan, node: np.ndarray) -> None:
+        self.model, self.psi, self.plan = model, psi, plan
+        M = self.matrices = model.matrices(psi)
+        n, nb = len(M.A), M.B.shape[1] - len(M.A)
+        unit = M.B[:, nb:]
+        self._effect = np.ascontiguousarray(unit[:, node])
+        self._known_effect = np.hstack([M.B[:, :nb], unit[:, [plan.heated]]])
+        self._lag_effect = np.ascontiguousarray(unit[:, [plan.heated] * plan.emitter])
+        J = len(node) + plan.emitter
+        self._parts = [np.zeros((n, k)) for k in (len(node), int(plan.emitter), nb + 1)]
+        self._here = self._parts
+        self._variance = M.P0
+        self._filtered = np.zeros((n + 1, J + 1))
+        self._last = self._filtered
+        self.store: Store | None = None
+
+    def run(self, stretch: Stretch, origins: np.ndarray) -> Responses:
+        """Go through the next rows; origins count from the first of them."""
+        M, zone = self.matrices, self.model.zone
+        lag = np.empty((stretch.n_rows, 0))
+        if self.plan.emitter:
+            series, _ = emitter_series(stretch.heat, self.model.step, np.exp(self.psi[-1]), self.store)
+            lag = series[:, None]
+            self.store = Store(series[-1] + stretch.heat[-1], stretch.heat[-1])
+        inputs = (stretch.channels.series, lag, np.column_stack([stretch.boundary, stretch.heat]))
+        effects = (self._effect, self._lag_effect, self._known_effect)
+        J = len(stretch.channels.names) + lag.shape[1]
+        S, known = np.empty((stretch.n_rows, J + 1)), np.empty((stretch.n_rows, inputs[2].shape[1]))
+        outputs = (S[:, : J - lag.shape[1]], S[:, J - lag.shape[1] : J], known)
+        states = [
+            simulate_inputs(M.A, B, V, zone, begin, out)
+            for B, V, begin, out in zip(effects, inputs, self._parts, outputs, strict=True)
+        ]
+        self._here, self._parts = [here for here, _ in states], [ahead for _, ahead in states]
+        S[:, J] = stretch.y - known.sum(axis=1)
+        gains, self._variance = filter_gains_only(self.model, M, self._variance, stretch.seen)
+        held, self._last, self._filtered = filter_series(M.F, gains, zone, S, origins, self._filtered)
+        return Responses(M, S, origins, held)
+
+    @property
+    def here(self) -> np.ndarray:
+        """(n, J + 1) simulated states at the last row, before its inputs; the known inputs together last."""
+        return _together(self._here)
+
+    @property
+    def ahead(self) -> np.ndarray:
+        """(n, J + 1) simulated states behind the last row."""
+        return _together(self._parts)
+
+    @property
+    def held(self) -> np.ndarray:
+        """(m, J + 1) what the filter holds at the last row, given it."""
+        return self._last
+
+
+def _together(parts: list[np.ndarray]) -> np.ndarray:
+    return np.column_stack([*parts[:-1], parts[-1].sum(axis=1)])
+
+
+def filter_gains_only(
+    model: LeadModel, M: Matrices, variance: np.ndarray, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gains (N, m) without derivatives, and the variance behind the last row."""
+    gains, _, behind = filter_gains(M.F, M.Q, model.output, NOISE**2, variance, M.dF[..., :0], M.dQ[..., :0], seen)
+    return gains, behind
+
+
 def respond(model: LeadModel, psi: np.ndarray, stretch: Stretch, origins: np.ndarray) -> Responses:
     """Simulate and filter every series of a stretch."""
-    M = model.matrices(psi)
-    nb = stretch.boundary.shape[1]
-    unit, plan = M.B[:, nb:], stretch.plan
-    V, node = stretch.channels.series, stretch.channels.node
-    if plan.emitter:
-        V = np.column_stack([V, emitter_series(stretch.heat, model.step, np.exp(psi[-1]))[0]])
-        node = np.append(node, plan.heated)
-    known = np.hstack([M.B[:, :nb], unit[:, [plan.heated]]])
-    inputs = np.column_stack([stretch.boundary, stretch.heat])
-    N, J = V.shape
-    S = np.empty((N, J + 2))
-    S[:, :J] = simulate_inputs(M.A, unit[:, node], V, model.zone)
-    S[:, J] = simulate_inputs(M.A, known, inputs, model.zone).sum(axis=1)
-    S[:, J + 1] = stretch.y
-    gains, _ = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF[..., :0], M.dQ[..., :0], stretch.seen)
-    return Responses(M, S, origins, filter_series(M.F, gains, model.zone, S, origins))
+    return Stream(model, psi, stretch.plan, stretch.channels.node).run(stretch, origins)
 
 
 def error_columns(model: LeadModel, found: Responses, sample: Sample, root: np.ndarray) -> np.ndarray:
     """Errors of every channel and of the measurement less the known inputs, (O L, J + 1), times the root weights."""
-    found = found.at(sample.origins)
-    P, _ = lead_rows(found.matrices.F, model.zone, sample.leads)
-    E = lead_errors(found.series, found.states, P, sample.origins, sample.leads, root)
-    E[:, -2] = E[:, -1] - E[:, -2]
-    return E[:, :-1]
+    M = found.matrices
+    P, _ = lead_rows(M.F, M.dF[..., :0], model.zone, sample.leads)
+    return lead_errors(found.series, found.states, P, sample.origins, sample.leads, root)
 
 
 def error_sensitivities(
@@ -130,10 +166,7 @@ def error_sensitivities(
     """Errors (O, L) at fixed coefficients, and their derivatives (O, L, p) by psi."""
     M = model.matrices(psi)
     channels, plan, nb = stretch.channels, stretch.plan, stretch.boundary.shape[1]
-    heat = np.zeros((stretch.n_rows, len(M.A)))
-    for i in range(len(M.A)):
-        mine = np.flatnonzero(channels.node == i)
-        heat[:, i] = channels.series[:, mine] @ coef[mine]
+    heat = channels.heat(coef[: len(channels.names)], len(M.A))
     heat[:, plan.heated] += stretch.heat
     if plan.emitter:
         lag, dlag = emitter_series(stretch.heat, model.step, np.exp(psi[-1]))
@@ -142,11 +175,11 @@ def error_sensitivities(
     dforcing = np.tensordot(v, M.dB, axes=(1, 1))
     if plan.emitter:
         dforcing[:, :, -1] += np.outer(coef[-1] * dlag, M.B[:, nb + plan.heated])
-    gains, dgains = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF, M.dQ, stretch.seen)
+    gains, dgains, _ = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF, M.dQ, stretch.seen)
     s = lead_sensitivities(
         M.A, M.dA, v @ M.B.T, dforcing, M.F, M.dF, gains, dgains, model.zone, stretch.y, sample.origins
     )
-    P, dP = lead_rows(M.F, model.zone, sample.leads, M.dF)
+    P, dP = lead_rows(M.F, M.dF, model.zone, sample.leads)
     rows, _ = sample.targets(stretch.n_rows)
     e = stretch.y[rows] - s.response[rows] - s.states @ P.T
     held = np.tensordot(s.states, dP, axes=(1, 1)) + np.einsum("omq,hm->ohq", s.dstates, P, optimize=True)
