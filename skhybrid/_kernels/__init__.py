@@ -4,6 +4,7 @@ from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_cha
 from .discretize import Discrete, discretize, divided_difference
 from .kalman import Smoothed, kalman_track, smooth_states
 from .leads import LeadSensitivity, filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
+from .multi_step import LeadErrors, multi_step_sensitivities
 from .predictor import (
     Model,
     Prediction,
@@ -18,6 +19,7 @@ __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
+    "LeadErrors",
     "LeadSensitivity",
     "Model",
     "Prediction",
@@ -32,6 +34,7 @@ __all__ = [
     "kalman_track",
     "lead_errors",
     "lead_sensitivities",
+    "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
     "simulate_inputs",
