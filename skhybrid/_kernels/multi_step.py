@@ -108,7 +108,10 @@ def multi_step_sensitivities(model, inputs, y, filtered, exact, origins, leads):
     dfree, dheld = np.empty((n_origins, n, p)), np.empty((n_origins, n, p))
     none, dnone = np.zeros((n, o)), np.zeros((n, o, p))
     for b in range(S):
-        dopen[:], down[:], dvariances[:] = 0.0, 0.0, 0.0
+        for values in (open_, own):  # a row without a measurement keeps its 0
+            values[:] = 0.0
+        for slopes in (dopen, down, dvariances):
+            slopes[:] = 0.0
         still = (A[b], B[b], C, none, Q[b], R, P0, s0[b], dA[b], dB[b], dnone, dQ[b], ds0[b])
         _advance(still, inputs, y, 0, False, open_, dopen, variances, dvariances, origins, free, dfree)
         one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])

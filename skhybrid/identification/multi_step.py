@@ -30,6 +30,13 @@ class MultiStepProblem(PredictionErrorProblem):
     n_leads: int = field(kw_only=True)
     first: int = field(kw_only=True)
 
+    def __post_init__(self) -> None:
+        if not any(seen.any() for seen in self._seen):
+            raise ValueError(
+                'objective="multi_step" finds no measurement of y behind another one within the horizon; give more '
+                'rows, or use objective="one_step".'
+            )
+
     @property
     def one_step(self) -> PredictionErrorProblem:
         """The same problem with the errors one step ahead."""
@@ -48,12 +55,18 @@ class MultiStepProblem(PredictionErrorProblem):
 
         A thermometer that reports every few rows is then compared at rows on which it reports.
         """
-        sample = hourly_sample(len(piece.y), self.n_leads, piece.hours, self.first)
+        n_rows = len(piece.y)
+        first = self.first if self._kalman(n_rows) else 0  # OD searches its first state
+        sample = hourly_sample(n_rows, self.n_leads, piece.hours, first)
         measured = np.flatnonzero(np.isfinite(piece.outputs).any(axis=1))
         place = np.searchsorted(measured, sample.origins)
         inside = place < len(measured)
         origins = measured[place[inside]]
         return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(piece.hours)])
+
+    def _kalman(self, n_rows: int) -> int:
+        """Rows that a filter serves: none of OD, else all, as the filter of CONV gives the state at every origin."""
+        return n_rows if self.disturbance.filtered(n_rows) else 0
 
     @cached_property
     def _seen(self) -> tuple[np.ndarray, ...]:
@@ -66,18 +79,7 @@ class MultiStepProblem(PredictionErrorProblem):
 
     @cached_property
     def n_counted(self) -> int:
-        """Independent errors that the forecasts are worth.
-
-        Raises
-        ------
-        ValueError
-            If no forecast meets a measurement.
-        """
-        if not any(seen.any() for seen in self._seen):
-            raise ValueError(
-                'objective="multi_step" finds no measurement of y behind another one within the horizon; give more '
-                'rows, or use objective="one_step".'
-            )
+        """Independent errors that the forecasts are worth."""
         worth, apart = 0.0, _apart(self.experiment.hours)
         for seen, sample in zip(self._seen, self.samples, strict=True):
             worth += float(seen.sum(axis=(0, 2)) @ np.minimum(apart / sample.leads, 1.0)) / len(sample.leads)
@@ -93,9 +95,7 @@ class MultiStepProblem(PredictionErrorProblem):
         """Errors of all forecasts, (S, n), by origin, lead and output, and their derivatives (S, n, p)."""
         S, parts = len(free), []
         for m, piece, sample in zip(self.models(free, derive), self.experiment.pieces, self.samples, strict=True):
-            n_rows = len(piece.y)
-            # the filter of CONV, too, serves all rows: it gives the state at every origin
-            kalman = n_rows if self.disturbance.filtered(n_rows) else 0
+            kalman = self._kalman(len(piece.y))
             exact = not kalman and bool(np.isnan(piece.outputs).any())
             run = multi_step_sensitivities(m, piece.inputs, piece.outputs, kalman, exact, *sample)
             n = run.errors[0].size
