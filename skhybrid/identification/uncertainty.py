@@ -155,13 +155,13 @@ def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
     D = len(moves)
     if D < _FEW_DAYS:
         return np.zeros((moves.shape[1], moves.shape[1]))
-    alone = together = moves.T @ moves
+    alone = (D - 1) / D * moves.T @ moves
+    variance = together = (moves**2).sum(axis=0)
     for lag in range(1, min(overlap, D - 1) + 1):
-        beside = (1.0 - lag / (overlap + 1.0)) * moves[lag:].T @ moves[:-lag]
-        together = together + beside + beside.T
-    variance = np.diag(alone)
-    growth = np.sqrt(np.maximum(np.diag(together) / np.where(variance > 0, variance, np.inf), 1.0))
-    return (D - 1) / D * (growth[:, None] * alone * growth if overlap else alone)
+        weight = 1.0 - lag / (overlap + 1.0)
+        together = together + 2.0 * weight * (moves[lag:] * moves[:-lag]).sum(axis=0)
+    growth = np.sqrt(np.maximum(together / np.where(variance > 0, variance, np.inf), 1.0))
+    return growth[:, None] * alone * growth
 
 
 # ------------------------------------------------------------------------------------------------------ least squares
