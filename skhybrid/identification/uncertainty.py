@@ -202,9 +202,8 @@ def least_squares_doubt(
         return Doubt((), none, none, none, n_days)
     noise = max(noise, 1e-300)
     errors, jacobian = problem.linearised(free)
-    day = days
-    if day is None:
-        day = day_of_rows(len(errors), hours * n_rows / max(len(errors), 1) if len(errors) > n_rows else hours)
+    share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
+    day = day_of_rows(len(errors), hours * share) if days is None else days
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
     prior = noise * prior_precision(problem)
