@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid._kernels import Model, multi_step_sensitivities
 from skhybrid.datasets import make_office
 from skhybrid.identification import profile_likelihood
@@ -175,6 +175,30 @@ def test_stretches_are_forecast_each_by_itself(office):
     pieces = [problem_of(model, office.X.iloc[part], office.y.iloc[part]) for part in parts]
     x = random_starts(whole.searched, 1, np.random.RandomState(0))[0]
     np.testing.assert_allclose(whole.residuals(x), np.concatenate([p.residuals(x) for p in pieces]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_rooms_are_forecast_at_once(kind, office):
+    """Rooms that nothing connects: the errors are those of each by itself."""
+    ends = {"a": {"R_a": ("a", "T_oa")}, "b": {"R_b": ("b", "T_oa")}}
+    rooms, resistors = ("a", "b"), ends["a"] | ends["b"]
+    both = RCNetwork("rooms", {"a": "C_a", "b": "C_b"}, resistors, measured=rooms, disturbed=rooms, heated="a")
+    y = pd.DataFrame({"T_a": office.y, "T_b": office.y.iloc[::-1].to_numpy()}, index=office.X.index).iloc[:200]
+    y.iloc[[21, 23], 0], y.iloc[[71, 75], 1] = np.nan, np.nan  # off the hours, so that all have the same origins
+    X = office.X.iloc[:200][["T_oa"]]
+    values = {"C_a": 1.0, "C_b": 2.0, "R_a": 5.0, "R_b": 8.0, "sigma_x": 0.1, "sigma_zeta": 0.2} | VALUES
+
+    def errors(network, target):
+        problem = problem_of(kind(network, objective="multi_step"), X, target)
+        found = problem.residuals(np.array([p.to_free(values[p.name]) for p in problem.searched]))
+        return found.reshape(-1, target.to_numpy()[0].size)
+
+    found = errors(both, y)
+    for j, (room, resistors) in enumerate(ends.items()):
+        alone = RCNetwork(room, {room: f"C_{room}"}, resistors, measured=room, disturbed=room, heated=room)
+        expected = errors(alone, y[f"T_{room}"])
+        assert expected.std() > 0.1
+        np.testing.assert_allclose(found[:, j], expected[:, 0], rtol=1e-9, atol=1e-9)
 
 
 def test_origins_are_hourly_and_leads_reach_the_horizon(office):
