@@ -14,6 +14,7 @@ from skhybrid.identification import profile_likelihood
 from skhybrid.identification.multi_start import random_starts
 from skhybrid.identification.uncertainty import jackknife_covariance
 
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 KINDS = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID]
 KNOWN = {"Q_h": 6.0}
 #: somewhere near the office

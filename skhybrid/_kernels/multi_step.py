@@ -2,8 +2,8 @@
 
 A forecast from row o takes the state that the rows up to o lead to expect of row o + 1, and runs on without errors:
 ``y_hat[o + h] = C s_h``, ``s_1 = s[o + 1 | o]``, ``s_{j+1} = A s_j + B v[o + j]``.  With x the states of one run over
-all rows that no error corrects, this is ``y_hat[o + h] = C x[o + h] + C A^(h-1) (s[o + 1 | o] - x[o + 1])``: the cost
-is that of two runs, whatever the number of forecasts.
+all rows that no error corrects, this is ``y_hat[o + h] = C x[o + h] + C A^(h-1) (s[o + 1 | o] - x[o + 1])``: two
+runs serve all forecasts, and each adds the product of a row with a state.
 """
 
 from __future__ import annotations
