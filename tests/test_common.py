@@ -19,6 +19,9 @@ ESTIMATORS = [
     GrayBoxRC(n_starts=1, random_state=0),
     InputDisturbanceID(n_starts=1, random_state=0),
     OutputDisturbanceID(n_starts=1, random_state=0),
+    GrayBoxRC(n_starts=1, random_state=0, objective="multi_step"),
+    InputDisturbanceID(n_starts=1, random_state=0, objective="multi_step"),
+    OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step"),
     PeriodicDisturbanceID(n_starts=1, random_state=0),
     HybridPredictor(),
     HybridPredictor(

@@ -64,15 +64,15 @@ def test_forecasters_without_stretches_refuse_a_gap(office):
 @pytest.fixture
 def problems(monkeypatch):
     """What every fit of this test minimised."""
-    from skhybrid.identification import least_squares
+    from skhybrid.identification.least_squares_base import LeastSquaresIdentifier
 
-    seen, plain = [], least_squares._LeastSquaresIdentifier._minima
+    seen, plain = [], LeastSquaresIdentifier._minima
 
     def spy(self, problem):
         seen.append(problem)
         return plain(self, problem)
 
-    monkeypatch.setattr(least_squares._LeastSquaresIdentifier, "_minima", spy)
+    monkeypatch.setattr(LeastSquaresIdentifier, "_minima", spy)
     return seen
 
 

@@ -12,6 +12,7 @@ from .leads import (
     lead_sensitivities,
     simulate_inputs,
 )
+from .multi_step import LeadErrors, multi_step_sensitivities
 from .predictor import (
     Model,
     Prediction,
@@ -27,6 +28,7 @@ __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
+    "LeadErrors",
     "LeadSensitivity",
     "Model",
     "Prediction",
@@ -43,6 +45,7 @@ __all__ = [
     "lead_errors",
     "lead_rows",
     "lead_sensitivities",
+    "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
     "simulate_inputs",

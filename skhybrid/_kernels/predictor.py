@@ -278,7 +278,19 @@ def _follow(C, y, k, seen, gain, dgain, s, ds, de):
 
 
 @compiled
-def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances):
+def _keep(kept, at, k, s, ds, states, dstates):
+    """Store what row k leads to expect of the next where it is the next of the increasing rows ``kept``."""
+    if at == len(kept) or kept[at] != k:
+        return at
+    for i in range(len(s)):
+        states[at, i] = s[i]
+        for q in range(ds.shape[1]):
+            dstates[at, i, q] = ds[i, q]
+    return at + 1
+
+
+@compiled
+def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances, kept, states, dstates):
     """The predictor with forward sensitivities over one stretch of rows, for one start."""
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     n, m, o, p, N = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], inputs.shape[0]
@@ -288,7 +300,7 @@ def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvar
     AP, AdP, work = np.empty((n, n)), np.empty((n, n, p)), np.empty((n, n, p))
     seen, de = np.empty(o, np.bool_), np.empty(p)
     known, spread, dspread = np.zeros(o, np.bool_), np.zeros(o), np.zeros((o, p))
-    steady = False
+    steady, at = False, 0
     for k in range(N):
         complete = _compare(C, y, k, s, ds, seen, errors, derrors)
         kalman = k < filtered
@@ -333,6 +345,7 @@ def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvar
             s[i] = after[i]
             for q in range(p):
                 ds[i, q] = dafter[i, q]
+        at = _keep(kept, at, k, s, ds, states, dstates)
 
 
 @compiled
@@ -362,9 +375,11 @@ def one_step_sensitivities(model, inputs, y, filtered, weigh):
     rows = N if weigh else 0
     errors, derrors = np.zeros((S, N, o)), np.zeros((S, N, o, p))
     variances, dvariances = np.ones((S, rows, o)), np.zeros((S, rows, o, p))
+    kept, states, dstates = np.empty(0, np.int64), np.empty((0, A.shape[1])), np.empty((0, A.shape[1], p))
     for b in range(S):
         one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
-        _advance(one, inputs, y, filtered, weigh, errors[b], derrors[b], variances[b], dvariances[b])
+        out = (errors[b], derrors[b], variances[b], dvariances[b])
+        _advance(one, inputs, y, filtered, weigh, *out, kept, states, dstates)
     return Sensitivity(errors, derrors, variances, dvariances)
 
 

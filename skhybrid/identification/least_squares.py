@@ -1,19 +1,15 @@
-"""The three published identifications: CONV, ID and OD, least squares of one-step or simulation errors."""
+"""The three published identifications: CONV, ID and OD, least squares of prediction errors."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._clock import rows_covering
 from .._contract import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from .base import NetworkIdentifier
 from .disturbance import (
     Conventional,
     InputRandomWalk,
@@ -22,8 +18,6 @@ from .disturbance import (
     take_searched,
 )
 from .experiment import Experiment
-from .gauss_newton import Minimum
-from .identifiability import at_bounds
 from .innovations import (
     Innovations,
     arma_innovations,
@@ -31,92 +25,13 @@ from .innovations import (
     scaled_innovations,
     simulation_errors,
 )
-from .multi_start import random_starts, search, starts_table
-from .prediction_error import ROUGH, PredictionErrorProblem
-from .priors import normal_priors
+from .least_squares_base import LeastSquaresIdentifier
+from .prediction_error import PredictionErrorProblem
 from .tracked import Outlook
-from .tracking import GainTracker, fit_walk_noise, walk_noise, without_disturbance
-from .uncertainty import least_squares_doubt
+from .tracking import GainTracker, without_disturbance
 
 
-class _LeastSquaresIdentifier(NetworkIdentifier):
-    """Sum of squared errors over bounded parameters, from many random starts."""
-
-    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
-        raise NotImplementedError
-
-    def _make_problem(
-        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
-    ) -> tuple[PredictionErrorProblem, tuple[str, ...]]:
-        known, disturbance = dict(self.known or {}), self._disturbance(network, experiment)
-        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in disturbance.own)
-        priors = normal_priors(self.priors, (*parameters, *own), known)
-        fixed = idle = self._excited(network, table, parameters, priors)
-        fixed = fixed | {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
-        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
-        problem = PredictionErrorProblem(network, experiment, disturbance, searched, fixed)
-        if priors:
-            normal = np.array([priors.get(p.name, (0.0, np.inf)) for p in searched]).reshape(-1, 2)
-            problem = replace(problem, centre=normal[:, 0], spread=normal[:, 1])
-        return problem, tuple(idle)
-
-    def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
-        if not problem.searched:
-            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
-            return [Minimum(np.zeros(0), loss, 1, True)]
-        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
-        return search(
-            partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
-            self._from_known(problem.searched, starts),
-            problem.drop,
-            polish=problem.minimise,
-            n_jobs=self.n_jobs,
-            verbose=self.verbose,
-            name=type(self).__name__,
-        )
-
-    def _store(
-        self,
-        problem: PredictionErrorProblem,
-        best: Minimum,
-        minima: list[Minimum],
-        parameters: tuple[Parameter, ...],
-        idle: tuple[str, ...],
-    ) -> None:
-        values = problem.values(best.free)
-        n_seen = int(np.isfinite(problem.experiment.y).sum())
-        noise = float(np.sum(problem.residuals(best.free) ** 2)) / max(n_seen - len(best.free), 1)
-        names = [p.name for p in parameters]
-        self.network_ = problem.network
-        self.parameters_ = parameters
-        self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
-        self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
-        self.loss_ = best.loss
-        self.starts_ = starts_table(minima, problem.searched, problem.drop)
-        doubt = least_squares_doubt(problem, best.free, noise, names)
-        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
-        self._tracker = self._make_tracker(problem)
-        self.noise_std_ = float(np.sqrt(noise))
-        if problem.weighted:  # the residuals are larger than errors that no missing row precedes
-            self.noise_std_ /= float(np.sqrt(problem.mean_variance(best.free)))
-
-    def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
-        network, experiment = problem.network, problem.experiment
-        d = network.discrete(self._theta, experiment.roles, experiment.hours)
-        R = self._measurement_variance(experiment.hours)
-        plain = GainTracker(network, d.A, d.B, 1.0, walk_noise(network, 0.0, 0.0), R)
-        sigma_x, sigma_zeta = self._walk(plain, experiment)
-        return replace(plain, Q=walk_noise(network, sigma_x, sigma_zeta))
-
-    def _measurement_variance(self, hours: float) -> float:
-        return measurement_variance(hours)
-
-    def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
-        found = fit_walk_noise(tracker, experiment)
-        return float(found[0]), float(found[1])
-
-
-class GrayBoxRC(_LeastSquaresIdentifier):
+class GrayBoxRC(LeastSquaresIdentifier):
     """Conventional gray box: simulation errors, no disturbance (CONV, paper 2.2.1).
 
     A Kalman filter over the first day sets the state, then the network is simulated; the sum of squared simulation
@@ -154,6 +69,10 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
         ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
         either sign) does as well.  The fit is then the maximum of the posterior.
+    objective : {"one_step", "multi_step"}, default="one_step"
+        Which errors are squared: those of the simulation (of CONV there is no other step), or those
+        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
+        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
 
     Attributes
     ----------
@@ -221,7 +140,7 @@ class GrayBoxRC(_LeastSquaresIdentifier):
         return plain.track(last, zeros, zeros, begin).nodes[-1]
 
 
-class InputDisturbanceID(_LeastSquaresIdentifier):
+class InputDisturbanceID(LeastSquaresIdentifier):
     """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
 
     A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
@@ -262,6 +181,10 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         either sign) does as well.  The fit is then the maximum of the posterior.
     measurement_sd : float, optional
         Standard deviation of the thermometer [K]; default ``0.25 / sqrt(T_s)`` with ``T_s`` in seconds, as the paper.
+    objective : {"one_step", "multi_step"}, default="one_step"
+        Which errors are squared: those of the next row, or those
+        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
+        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
 
     Attributes
     ----------
@@ -305,6 +228,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         max_missing=0.5,
         priors=None,
         measurement_sd=None,
+        objective="one_step",
     ):
         super().__init__(
             network,
@@ -321,6 +245,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
             origin_step=origin_step,
             max_missing=max_missing,
             priors=priors,
+            objective=objective,
         )
         self.measurement_sd = measurement_sd
 
@@ -340,7 +265,7 @@ class InputDisturbanceID(_LeastSquaresIdentifier):
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])
 
 
-class OutputDisturbanceID(_LeastSquaresIdentifier):
+class OutputDisturbanceID(LeastSquaresIdentifier):
     """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
 
     The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
@@ -384,6 +309,10 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable (``rho_1`` at 15
         minutes; its bound is the same memory at any step); or the paper's box for ``(rho_1, rho_2)``, which also holds
         unstable predictors.
+    objective : {"one_step", "multi_step"}, default="one_step"
+        Which errors are squared: those of the next row, or those
+        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
+        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
 
     Attributes
     ----------
@@ -427,6 +356,7 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
         max_missing=0.5,
         priors=None,
         rho_box="stable",
+        objective="one_step",
     ):
         super().__init__(
             network,
@@ -443,6 +373,7 @@ class OutputDisturbanceID(_LeastSquaresIdentifier):
             origin_step=origin_step,
             max_missing=max_missing,
             priors=priors,
+            objective=objective,
         )
         self.rho_box = rho_box
 

@@ -30,7 +30,18 @@ class Posed:
 
     @classmethod
     def of(cls, estimator: Any, X: Any, y: Any) -> Posed:
-        """With the estimator fitted, which is done here where it is not."""
+        """With the estimator fitted, which is done here where it is not.
+
+        Raises
+        ------
+        ValueError
+            If what the estimator minimises is no likelihood.
+        """
+        if getattr(estimator, "objective", "one_step") != "one_step":
+            raise ValueError(
+                f'{type(estimator).__name__} with objective="multi_step" has no likelihood, as its errors overlap; '
+                'take theta_interval, or fit with objective="one_step".'
+            )
         if not hasattr(estimator, "theta_"):
             estimator = clone(estimator).fit(X, y)
         check_is_fitted(estimator)

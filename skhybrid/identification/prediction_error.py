@@ -147,6 +147,31 @@ class PredictionErrorProblem:
         """(S,) geometric means over the measurements that count."""
         return np.exp(np.log(variances).sum(axis=1) / self.n_counted)
 
+    @property
+    def one_step(self) -> PredictionErrorProblem:
+        """The problem whose errors are those of the next row; of CONV, of its simulation."""
+        return self
+
+    @property
+    def days(self) -> np.ndarray | None:
+        """(n,) day of every error; None where the errors follow each other as the rows do."""
+        return None
+
+    @property
+    def overlap(self) -> int:
+        """Days over which the errors of one day and those of another go together."""
+        return 0
+
+    @property
+    def n_entries(self) -> int:
+        """Errors of one point, with those of rows that were not measured."""
+        return self.experiment.outputs.size
+
+    def noise(self, free: np.ndarray) -> float:
+        """Variance of the errors [K2]."""
+        n_seen = int(np.isfinite(self.experiment.y).sum())
+        return float(np.sum(self.residuals(free) ** 2)) / max(n_seen - len(free), 1)
+
     def mean_variance(self, free: np.ndarray) -> float:
         """Variance that the residuals refer to, in units of that of errors which no missing row precedes."""
         if not self.weighted:
@@ -194,7 +219,7 @@ class PredictionErrorProblem:
     # ---------------------------------------------------------------------------------------------------- search
     def minimise(self, starts: np.ndarray, max_evaluations: int = FINE[0], tolerance: float = FINE[1]) -> list[Minimum]:
         """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
-        one = 8 * self.experiment.outputs.size * (len(self.searched) + 1) * (1 + self.weighted)
+        one = 8 * self.n_entries * (len(self.searched) + 1) * (1 + self.weighted)
         together = max(1, _MEMORY // one)
         out: list[Minimum] = []
         for i in range(0, len(starts), together):

@@ -146,16 +146,28 @@ def inverse_information(information: np.ndarray) -> np.ndarray:
     return (vectors / np.maximum(values, floor)) @ vectors.T
 
 
-def jackknife_covariance(moves: np.ndarray) -> np.ndarray:
-    """Covariance from the moves (D, k) of the estimates when each of D blocks is left out."""
+def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
+    """Covariance from the moves (D, k) of the estimates when each of D blocks is left out.
+
+    Where blocks up to ``overlap`` apart go together, their products count with Bartlett's weights; no variance is
+    smaller than without them (Newey and West, Econometrica 55, 1987).
+    """
     D = len(moves)
     if D < _FEW_DAYS:
         return np.zeros((moves.shape[1], moves.shape[1]))
-    return (D - 1) / D * moves.T @ moves
+    alone = (D - 1) / D * moves.T @ moves
+    variance = together = (moves**2).sum(axis=0)
+    for lag in range(1, min(overlap, D - 1) + 1):
+        weight = 1.0 - lag / (overlap + 1.0)
+        together = together + 2.0 * weight * (moves[lag:] * moves[:-lag]).sum(axis=0)
+    growth = np.sqrt(np.maximum(together / np.where(variance > 0, variance, np.inf), 1.0))
+    return growth[:, None] * alone * growth
 
 
 # ------------------------------------------------------------------------------------------------------ least squares
-def least_squares_doubt(problem: Any, free: np.ndarray, noise: float, names: Sequence[str]) -> Doubt:
+def least_squares_doubt(
+    problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
+) -> Doubt:
     """What a fit of CONV, ID or OD leaves open.
 
     Parameters
@@ -167,6 +179,10 @@ def least_squares_doubt(problem: Any, free: np.ndarray, noise: float, names: Seq
         Variance of the errors [K2].
     names : sequence of str
         The network's parameters.
+    days : ndarray of int, shape (n,), optional
+        Day of every error, from 0; by default they follow each other evenly.
+    overlap : int, default=0
+        Days over which errors go together.
 
     Returns
     -------
@@ -186,7 +202,8 @@ def least_squares_doubt(problem: Any, free: np.ndarray, noise: float, names: Seq
         return Doubt((), none, none, none, n_days)
     noise = max(noise, 1e-300)
     errors, jacobian = problem.linearised(free)
-    day = day_of_rows(len(errors), hours * n_rows / max(len(errors), 1) if len(errors) > n_rows else hours)
+    share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
+    day = day_of_rows(len(errors), hours * share) if days is None else days
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
     prior = noise * prior_precision(problem)
@@ -205,7 +222,7 @@ def least_squares_doubt(problem: Any, free: np.ndarray, noise: float, names: Seq
         tuple(problem.searched[i] for i in place),
         _without(jacobian, place) / np.sqrt(noise) / scale,
         model,
-        jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model)),
+        jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap),
         n_days,
     )
 

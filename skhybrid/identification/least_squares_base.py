@@ -1,0 +1,149 @@
+"""What CONV, ID and OD share: a sum of squared errors over bounded parameters, from many random starts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils import check_random_state
+
+from .._clock import rows_covering, rows_of
+from .._contract import ZoneTable
+from ..thermal import Parameter, RCNetwork
+from .base import NetworkIdentifier
+from .disturbance import measurement_variance
+from .experiment import Experiment
+from .gauss_newton import Minimum
+from .identifiability import at_bounds
+from .multi_start import random_starts, search, starts_table
+from .multi_step import MultiStepProblem
+from .prediction_error import ROUGH, PredictionErrorProblem
+from .priors import normal_priors
+from .tracking import GainTracker, fit_walk_noise, walk_noise
+from .uncertainty import least_squares_doubt
+
+
+class LeastSquaresIdentifier(NetworkIdentifier):
+    """Sum of squared errors over bounded parameters, from many random starts."""
+
+    def __init__(
+        self,
+        network="2R2C",
+        *,
+        known=None,
+        bounds=None,
+        n_starts=50,
+        horizon=None,
+        warmup="1D",
+        columns=None,
+        sampling_time=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+        priors=None,
+        objective="one_step",
+    ):
+        super().__init__(
+            network,
+            known=known,
+            bounds=bounds,
+            n_starts=n_starts,
+            horizon=horizon,
+            warmup=warmup,
+            columns=columns,
+            sampling_time=sampling_time,
+            n_jobs=n_jobs,
+            random_state=random_state,
+            verbose=verbose,
+            origin_step=origin_step,
+            max_missing=max_missing,
+            priors=priors,
+        )
+        self.objective = objective
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
+        raise NotImplementedError
+
+    def _make_problem(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> tuple[PredictionErrorProblem, tuple[str, ...]]:
+        known, disturbance = dict(self.known or {}), self._disturbance(network, experiment)
+        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in disturbance.own)
+        priors = normal_priors(self.priors, (*parameters, *own), known)
+        fixed = idle = self._excited(network, table, parameters, priors)
+        fixed = fixed | {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
+        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
+        problem = self._pose(table.step, network, experiment, disturbance, searched, fixed)
+        if priors:
+            normal = np.array([priors.get(p.name, (0.0, np.inf)) for p in searched]).reshape(-1, 2)
+            problem = replace(problem, centre=normal[:, 0], spread=normal[:, 1])
+        return problem, tuple(idle)
+
+    def _pose(self, step: pd.Timedelta, *parts: Any) -> PredictionErrorProblem:
+        """The problem of the errors that ``objective`` names."""
+        if self.objective == "one_step":
+            return PredictionErrorProblem(*parts)
+        if self.objective != "multi_step":
+            raise ValueError(f"objective={self.objective!r} is neither 'one_step' nor 'multi_step'.")
+        n_leads = rows_covering("1D", step) if self.horizon is None else rows_of(self.horizon, step)
+        return MultiStepProblem(*parts, n_leads=n_leads, first=rows_covering(self.warmup, step))
+
+    def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
+        if not problem.searched:
+            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
+            return [Minimum(np.zeros(0), loss, 1, True)]
+        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
+        return search(
+            partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
+            self._from_known(problem.searched, starts),
+            problem.drop,
+            polish=problem.minimise,
+            n_jobs=self.n_jobs,
+            verbose=self.verbose,
+            name=type(self).__name__,
+        )
+
+    def _store(
+        self,
+        problem: PredictionErrorProblem,
+        best: Minimum,
+        minima: list[Minimum],
+        parameters: tuple[Parameter, ...],
+        idle: tuple[str, ...],
+    ) -> None:
+        values = problem.values(best.free)
+        names = [p.name for p in parameters]
+        self.network_ = problem.network
+        self.parameters_ = parameters
+        self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
+        self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
+        self.loss_ = best.loss
+        self.starts_ = starts_table(minima, problem.searched, problem.drop)
+        noise = problem.noise(best.free)
+        doubt = least_squares_doubt(problem, best.free, noise, names, problem.days, problem.overlap)
+        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
+        self._tracker = self._make_tracker(problem)
+        one_step = problem.one_step
+        self.noise_std_ = float(np.sqrt(noise if one_step is problem else one_step.noise(best.free)))
+        if one_step.weighted:  # the residuals are larger than errors that no missing row precedes
+            self.noise_std_ /= float(np.sqrt(one_step.mean_variance(best.free)))
+
+    def _make_tracker(self, problem: PredictionErrorProblem) -> GainTracker:
+        network, experiment = problem.network, problem.experiment
+        d = network.discrete(self._theta, experiment.roles, experiment.hours)
+        R = self._measurement_variance(experiment.hours)
+        plain = GainTracker(network, d.A, d.B, 1.0, walk_noise(network, 0.0, 0.0), R)
+        sigma_x, sigma_zeta = self._walk(plain, experiment)
+        return replace(plain, Q=walk_noise(network, sigma_x, sigma_zeta))
+
+    def _measurement_variance(self, hours: float) -> float:
+        return measurement_variance(hours)
+
+    def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
+        found = fit_walk_noise(tracker, experiment)
+        return float(found[0]), float(found[1])
