@@ -20,7 +20,14 @@ from skhybrid._kernels import (
 )
 from skhybrid.datasets import make_office
 from skhybrid.identification.scheduled import Later, Learner, Sample, ScheduledNetwork, fit_leads, follow, make_stretch
-from skhybrid.identification.scheduled.channels import GROUPS, emitter_series, heat_of, make_channels, make_plan
+from skhybrid.identification.scheduled.channels import (
+    GROUPS,
+    emitter_series,
+    heat_of,
+    make_channels,
+    make_plan,
+    with_contrast,
+)
 from skhybrid.identification.scheduled.coefficients import gram, solve_coefficients
 from skhybrid.identification.scheduled.fit import hourly_sample
 from skhybrid.identification.scheduled.model import NOISE, LeadModel
@@ -280,6 +287,50 @@ def test_names_groups_and_places_of_the_channels(table):
     np.testing.assert_allclose(sum(own[f"ua_hour_{h}"] for h in range(24)), away, atol=1e-12)
 
 
+def test_a_turned_day_is_one_of_the_other_kind(table):
+    """With every day turned the schedules are those of a clock on which weekends and weekdays have changed places."""
+    rng, plan = np.random.default_rng(0), make_plan(get_network("4R3C"), table, {}, calendar=True)
+    names = make_channels(plan, table).names
+    coef = dict(zip(names, rng.normal(size=len(names)), strict=True))
+    plan = with_contrast(plan, names, np.array(list(coef.values())))
+    channels = make_channels(plan, table)
+    assert channels.names[: len(names)] == names
+    days = table.time.day_of_week.to_numpy()
+    for d in range(7):
+        own = channels.series[:, channels.names.index(f"gain_turned_{d}")]
+        for row in (5, 3 * DAY + 17, 5 * DAY + 20, 9 * DAY + 1):
+            stamp, expected = table.time[row], 0.0
+            if stamp.day_of_week == d:
+                swing = 2.0 if d < 5 else -2.0  # of the contrast, which is +1 on weekends
+                away = (table.inputs["T_oa"][row] - table.inputs["T_oa"].mean()) / 10.0
+                expected = swing * (coef[f"gain_day_type_{stamp.hour}"] + coef[f"ua_day_type_{stamp.hour}"] * away)
+            assert own[row] == pytest.approx(expected, abs=1e-12)
+        assert own[days == d].any()
+    flat = with_contrast(plan._replace(contrast=()), names, np.zeros(len(names)))
+    assert make_channels(flat, table).names == names
+
+
+def test_a_weekend_that_moves_is_learned_by_its_days():
+    """Closed on Fridays and Saturdays from the third week on: Fridays turn, and Sundays do; the others do not."""
+    office = make_office(n_days=35, sampling_time="30min", random_state=5)
+    X, at = office.X, 21 * DAY
+    early = X.set_axis(X.index - pd.Timedelta("1D"))  # the same days, a day earlier on the calendar
+    moved = pd.concat([X[:at], early[early.index >= X.index[at]]])
+    table, T = as_table(moved), moved["T_za"].to_numpy()
+    fit = fit_leads(get_network("4R3C"), table.rows(slice(at)), T[:at], DAY)
+    assert len(fit.stretch.plan.contrast) == 2
+    turned = [f"gain_turned_{d}" for d in range(7)]
+    before = pd.Series(fit.point.solution.coef[: len(fit.stretch.channels.names)], fit.stretch.channels.names)[turned]
+    assert before.abs().max() < 0.15
+    later = Later(make_stretch(fit.stretch.plan, table, T, fit.reference), at, joined=True)
+    last = np.array([len(T) - 1])
+    coef = follow(fit, later, last, 1, "linear").learned[0].coef
+    after = pd.Series(coef[: len(fit.stretch.channels.names)], fit.stretch.channels.names)[turned].to_numpy() - before
+    assert set(after.nlargest(2).index) == {"gain_turned_4", "gain_turned_6"}
+    assert after.nlargest(2).min() > 0.15
+    assert after.nsmallest(5).max() < 0.1
+
+
 def test_without_a_calendar_there_are_levels_only(table):
     plan = make_plan(get_network("4R3C"), table, {}, calendar=False)
     names = make_channels(plan, table).names
@@ -497,16 +548,19 @@ def test_a_fit_improves_on_its_start_and_shows_what_it_found(fit):
     assert (shown.coef_[[n for n in shown.coef_.index if n.startswith("q_sol")]] >= 0).all()
 
 
-def test_the_schedule_is_that_of_its_channels(fit, table):
-    """The unmeasured heat of every row read from the table of hours and day types."""
-    shown = ScheduledNetwork.of(fit)
-    heat = shown.heat_at(table)
-    away = table.inputs["T_oa"] - fit.stretch.plan.mean_outdoor
-    for row in range(0, table.n_rows, 37):
-        stamp = table.index[row]
-        day = "weekend" if stamp.day_of_week >= 5 else "weekday"
-        gain, ua = shown.schedule_.loc[(day, stamp.hour)]
-        assert heat.iloc[row] == pytest.approx(gain + ua * away[row], abs=1e-10)
+def test_the_schedule_is_the_mean_heat_of_its_days(fit):
+    """Of a week at one outdoor temperature, and of one at another."""
+    shown, mean = ScheduledNetwork.of(fit), fit.stretch.plan.mean_outdoor
+    stamps = pd.date_range("2024-01-01", periods=7 * DAY, freq="30min")
+    for away in (0.0, -7.0):
+        X = pd.DataFrame({"T_oa": mean + away, "q_sol": 0.0, "u_heat": 0.0, "u_cool": 0.0}, stamps)
+        heat = shown.heat_at(as_table(X))
+        for day, days in (("weekday", range(5)), ("weekend", (5, 6))):
+            for hour in (0, 7, 15, 23):
+                gain, ua = shown.schedule_.loc[(day, hour)]
+                of_hour = [heat.iloc[d * DAY + 2 * hour] for d in days]
+                assert np.mean(of_hour) == pytest.approx(gain + ua * away, abs=1e-10)
+    assert np.ptp([heat.iloc[d * DAY + 20] for d in range(5)]) > 0  # no two days are quite alike
 
 
 def test_left_out_errors_are_by_coefficients_without_the_block(fit):

@@ -1,12 +1,14 @@
 """What enters linearly: the sun by node, schedules of gains and of conductance, further stages, a lagging emitter.
 
 Each channel is a known series of heat [kW per unit of its coefficient] into one node.  A schedule is a level, an hourly
-profile that weekdays and weekends share, and an hourly contrast between the two; each of them is shrunk by itself.
+profile that weekdays and weekends share, and an hourly contrast between the two; each of them is shrunk by itself.  The
+contrast that a training has found is then one channel for every day of the week, which turns that day into one of the
+other kind: in part where Saturdays differ from Sundays, wholly where the weekend has moved.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +19,10 @@ from ..._contract import ZoneTable
 from ...thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
-GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type")
+GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "turned")
 #: a stage need not give its heat in proportion: shares of its largest training value at which its slope may change
 _KNOTS = (0.2, 0.45)
-_HOURS = 24
+_HOURS, _DAYS = 24, 7
 #: a unit of the conductance schedule is the heat at this difference [K]
 UA_DIFFERENCE = 10.0
 #: hours from solar noon at which the parts of a day are centred, where no facades are given, and their half-width
@@ -40,6 +42,7 @@ class Plan(NamedTuple):
     mean_outdoor: float  # [degC]
     noon: float  # hour (UTC where known) at which the sun is highest
     calendar: bool
+    contrast: tuple[tuple[float, ...], ...] = ()  # (2, 24) as learned: of gains, and of conductance times its unit [kW]
 
     @property
     def emitter(self) -> bool:
@@ -148,7 +151,7 @@ def heat_of(plan: Plan, table: ZoneTable) -> np.ndarray:
 
 def make_channels(plan: Plan, table: ZoneTable) -> Channels:
     """The channels of a table but for the emitter's, whose series depends on its time constant."""
-    parts = [*_sunlight(plan, table), *_equipment(plan, table), *_schedules(plan, table)]
+    parts = [*_sunlight(plan, table), *_equipment(plan, table), *_schedules(plan, table), *_turned(plan, table)]
     names, columns, node, positive, group = zip(*parts, strict=True)
     return Channels(
         names,
@@ -190,21 +193,51 @@ def bent(stage: np.ndarray, knot: float, top: float) -> np.ndarray:
     return np.minimum(stage, knot) - np.minimum(stage, top) * knot / top
 
 
-def _schedules(plan: Plan, table: ZoneTable):
-    every = np.ones(table.n_rows)
-    yield "gain", every, plan.zone, False, "free"
-    drives = {"gain": every}
+def _drives(plan: Plan, table: ZoneTable) -> dict[str, np.ndarray]:
+    """What the schedules multiply."""
+    drives = {"gain": np.ones(table.n_rows)}
     if "T_oa" in table.inputs:
         drives["ua"] = (table.inputs["T_oa"] - plan.mean_outdoor) / UA_DIFFERENCE
+    return drives
+
+
+def _contrast(table: ZoneTable) -> np.ndarray:
+    """(N,) 1 on weekends, -1 on weekdays."""
+    return np.where(table.time.day_of_week.to_numpy() >= 5, 1.0, -1.0)
+
+
+def _schedules(plan: Plan, table: ZoneTable):
+    drives = _drives(plan, table)
+    every = drives["gain"]
+    yield "gain", every, plan.zone, False, "free"
+    if "ua" in drives:
         yield "ua", drives["ua"], plan.zone, False, "ua_hour"
     if not plan.calendar:
         return
-    hour = table.time.hour.to_numpy()
-    contrast = np.where(table.time.day_of_week.to_numpy() >= 5, 1.0, -1.0)
+    hour, contrast = table.time.hour.to_numpy(), _contrast(table)
     for kind, drive in drives.items():
         for group, sign in ((f"{kind}_hour", every), (f"{kind}_day_type", contrast)):
             for h in range(_HOURS):
                 yield f"{group}_{h}", (hour == h) * drive * sign, plan.zone, False, group
+
+
+def _turned(plan: Plan, table: ZoneTable):
+    """Heat of a day of the other kind less that of its own, for every day of the week."""
+    if not plan.contrast:
+        return
+    hour, day = table.time.hour.to_numpy(), table.time.day_of_week.to_numpy()
+    of_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
+    weekend = sum(of_hour[kind][hour] * drive for kind, drive in _drives(plan, table).items())
+    other = -2.0 * _contrast(table) * weekend
+    for d in range(_DAYS):
+        yield f"gain_turned_{d}", (day == d) * other, plan.zone, False, "turned"
+
+
+def with_contrast(plan: Plan, names: Sequence[str], coef: np.ndarray) -> Plan:
+    """A plan that knows how weekends differ from weekdays by fitted coefficients of the channels ``names``."""
+    found = dict(zip(names, coef, strict=False))  # the emitter's is the last, and has no name
+    contrast = np.array([[found.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)] for kind in ("gain", "ua")])
+    return plan._replace(contrast=tuple(map(tuple, contrast.tolist()))) if contrast.any() else plan
 
 
 class Store(NamedTuple):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..._contract import ZoneTable
 from ...thermal import RCNetwork
-from .channels import make_plan
+from .channels import make_plan, with_contrast
 from .coefficients import gram, solve_coefficients
 from .model import OWN, LeadModel
 from .problem import LeadProblem, Part, Point, Shrinkage, minimise, penalty_of
@@ -123,6 +123,9 @@ def fit_leads(
     blocks = _blocks(sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, point, blocks))
     point = minimise(problem, point.psi, most=4)
+    plan = with_contrast(plan, stretch.channels.names, point.solution.coef)
+    problem = replace(problem, parts=(Part(make_stretch(plan, table, T, reference), sample),))
+    point = problem.evaluate(point.psi)
     left_out = _left_out(problem, point.columns[0], blocks)
     return LeadFit(model, problem, point._replace(columns=()), point.products, blocks, left_out, reference)
 

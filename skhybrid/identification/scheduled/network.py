@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..._contract import ZoneTable
 from ...thermal import RCNetwork
-from .channels import UA_DIFFERENCE, make_channels
+from .channels import UA_DIFFERENCE, Plan, make_channels
 from .fit import LeadFit
 from .model import OWN
 
@@ -33,7 +33,7 @@ class ScheduledNetwork:
         Every linear coefficient, by channel.
     schedule_ : DataFrame
         Unmeasured heat ``gain`` [kW] and conductance to the outside beside the network's ``ua`` [kW/K] by day type and
-        hour; both may be negative, as they are deviations from what the network has.
+        hour, the mean of the five or two days; both may be negative, as they are deviations from what the network has.
     """
 
     network_: RCNetwork
@@ -50,7 +50,7 @@ class ScheduledNetwork:
         names = [*fit.stretch.channels.names, *(["emitter"] if fit.stretch.plan.emitter else [])]
         coef = pd.Series(fit.point.solution.coef, names)
         own = list(OWN)
-        return cls(fit.model.network, values.drop(own), values[own], coef, _schedule(coef), fit)
+        return cls(fit.model.network, values.drop(own), values[own], coef, _schedule(coef, fit.stretch.plan), fit)
 
     def heat_at(self, table: ZoneTable) -> pd.Series:
         """Scheduled heat over the rows of a table [kW]."""
@@ -60,14 +60,17 @@ class ScheduledNetwork:
         return pd.Series(heat, table.index, name="zeta")
 
 
-def _schedule(coef: pd.Series) -> pd.DataFrame:
+def _schedule(coef: pd.Series, plan: Plan) -> pd.DataFrame:
     index = pd.MultiIndex.from_product([("weekday", "weekend"), range(_HOURS)], names=["day", "hour"])
     out = pd.DataFrame(0.0, index, ["gain", "ua"])
-    for kind, unit in (("gain", 1.0), ("ua", UA_DIFFERENCE)):
+    turned = np.array([coef.get(f"gain_turned_{d}", 0.0) for d in range(7)])
+    into = 2.0 * np.array([turned[:5].mean(), -turned[5:].mean()])
+    learned = np.array(plan.contrast) if plan.contrast else np.zeros((2, _HOURS))
+    for (kind, unit), own in zip((("gain", 1.0), ("ua", UA_DIFFERENCE)), learned, strict=True):
         if kind not in coef:
             continue
         hours = [coef.get(f"{kind}_hour_{h}", 0.0) for h in range(_HOURS)]
         contrast = np.array([coef.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)])
         level = coef[kind] + np.array(hours)
-        out[kind] = np.concatenate([level - contrast, level + contrast]) / unit
+        out[kind] = np.concatenate([level - contrast + into[0] * own, level + contrast + into[1] * own]) / unit
     return out

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from .channels import Plan
+from .channels import GROUPS, Plan
 from .coefficients import Solution, gram, solve_coefficients
 from .model import LeadModel
 from .responses import Responses, Sample, Stretch, error_columns, error_sensitivities, respond
@@ -20,6 +20,8 @@ _OVERLAP = 8.0
 _LEAST = 1e-3
 #: unit of a window [m2] under that penalty
 _WINDOW = 10.0
+#: penalty of turning a day of the week into one of the other kind: of a few days that speak for it
+_TURNED = 150.0
 
 
 class Shrinkage(NamedTuple):
@@ -31,7 +33,7 @@ class Shrinkage(NamedTuple):
 
     def by_group(self) -> np.ndarray:
         """In the order of GROUPS."""
-        return np.array([_LEAST, self.gain, self.gain * self.day_type, self.ua, self.ua * self.day_type])
+        return np.array([_LEAST, self.gain, self.gain * self.day_type, self.ua, self.ua * self.day_type, _TURNED])
 
 
 class Part(NamedTuple):
@@ -144,6 +146,7 @@ def penalty_of(stretch: Stretch, shrinkage: Shrinkage, heat_scale: float) -> np.
     strength = shrinkage.by_group()[channels.group]
     unit = np.full(len(strength), heat_scale)
     unit[channels.solar] = _WINDOW
+    unit[channels.group == GROUPS.index("turned")] = 1.0
     if stretch.plan.emitter:
         strength, unit = np.append(strength, _LEAST), np.append(unit, 1.0)
     return strength / unit**2
