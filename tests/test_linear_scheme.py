@@ -58,22 +58,26 @@ def test_weights_have_the_least_penalised_error_on_the_simplex(n_models):
         S = E.T @ E
         size = n_models / np.sum(1.0 / np.diag(S))
 
-        def loss(w, S=S, size=size):
-            return w @ S @ w / size + 0.3 * np.sum((w - 1.0 / n_models) ** 2)
+        prior = rng.dirichlet(np.ones(n_models))
+
+        def loss(w, S=S, size=size, prior=prior):
+            return w @ S @ w / size + 0.3 * np.sum((w - prior) ** 2)
 
         simplex = {"type": "eq", "fun": lambda w: w.sum() - 1.0}
         start = np.full(n_models, 1.0 / n_models)
         truth = minimize(
             loss, start, method="SLSQP", bounds=[(0, None)] * n_models, constraints=[simplex], options={"ftol": 1e-14}
         )
-        found = blend_weights(S[None])[0]
+        found = blend_weights(S[None], prior)[0]
         np.testing.assert_allclose(found, truth.x, atol=1e-5)
         assert found.sum() == pytest.approx(1.0)
         assert (found >= 0).all()
 
 
-def test_where_nothing_is_known_all_count_alike():
+def test_where_nothing_is_known_all_count_alike_or_by_the_prior():
     np.testing.assert_array_equal(blend_weights(np.zeros((2, 3, 3))), np.full((2, 3), 1.0 / 3.0))
+    prior = np.array([0.25, 0.25, 0.5])
+    np.testing.assert_array_equal(blend_weights(np.zeros((2, 3, 3)), prior), [prior, prior])
 
 
 def test_a_model_that_is_far_worse_counts_for_nothing():
@@ -252,7 +256,7 @@ def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
         coef = box.arx_.refitted(view, np.array([morning]), rows.begin)
         path = box.arx_.iterate(view, np.array([o]), DAY, coef)[0]
         expected = np.where(o + leads <= origin, rows.T[o + leads] - path[leads - 1], np.nan)
-        np.testing.assert_allclose(course.errors[place], expected, atol=1e-10)
+        np.testing.assert_allclose(course.errors[place, :, 0], expected, atol=1e-10)
 
 
 # ------------------------------------------------------------------------------------------------- tables of all sorts
@@ -306,7 +310,7 @@ def test_short_tables(n_rows, office):
     assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
     if n_rows == 5:  # nothing can be left out
-        np.testing.assert_allclose(model.weights_, 0.5)
+        np.testing.assert_allclose(model.weights_, [[0.25, 0.25, 0.5]] * 3)
     live = model.update(X[n_rows : n_rows + 3]).forecast(None, X[n_rows + 3 : n_rows + 20])
     assert np.isfinite(live).all(axis=None)
 

@@ -641,12 +641,13 @@ def history(later, origins, leads, every=2):
     return Sample(np.arange(later.begin, max(later.begin, int(origins[-1])), every), leads)
 
 
-def test_linear_adaptation_is_a_direct_solve(fit, later):
-    """Training forecasts, and three times those of the history that had ended by the origin, halved in thirty days."""
+@pytest.mark.parametrize(("memory", "days"), [(0, 30.0), (1, 7.0)], ids=["long", "short"])
+def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
+    """Training forecasts, and three times those of the history that had ended by the origin, halved in so many days."""
     leads = fit.sample.leads
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
-    found = follow(fit, later, origins, DAY, "linear")
+    found = follow(fit, later, origins, DAY, "linear", memory)
     problem, psi, stretch = fit.problem, fit.point.psi, later.stretch
     training = problem.columns(psi, problem.parts[0])
     rows = sample.origins[:, None] + leads
@@ -656,9 +657,9 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
     weight = np.sqrt(3.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
     for i, origin in enumerate(origins):
         use = (rows <= origin) & stretch.seen[np.minimum(rows, stretch.n_rows - 1)]
-        fade = 0.5 ** ((origin - rows) / (30.0 * DAY) / 2.0)
+        fade = 0.5 ** ((origin - rows) / (days * DAY) / 2.0)
         own = (E.reshape(*rows.shape, -1) * weight[:, None] * fade[..., None])[use]
-        old = 0.5 ** ((origin - later.begin) / (30.0 * DAY) / 2.0)
+        old = 0.5 ** ((origin - later.begin) / (days * DAY) / 2.0)
         design = np.vstack([old * training, own])
         matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
         coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
@@ -668,17 +669,18 @@ def test_linear_adaptation_is_a_direct_solve(fit, later):
     assert not np.allclose(found.learned[0].coef, found.learned[2].coef, atol=1e-3)
 
 
-@pytest.mark.parametrize("adapt", ["linear", "full"])
-def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt):
+@pytest.mark.parametrize(("adapt", "memory"), [("linear", 0), ("full", 0), ("full", 1)])
+def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
     origins = np.array([N_TRAIN + 1, 12 * DAY, N_TRAIN + 11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    clean = follow(fit, later, origins, DAY, adapt)
+    clean = follow(fit, later, origins, DAY, adapt, memory)
     rng = np.random.default_rng(0)
     for i, origin in enumerate(origins):
         y, seen = later.stretch.y.copy(), later.stretch.seen.copy()
         y[origin + 1 :] = rng.normal(0.0, 30.0, len(y) - origin - 1)
         seen[origin + 1 :] |= True
-        other = follow(fit, later._replace(stretch=later.stretch._replace(y=y, seen=seen)), origins, DAY, adapt)
+        changed = later._replace(stretch=later.stretch._replace(y=y, seen=seen))
+        other = follow(fit, changed, origins, DAY, adapt, memory)
         np.testing.assert_array_equal(other.paths[: i + 1], clean.paths[: i + 1])
         np.testing.assert_array_equal(other.learned[i].coef, clean.learned[i].coef)
         np.testing.assert_array_equal(other.learned[i].psi, clean.learned[i].psi)
@@ -700,7 +702,7 @@ def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
 def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Shown the last rows only, and all of them at a re-fit, a learner forecasts what one with all rows does."""
     origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
-    whole = follow(fit, later, origins, DAY, adapt)
+    whole = [follow(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
     learner, asked = Learner(fit, later.begin, later.joined, adapt), []
     for i, origin in enumerate(origins):
         first, end = learner.row, int(origin) + 1 + DAY
@@ -711,19 +713,20 @@ def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
 
         window = later._replace(stretch=later.stretch.between(first, end), first=first, whole=rows)
         learner.advance(window, int(origin))
-        path, heat = learner.forecast(window, DAY)
-        np.testing.assert_allclose(path, whole.paths[i], atol=1e-9)
-        np.testing.assert_allclose(heat, whole.heat[i], atol=1e-9)
-    np.testing.assert_allclose(learner.errors, whole.errors, atol=1e-9)
+        paths, heats = learner.forecast(window, DAY)
+        np.testing.assert_allclose(paths, [known.paths[i] for known in whole], atol=1e-9)
+        np.testing.assert_allclose(heats, [known.heat[i] for known in whole], atol=1e-9)
+    np.testing.assert_allclose(learner.errors, np.stack([known.errors for known in whole], axis=-1), atol=1e-9)
     assert set(asked) == ({int(origins[3])} if adapt == "full" else set())
 
 
-def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later):
+@pytest.mark.parametrize("memory", [0, 1])
+def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later, memory):
     origins = np.array([11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    found = follow(fit, later, origins, DAY, "linear")
+    found = follow(fit, later, origins, DAY, "linear", memory)
     morning = N_TRAIN + 2 * DAY
-    that_day = follow(fit, later, np.array([morning]), DAY, "linear")
+    that_day = follow(fit, later, np.array([morning]), DAY, "linear", memory)
     for place in np.flatnonzero((sample.origins >= morning) & (sample.origins < morning + DAY))[::7]:
         origin = sample.origins[place]
         path, _ = brute_force(fit, fit.point.psi, that_day.learned[0].coef, later.stretch, origin, DAY)

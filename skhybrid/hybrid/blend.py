@@ -9,7 +9,7 @@ import numpy as np
 #: shares of the horizon at which groups of leads end, and at which their weights hold
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
-#: pull toward equal weights, beside the harmonic mean of the models' squared errors
+#: pull toward prior weights, beside the harmonic mean of the models' squared errors
 _PULL = 0.3
 #: days after which an error of the history counts half
 _HALF_LIFE = 14.0
@@ -51,33 +51,34 @@ def faded(age: np.ndarray) -> np.ndarray:
     return np.where(age >= 0, 0.5 ** (np.maximum(age, 0.0) / _HALF_LIFE), 0.0)
 
 
-def blend_weights(products: np.ndarray) -> np.ndarray:
+def blend_weights(products: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
     """Weights (n_groups, K) that are not negative and sum to 1, with the least squared error of the blend.
 
-    Equal where nothing is known; a ridge pulls toward that.
+    Those of the ``prior`` (K,), or equal ones, where nothing is known; a ridge pulls toward them.
     """
-    return np.array([_weights(S) for S in products])
+    K = products.shape[1]
+    prior = np.full(K, 1.0 / K) if prior is None else prior
+    return np.array([_weights(S, prior) for S in products])
 
 
-def _weights(S: np.ndarray) -> np.ndarray:
-    K = len(S)
-    equal, own = np.full(K, 1.0 / K), np.diag(S)
+def _weights(S: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    K, own = len(S), np.diag(S)
     if own.max() <= 0.0:
-        return equal
+        return prior
     # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
     size = 1.0 / float(np.mean(1.0 / np.maximum(own, 1e-9 * own.max())))
     M = S / size + _PULL * np.eye(K)
-    best, least = equal, np.inf
+    best, least = prior, np.inf
     for count in range(1, K + 1):
         for chosen in combinations(range(K), count):
             pick = list(chosen)
             # the stationary point on that face of the simplex
             inverse = np.linalg.inv(M[np.ix_(pick, pick)])
-            free = inverse @ np.full(count, _PULL / K)
+            free = inverse @ (_PULL * prior[pick])
             share = free + inverse.sum(axis=1) * (1.0 - free.sum()) / inverse.sum()
             w = np.zeros(K)
             w[pick] = share
-            loss = w @ M @ w - 2.0 * _PULL * w.sum() / K
+            loss = w @ M @ w - 2.0 * _PULL * w @ prior
             if (share >= -1e-12).all() and loss < least:
                 best, least = w, loss
     return best

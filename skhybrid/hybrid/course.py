@@ -22,6 +22,7 @@ class Trained:
     errors: np.ndarray  # (O, L, K) on blocks that were left out [K]
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead
+    prior: np.ndarray  # (K,) weights where nothing is known of errors
     n_leads: int
     a_day: int  # rows
     every: int  # rows between forecasts of the history
@@ -68,18 +69,18 @@ class BlendCourse:
     def forecast(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """From the last row: (n_leads,) temperatures [degC], and unmeasured heat [kW]."""
         found = [course.forecast(view, n_leads) for course, view in zip(self._courses, views, strict=True)]
-        trained, heat = self._trained, found[0][1]
-        assert heat is not None  # the physics gives it
+        trained, heats = self._trained, found[0][1]
+        assert heats is not None  # the physics gives it
         products = trained.products
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
-        shares = blend_weights(products)
+        shares = blend_weights(products, trained.prior)
         weights = by_lead(shares, trained.n_leads, n_leads)
-        path = np.sum(np.column_stack([path for path, _ in found]) * weights, axis=1)
+        path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
         if self.adapt is not None:
             missed = self._missed(shares[trained.groups])
             path += np.interp(np.arange(1, n_leads + 1), trained.sample.leads, missed)
-        return path, heat
+        return path, heats[0]
 
     def _share(self, row: Any, later: int) -> Any:
         """How much forecasts that ended at a row count at a later one."""
@@ -96,7 +97,7 @@ class BlendCourse:
 
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""
-        errors = np.stack([course.errors[first:] for course in self._courses], axis=-1)
+        errors = np.concatenate([course.errors[first:] for course in self._courses], axis=-1)
         return errors, self._begin + self._trained.every * np.arange(first, first + len(errors))
 
     def _missed(self, shares: np.ndarray) -> np.ndarray:

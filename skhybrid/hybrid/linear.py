@@ -77,14 +77,17 @@ class LinearScheme:
             member.fit(self._known[0], target, n_leads)
         fit = self._physics.fit_
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
-        left_out = np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1)
+        names = [name for m in self._members for name in m.names]
+        ways = [len(m.names) for m in self._members]
+        left_out = np.repeat(np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1), ways, axis=-1)
+        prior = np.repeat([1.0 / (len(ways) * n) for n in ways], ways)  # members alike, and the ways of each
         a_day = rows_per_day(table.step)
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
-        self._trained = Trained(sample, left_out, products, groups, n_leads, a_day, rows_per_hour(table.step))
+        self._trained = Trained(sample, left_out, products, groups, prior, n_leads, a_day, rows_per_hour(table.step))
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
-        self.weights_ = pd.DataFrame(blend_weights(products), list(GROUP_NAMES), [m.name for m in self._members])
+        self.weights_ = pd.DataFrame(blend_weights(products, prior), list(GROUP_NAMES), names)
         self.zeta_ = self.gray_box_.heat_at(table)
         self._live = None
         return self
@@ -134,7 +137,7 @@ class LinearScheme:
     def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
         """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
         sample, ours = self._trained.sample, self._trained.n_leads
-        shares = by_lead(blend_weights(self._trained.products), ours, ours)[sample.leads - 1]
+        shares = by_lead(blend_weights(self._trained.products, self._trained.prior), ours, ours)[sample.leads - 1]
         errors = np.sum(self._trained.errors * shares, axis=-1)[::3]
         known = np.isfinite(errors).all(axis=1)
         every = np.arange(1, n_leads + 1)

@@ -43,28 +43,31 @@ class Course(Protocol):
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors (n, L) [K] of hourly forecasts from the first new row on, as known on their days.
+        """Errors (n, L, k) [K] of hourly forecasts from the first new row on, in the member's k ways.
 
-        NaN where unknown, and where they have not ended.  Only with adaptation.
+        By what was known on their days.  NaN where unknown, and where they have not ended.  Only with adaptation.
         """
 
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
 
     def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """From the last row: (n_leads,) temperatures [degC], and unmeasured heat [kW] where it is known."""
+        """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW] where it is known."""
 
 
 class Member(Protocol):
-    """One model of a blend."""
+    """One model of a blend, which may forecast in several ways."""
 
-    name: str
+    names: tuple[str, ...]
 
     def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
         """Learn from the training table."""
 
     def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
-        """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days."""
+        """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days.
+
+        The same in all the ways of a member.
+        """
 
     def view(self, rows: Rows) -> Any:
         """Rows as the member takes them."""
@@ -84,7 +87,7 @@ class Physics:
     calendar : bool
     """
 
-    name = "network"
+    names: tuple[str, ...] = ("network", "network, short memory")
 
     def __init__(self, network: RCNetwork, known: dict[str, float], calendar: bool) -> None:
         self.network = network
@@ -139,7 +142,7 @@ class BlackBox:
         Temperatures that it regresses on.
     """
 
-    name = "ARX"
+    names: tuple[str, ...] = ("ARX",)
 
     def __init__(self, n_lags: int) -> None:
         self.n_lags = n_lags
@@ -188,7 +191,7 @@ class BlackBoxCourse:
         self._learner = arx.learner(begin)
         self._row = -1
         self._coefs: list[np.ndarray] = []  # of the days so far
-        self._errors = GrowingErrors(len(leads))
+        self._errors = GrowingErrors(len(leads), 1)
 
     @property
     def errors(self) -> np.ndarray:
@@ -212,10 +215,10 @@ class BlackBoxCourse:
         coefs = np.array(self._coefs[day[0] :])[day - day[0]]
         paths = self.arx.iterate(view, rows, longest, coefs)[:, self.leads - 1]
         ends = rows[:, None] + self.leads
-        known = (ends > before) & (ends <= origin)
-        self.errors[place] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, self.errors[place])
+        known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
+        self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
     def forecast(self, view: ARXView, n_leads: int) -> tuple[np.ndarray, None]:
         """From the last row."""
         coef = self.arx.coef_ if self.adapt is None else self._learner.coef()
-        return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :])[0], None
+        return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None

@@ -13,15 +13,15 @@ from .channels import emitter_series
 from .coefficients import gram, solve_coefficients
 from .fit import LeadFit
 from .model import Matrices
-from .problem import Part, minimise
+from .problem import LeadProblem, Part, minimise
 from .responses import Sample, Stream, Stretch
 
 #: how much a completed forecast of the history counts beside one of the training
 _RECENT = 3.0
 #: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
 _REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3
-#: days after which what was learned counts half
-_HALF_LIFE = 30.0
+#: days after which what was learned counts half: in a long memory, and in a short one that leaves a change behind soon
+HALF_LIVES = (30.0, 7.0)
 #: days that are gone through at once behind a re-fit, which bounds the memory
 _PIECE_DAYS = 7
 _DAY = 24.0
@@ -63,10 +63,29 @@ class Standing(NamedTuple):
 class _Ended(NamedTuple):
     """Forecasts of the history that have come to their ends."""
 
-    columns: np.ndarray  # (k, J + 1), weighted as at the last row
+    columns: np.ndarray  # (k, J + 1), weighted
     root: np.ndarray  # (k,) root weights
     origin: np.ndarray  # (k,) rows
     lead: np.ndarray  # (k,) places among the leads
+    age: np.ndarray  # (k,) rows since their ends
+
+
+class _Memory:
+    """What completed forecasts teach the coefficients, fading with time."""
+
+    def __init__(self, products: np.ndarray, row: int, half_life: float) -> None:
+        self._products, self._row, self._half_life = products, row, half_life  # rows
+
+    def learn(self, columns: np.ndarray, age: np.ndarray, row: int) -> None:
+        """Take in forecasts that ended so many rows before ``row``; what was known before fades."""
+        faded = 0.5 ** (0.5 * age / self._half_life)
+        fade = 0.5 ** (max(row - self._row, 0) / self._half_life)
+        self._products = self._products * fade + gram(columns * faded[:, None])
+        self._row = max(row, self._row)
+
+    def coef(self, problem: LeadProblem) -> np.ndarray:
+        """(J,) by what has been learned."""
+        return solve_coefficients(self._products, problem.penalty, problem.positive).coef
 
 
 class _Run:
@@ -75,15 +94,20 @@ class _Run:
     def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
         channels = fit.stretch.channels
         self.fit, self.psi, self.start, self.stop = fit, psi, begin, np.iinfo(np.int64).max
+        self._begin = begin
         self.stream = Stream(fit.model, psi, fit.stretch.plan, channels.node)
         M = self.stream.matrices
         self._rows, _ = lead_rows(M.F, M.dF[..., :0], fit.model.zone, fit.sample.leads)
         m, J = self.stream.held.shape
-        self.products, self.at = fit.gram, begin
-        self._half_life = _HALF_LIFE * round(_DAY / fit.model.step)
+        self.remember(fit.gram)
         self._first, self._series, self._seen = 0, np.empty((0, J)), np.empty(0, dtype=bool)
         self._origins, self._share = np.empty(0, dtype=np.int64), np.empty(0)
         self._states = np.empty((0, m, J))
+
+    def remember(self, products: np.ndarray) -> None:
+        """Begin with the products of the training."""
+        a_day, begin = round(_DAY / self.fit.model.step), self._begin
+        self.memories = [_Memory(products, begin, days * a_day) for days in HALF_LIVES]
 
     def go(self, stretch: Stretch, first: int, origins: np.ndarray, apart: float) -> _Ended:
         """Go through the next rows; forecasts from the origins, which are ``apart`` rows from one another, begin."""
@@ -100,11 +124,11 @@ class _Run:
         ends = self._origins[:, None] + leads
         known = (ends >= first) & (ends < end)
         known &= self._seen[np.minimum(ends, end - 1) - self._first]
-        faded = 0.5 ** (0.5 * (end - 1 - ends) / self._half_life)
-        root = problem.roots(known, self._share) * faded
+        root = problem.roots(known, self._share)
         E = lead_errors(self._series, self._states, self._rows, self._origins - self._first, leads, root)
         place, lead = np.nonzero(root)
-        ended = _Ended(E[root.ravel() > 0], root[place, lead], self._origins[place], lead)
+        age = end - 1 - ends[place, lead]
+        ended = _Ended(E[root.ravel() > 0], root[place, lead], self._origins[place], lead, age)
         self._forget(end)
         return ended
 
@@ -117,14 +141,13 @@ class _Run:
         self._first, self._series, self._seen = first, self._series[keep], self._seen[keep]
 
     def learn(self, ended: _Ended, row: int) -> None:
-        """Take in forecasts that have ended by the last row; what was known before fades."""
-        fade = 0.5 ** (max(row - self.at, 0) / self._half_life)
-        self.products, self.at = self.products * fade + gram(ended.columns), max(row, self.at)
+        """Take in forecasts that have ended by the last row."""
+        for memory in self.memories:
+            memory.learn(ended.columns, ended.age, row)
 
-    def coef(self) -> np.ndarray:
-        """(J,) by what has been learned."""
-        problem = self.fit.problem
-        return solve_coefficients(self.products, problem.penalty, problem.positive).coef
+    def coefs(self) -> np.ndarray:
+        """(K, J) by what each memory holds."""
+        return np.array([memory.coef(self.fit.problem) for memory in self.memories])
 
 
 class GrowingErrors:
@@ -133,21 +156,23 @@ class GrowingErrors:
     Parameters
     ----------
     n_leads : int
+    n_kinds : int
+        Forecasts that are made at once, as by several memories.
     """
 
-    def __init__(self, n_leads: int) -> None:
-        self._room = np.empty((0, n_leads))
+    def __init__(self, n_leads: int, n_kinds: int) -> None:
+        self._room = np.empty((0, n_leads, n_kinds))
         self._n = 0
 
     @property
     def values(self) -> np.ndarray:
-        """(n, n_leads), to be read and written."""
+        """(n, n_leads, n_kinds), to be read and written."""
         return self._room[: self._n]
 
     def extend(self, n: int) -> None:
         """Make room for ``n`` forecasts in all."""
         if n > len(self._room):
-            grown = np.full((2 * n, self._room.shape[1]), np.nan)
+            grown = np.full((2 * n, *self._room.shape[1:]), np.nan)
             grown[: self._n] = self.values
             self._room = grown
         self._n = max(n, self._n)
@@ -169,9 +194,10 @@ class Learner:
     ----------
     row : int
         The row that comes next.
-    errors : ndarray of shape (n, L)
-        [K] of forecasts from ``begin``, ``begin + every``, ... at the fit's leads, by the coefficients that were known
-        at the start of the forecast's day; NaN where unknown, and where they have not ended.  Only with adaptation.
+    errors : ndarray of shape (n, L, K)
+        [K] of each memory's forecasts from ``begin``, ``begin + every``, ... at the fit's leads, by the coefficients
+        that were known at the start of the forecast's day; NaN where unknown, and where they have not ended.  Only
+        with adaptation.
     every : int
         An hour of rows, or a row.
     """
@@ -181,7 +207,7 @@ class Learner:
         self.every = max(1, round(1.0 / fit.model.step))
         self.row = 0
         self._a_day = round(_DAY / fit.model.step)
-        self._errors = GrowingErrors(len(fit.sample.leads))
+        self._errors = GrowingErrors(len(fit.sample.leads), len(HALF_LIVES))
         self._run = _Run(fit, fit.point.psi, begin)
         self._before: _Run | None = None  # the network before, whose last forecasts have not ended
         self._days: dict[int, np.ndarray] = {}
@@ -204,7 +230,7 @@ class Learner:
             if self.row == mark + 1:
                 if self.adapt == "full" and day and day % _REFIT_DAYS == 0:
                     self._refit(later)
-                self._days[day] = self._run.coef()
+                self._days[day] = self._run.coefs()
                 self._days = {d: coef for d, coef in self._days.items() if d >= day - 1 - self._longest // self._a_day}
 
     @property
@@ -238,7 +264,7 @@ class Learner:
         for d in np.unique(day[own]):
             mine = own & (day == d)
             columns = ended.columns[mine]
-            e = (columns[:, -1] - columns[:, :-1] @ self._days[d]) / ended.root[mine]
+            e = (columns[:, [-1]] - columns[:, :-1] @ self._days[d].T) / ended.root[mine, None]
             self.errors[(ended.origin[mine] - self.begin) // self.every, ended.lead[mine]] = e
 
     # ---------------------------------------------------------------------------------------------------------- re-fit
@@ -250,11 +276,10 @@ class Learner:
         part, done = Part(fit.stretch, half), self.begin
         if self.joined:  # the rows are the same, and so is the stream
             done = fit.stretch.n_rows
-            run.products = gram(
-                fit.problem.columns(run.psi, part, run.stream.run(later.between(0, done), half.origins))
-            )
+            found = run.stream.run(later.between(0, done), half.origins)
+            run.remember(gram(fit.problem.columns(run.psi, part, found)))
         else:
-            run.products = gram(fit.problem.columns(run.psi, part))
+            run.remember(gram(fit.problem.columns(run.psi, part)))
         for first in range(done, mark + 1, _PIECE_DAYS * self._a_day):
             end = min(first + _PIECE_DAYS * self._a_day, mark + 1)
             origins = self._hourly(first, end, _REFIT_EVERY * self.every)
@@ -275,35 +300,43 @@ class Learner:
         return minimise(replace(fit.problem, parts=tuple(parts)), self._run.psi, most=_STEPS).psi
 
     # -------------------------------------------------------------------------------------------------------- forecast
-    def coef(self) -> np.ndarray:
-        """(J,) as known at the last row."""
-        return self.fit.point.solution.coef if self.adapt is None else self._run.coef()
+    def coefs(self) -> np.ndarray:
+        """(K, J) of each memory, as known at the last row."""
+        if self.adapt is None:
+            return np.tile(self.fit.point.solution.coef, (len(HALF_LIVES), 1))
+        return self._run.coefs()
 
-    def standing(self) -> Standing:
-        """What is known at the last row."""
-        stream, coef = self._run.stream, self.coef()
+    def standing(self, memory: int = 0) -> Standing:
+        """What is known at the last row, by one memory."""
+        stream, coef = self._run.stream, self.coefs()[memory]
         own, held = np.append(coef, 1.0), stream.held @ np.append(-coef, 1.0)
         # what acts over the first of all rows is not known to have acted before
         store = stream.store.held if stream.store is not None and self.row > 1 else 0.0
         return Standing(self._run.psi, stream.matrices, coef, stream.here @ own + held[:-1], held[-1], store)
 
     def forecast(self, later: Later, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """From the last row: (n_leads,) deviations from the reference [K] and unmeasured heat [kW].
+        """From the last row: (K, n_leads) deviations from the reference [K], and unmeasured heat [kW].
 
         What lies behind the rows of ``later`` is held at the last of them.
         """
-        fit, stream, coef = self.fit, self._run.stream, self.coef()
-        M, zone, own, origin = stream.matrices, fit.model.zone, np.append(coef, 1.0), self.row - 1
-        held = stream.held @ np.append(-coef, 1.0)
+        M, origin, leads = self._run.stream.matrices, self.row - 1, np.arange(1, n_leads + 1)
         last = min(origin + n_leads, later.end - 1)
-        rows = np.minimum(np.arange(n_leads), last - origin - 1)
         ahead = later.between(min(origin + 1, last), last + 1)
-        if last > origin:
+        P, _ = lead_rows(M.F, M.dF[..., :0], self.fit.model.zone, leads)
+        found = [self._path(ahead, coef, leads, last - origin, P) for coef in self.coefs()]
+        return np.array([path for path, _ in found]), np.array([heat for _, heat in found])
+
+    def _path(
+        self, ahead: Stretch, coef: np.ndarray, leads: np.ndarray, n_ahead: int, P: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of some coefficients, over ``n_ahead`` rows that are known."""
+        stream, zone, own = self._run.stream, self.fit.model.zone, np.append(coef, 1.0)
+        M, held = stream.matrices, stream.held @ np.append(-coef, 1.0)
+        rows = np.minimum(leads - 1, n_ahead - 1)
+        if n_ahead > 0:
             path = simulate_path(M.A, _forcing(stream, ahead, coef)[:-1], stream.ahead @ own)[:, zone]
         else:  # nothing is known of what follows
             path = stream.here[[zone]] @ own
-        leads = np.arange(1, n_leads + 1)
-        P, _ = lead_rows(M.F, M.dF[..., :0], zone, leads)
         channels = ahead.channels
         mine = channels.scheduled
         planned = channels.series[:, mine] @ coef[: len(mine)][mine]
@@ -330,7 +363,9 @@ class Followed(NamedTuple):
     learned: list[Standing]  # at each origin
 
 
-def follow(fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt: str | None) -> Followed:
+def follow(
+    fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
+) -> Followed:
     """Forecast from each origin.
 
     Parameters
@@ -341,6 +376,8 @@ def follow(fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt:
         Rows, increasing.
     n_leads : int
     adapt : {None, "linear", "full"}
+    memory : int
+        Place in HALF_LIVES.
 
     Returns
     -------
@@ -351,6 +388,6 @@ def follow(fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt:
     learned = []
     for i, origin in enumerate(origins):
         learner.advance(later, int(origin))
-        paths[i], heat[i] = learner.forecast(later, n_leads)
-        learned.append(learner.standing())
-    return Followed(paths, heat, learner.errors, learned)
+        paths[i], heat[i] = (found[memory] for found in learner.forecast(later, n_leads))
+        learned.append(learner.standing(memory))
+    return Followed(paths, heat, learner.errors[..., memory], learned)
