@@ -84,6 +84,32 @@ def test_a_change_is_found_within_a_week_and_called_by_its_kind(change, kind):
     pd.testing.assert_frame_equal(early, found[:42])  # a day's row knows nothing of later ones
 
 
+def test_what_comes_back_is_found_where_the_size_says_little():
+    """Days of very unlike sizes, then the same error at the same hours of every day, as large as the mean before."""
+    rng = np.random.default_rng(5)
+    index = pd.date_range("2023-01-02", periods=28 + 56, freq="D")
+    size = np.exp(rng.normal(0.0, 0.8, len(index)))
+    errors = size[:, None] * rng.normal(0.0, 0.3, (len(index), 24))
+    forecast = pd.DataFrame(np.zeros_like(errors), index=index)
+    usual = np.sqrt(np.mean(errors[:28] ** 2))
+    errors[56:] = usual * np.sign(np.sin(2 * np.pi * HOURS / 24) + 0.01)
+    measured = forecast + errors
+    monitor = DriftMonitor().fit(measured[:28], forecast[:28])
+    found = monitor.watch(measured[28:], forecast[28:])
+    first = found.index[found["drifted"]][0]
+    assert index[56] <= first < index[56] + pd.Timedelta("5D")
+    assert found.loc[first, "kind"] == "schedule"
+    products, means = [], {}
+    for day in range(28):
+        weekend = index[day].day_of_week >= 5
+        if weekend in means:
+            products.append(np.mean(errors[day] * means[weekend]) / usual**2)
+        own = np.sqrt(np.mean(errors[day] ** 2)) / usual
+        counted = errors[day] * min(1.0, 3.0 / own)
+        means[weekend] = counted if weekend not in means else 0.7 * means[weekend] + 0.3 * counted
+    np.testing.assert_allclose(monitor.back_, [np.mean(products), np.std(products, ddof=1)], rtol=1e-9)
+
+
 def test_an_alarm_ends_when_the_errors_are_small_again_and_missing_days_say_nothing():
     measured, forecast = _days(28 + 70, np.random.default_rng(3))
     measured[40:50] += 1.5

@@ -1,4 +1,4 @@
-"""When what was learned no longer holds: a sequential test on the size of day-ahead errors."""
+"""When what was learned no longer holds: sequential tests on the size of day-ahead errors, and on what comes back."""
 
 from __future__ import annotations
 
@@ -12,6 +12,14 @@ from scipy.optimize import brentq
 _ALLOWANCE = 0.5
 #: standard errors of the reference mean by which the allowance is larger
 _SURE = 1.65
+#: allowance of the sum of what comes back, whose terms are more skewed than normal ones, and a term's largest value
+_ALLOWANCE_BACK, _MOST_BACK = 1.0, 6.0
+#: share of the mean of earlier days' errors that stays from one day to the next
+_MEMORY = 0.7
+#: a day counts in that mean as one whose error is at most so many times the reference's
+_LARGEST = 3.0
+#: blocks of a day whose mean errors are compared
+_BLOCKS = 24
 #: most days of memory that a reference of few days may show
 _MOST_CORRELATION = 0.8
 #: a working day that moves less than this share of the usual range is quiet
@@ -22,12 +30,17 @@ KINDS = ("", "level", "schedule", "quiet")
 
 
 class DriftMonitor:
-    """Cumulative sum (CUSUM) of how much larger than before each day's forecast error is.
+    """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it comes back.
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
     (weekday or weekend), in standard deviations of a sum of such days, so that days that resemble their neighbours
     raise no more alarms than independent ones.  What exceeds an allowance is summed up, never below zero; an alarm is
     a sum above the threshold.  The allowance is larger by 1.65 standard errors of the reference mean.
+
+    A schedule that moves makes errors that need not be larger than the worst of before, but that are alike on all days
+    of a kind.  So a second sum takes the product of each day's hourly errors with the fading mean of those of earlier
+    days of its kind, in units of the reference's mean square, less its mean on the reference days and in their standard
+    deviations.  The larger sum counts.
 
     Parameters
     ----------
@@ -47,6 +60,8 @@ class DriftMonitor:
         Median range of the measured series over a weekday, in its unit.
     threshold_ : float
         Of the statistic.
+    back_ : ndarray of shape (2,)
+        Mean and standard deviation of what comes back on the reference days [-].
 
     References
     ----------
@@ -91,10 +106,14 @@ class DriftMonitor:
         self.correlation_ = float(np.clip(found, 0.0, _MOST_CORRELATION))
         self.std_ = float(np.sqrt(variance * (1 + self.correlation_) / (1 - self.correlation_))) + 1e-12
         self.allowance_ = _ALLOWANCE + _SURE / np.sqrt(known)
-        self.threshold_ = threshold(365.25 / self.false_alarms_per_year)
+        self.threshold_ = threshold(2.0 * 365.25 / self.false_alarms_per_year)  # each sum has half of the alarms
         spread = _range(measured)[~weekend]
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
         self._bias = np.nanmean(error, axis=0)
+        self._square = float(np.nanmean(error**2)) + 1e-12
+        back, self._usual = self._come_back(error, weekend, [None, None])
+        enough = np.isfinite(back).sum() > 1
+        self.back_ = np.array([np.nanmean(back), np.nanstd(back, ddof=1) + 1e-12]) if enough else np.array([0.0, 1.0])
         return self
 
     def watch(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> pd.DataFrame:
@@ -116,17 +135,39 @@ class DriftMonitor:
         error = (measured - forecast).to_numpy(dtype=np.float64)
         weekend, span = _weekend(measured), _range(measured)
         excess = (self._score(error) - self.mean_[weekend.astype(int)]) / self.std_ - self.allowance_
-        total, begin, rows = 0.0, 0, []
-        for day, step in enumerate(excess):
-            if total <= 0.0:
-                begin = day
-            # a sum far above the threshold would take long to come back once the errors are small again
-            total = min(max(0.0, total + (step if np.isfinite(step) else 0.0)), 2.0 * self.threshold_)
-            drifted = total > self.threshold_
-            since = slice(begin, day + 1)
+        back, _ = self._come_back(error, weekend, self._usual)
+        returned = np.minimum((back - self.back_[0]) / self.back_[1], _MOST_BACK) - _ALLOWANCE_BACK
+        sums, rows = [_Sum(2.0 * self.threshold_), _Sum(2.0 * self.threshold_)], []
+        for day, steps in enumerate(zip(excess, returned, strict=True)):
+            for one, step in zip(sums, steps, strict=True):
+                one.add(day, step)
+            largest = max(sums, key=lambda one: one.total)
+            drifted = largest.total > self.threshold_
+            since = slice(largest.begin, day + 1)
             kind = self._kind(error[since], span[since][~weekend[since]]) if drifted else ""
-            rows.append((total, self.threshold_, drifted, measured.index[begin] if drifted else pd.NaT, kind))
+            begin = measured.index[largest.begin] if drifted else pd.NaT
+            rows.append((largest.total, self.threshold_, drifted, begin, kind))
         return pd.DataFrame(rows, index=measured.index, columns=["statistic", "threshold", "drifted", "since", "kind"])
+
+    def _come_back(
+        self, error: np.ndarray, weekend: np.ndarray, usual: list[np.ndarray | None]
+    ) -> tuple[np.ndarray, list[np.ndarray | None]]:
+        """(n_days,) products of days with the mean of earlier ones, NaN where either is unknown, and the last means."""
+        out, usual = np.full(len(error), np.nan), list(usual)
+        for day, (whole, kind) in enumerate(zip(error, weekend.astype(int), strict=True)):
+            known = np.isfinite(whole)
+            if 2 * known.sum() < len(whole):
+                continue
+            e = np.array(
+                [np.mean(part[np.isfinite(part)]) if np.isfinite(part).any() else 0.0 for part in _parts(whole)]
+            )
+            before = usual[kind]
+            if before is not None:
+                out[day] = np.mean(e * before) / self._square
+            # one odd day must not be what the next ones are compared with
+            counted = e * min(1.0, _LARGEST / max(np.sqrt(np.mean(e**2) / self._square), 1e-12))
+            usual[kind] = counted if before is None else _MEMORY * before + (1.0 - _MEMORY) * counted
+        return out, usual
 
     def _score(self, error: np.ndarray) -> np.ndarray:
         return np.log(np.maximum(_rms(error), self._floor))
@@ -139,6 +180,24 @@ class DriftMonitor:
         profile = np.nanmean(error[:, known], axis=0) - self._bias[known]
         level = abs(float(np.nanmean(profile)))
         return "level" if level > float(np.nanstd(profile)) else "schedule"
+
+
+class _Sum:
+    """A sum that never falls below zero, nor rises so far above that it takes long to come back."""
+
+    def __init__(self, most: float) -> None:
+        self.total, self.begin, self._most = 0.0, 0, most
+
+    def add(self, day: int, step: float) -> None:
+        """Take in a day; one of which nothing is known says nothing."""
+        if self.total <= 0.0:
+            self.begin = day
+        self.total = min(max(0.0, self.total + (step if np.isfinite(step) else 0.0)), self._most)
+
+
+def _parts(day: np.ndarray) -> list[np.ndarray]:
+    """A day's steps in blocks of about an hour."""
+    return np.array_split(day, min(_BLOCKS, len(day)))
 
 
 def _rms(error: np.ndarray) -> np.ndarray:
