@@ -140,3 +140,12 @@ def test_the_hybrid_sees_a_schedule_move():
     live = deepcopy(model).update(X[n:]).drift()  # the last day is not over while no row follows it
     pd.testing.assert_frame_equal(live, days[: len(live)])
     assert len(live) >= len(days) - 1
+
+
+def test_the_default_takes_its_reference_wherever_its_table_begins():
+    """At 02:15 there is no forecast from midnight itself; the first one behind it stands for the day."""
+    X = make_office(n_days=20, sampling_time="15min", random_state=3).X[9:]
+    n = 14 * DAY
+    days = HybridPredictor(adapt=None).fit(X[:n], X["T_za"][:n]).drift(X[n:])
+    assert len(days) == 4  # of the last one no row follows
+    assert not days["drifted"].any()

@@ -136,13 +136,17 @@ class LinearScheme:
     # ------------------------------------------------------------------------------------------------- its own errors
     def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
         """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
+        return self._left_out(n_leads, every=3)
+
+    def _left_out(self, n_leads: int, every: int) -> LeftOut:
+        """Errors of the blend on left-out blocks, interpolated between leads."""
         sample, ours = self._trained.sample, self._trained.n_leads
         shares = by_lead(blend_weights(self._trained.products, self._trained.prior), ours, ours)[sample.leads - 1]
-        errors = np.sum(self._trained.errors * shares, axis=-1)[::3]
+        errors = np.sum(self._trained.errors * shares, axis=-1)[::every]
         known = np.isfinite(errors).all(axis=1)
-        every = np.arange(1, n_leads + 1)
-        out = np.array([np.interp(every, sample.leads, e) for e in errors[known]]).reshape(-1, n_leads)
-        return LeftOut(out, sample.origins[::3][known])
+        leads = np.arange(1, n_leads + 1)
+        out = np.array([np.interp(leads, sample.leads, e) for e in errors[known]]).reshape(-1, n_leads)
+        return LeftOut(out, sample.origins[::every][known])
 
     # ------------------------------------------------------------------------------------------ living with a building
     def advance(self, table: ZoneTable, target: np.ndarray) -> None:
@@ -191,10 +195,14 @@ class LinearScheme:
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
         """Go through the day-ahead errors of the temperature, forecast as trained."""
         known, per_day = self._known[0], self._trained.a_day
-        left_out = self.calibration_errors(known, known.history["T_za"], per_day)
-        midnight = _begins_day(known)[left_out.origins]
-        reference = _days(known, left_out.origins[midnight], per_day)
-        monitor = DriftMonitor().fit(reference, reference - left_out.errors[midnight])
+        left_out = self._left_out(per_day, every=1)
+        # the first forecast of each day: where the table does not begin on the hour there is none at midnight
+        midnight = np.flatnonzero(_begins_day(known))
+        at = np.searchsorted(left_out.origins, midnight)
+        near = at < len(left_out.origins)
+        near[near] = left_out.origins[at[near]] - midnight[near] < self._trained.every
+        reference = _days(known, left_out.origins[at[near]], per_day)
+        monitor = DriftMonitor().fit(reference, reference - left_out.errors[at[near]])
         rows = self._joined(self._known) if table is None else self._rows(table)[0]
         origins = np.flatnonzero(_begins_day(rows.table))
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
