@@ -15,7 +15,7 @@ from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, Perio
 from skhybrid.datasets import make_office
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
 from skhybrid.hybrid.echo import echo
-from skhybrid.hybrid.members import BlackBox
+from skhybrid.hybrid.members import BlackBox, DayBefore, Rows
 from skhybrid.identification.scheduled import Later, Sample, fit_leads, follow, loads, make_stretch
 from skhybrid.identification.setpoints import Band, Limits
 from skhybrid.model_selection import RollingOriginSplit
@@ -309,10 +309,41 @@ def test_short_tables(n_rows, office):
     assert np.isfinite(model.predict(X[n_rows : n_rows + 2 * DAY])).all()
     assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
-    if n_rows == 5:  # nothing can be left out
-        np.testing.assert_allclose(model.weights_, [[0.25, 0.25, 0.5]] * 3)
+    assert list(model.weights_)[-1] == "day before"  # nothing can be left out
+    np.testing.assert_allclose(model.weights_, [[0.0625, 0.0625, 0.125, 0.75]] * 3)
+    first = model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0]
+    model.adapt = None
+    np.testing.assert_allclose(model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0], first, atol=0.01)
+    model.adapt = "full"
     live = model.update(X[n_rows : n_rows + 3]).forecast(None, X[n_rows + 3 : n_rows + 20])
     assert np.isfinite(live).all(axis=None)
+
+
+def test_the_rule_of_the_day_before_by_plain_loops(office):
+    """The last day that was known at the origin, again and again; what is missing is held."""
+    T = office.y.to_numpy().copy()
+    T[[0, 1, 60, 61, 2 * DAY + 7]] = np.nan
+    table = HybridPredictor()._read(office.X[: len(T)], reset=True)
+    rule = DayBefore().fit(table.rows(slice(3 * DAY)), T[: 3 * DAY], DAY)
+    held, last = [], np.nanmean(T[: 3 * DAY])
+    for value in T:
+        last = value if np.isfinite(value) else last
+        held.append(last)
+    leads, begin = np.array([1, 30, DAY, DAY + 1]), 3 * DAY
+    course = rule.course(Rows(table, T, begin, joined=True), Sample(np.empty(0, dtype=np.int64), leads), "linear")
+    for origin in (begin + 3, begin + 70, begin + 2 * DAY + 1):
+        first = max(0, origin - 4 * DAY)  # the last rows are enough
+        view = rule.view(Rows(table.rows(slice(first, None)), T[first:], begin, True, first))
+        course.advance(view, origin)
+        path, _ = course.forecast(view, 2 * DAY)
+        np.testing.assert_array_equal(path[0], [held[origin - DAY + 1 + h % DAY] for h in range(2 * DAY)])
+    for place in range(0, len(course.errors), 5):
+        o = begin + 2 * place
+        expected = [T[o + h] - held[o + h - DAY * (1 + (h - 1) // DAY)] if o + h <= origin else np.nan for h in leads]
+        np.testing.assert_allclose(course.errors[place, :, 0], expected, atol=1e-12)
+    sample = Sample(np.arange(0, 2 * DAY, 5), leads)
+    errors = rule.left_out(sample, np.zeros(len(sample.origins), dtype=int))
+    assert errors[19, 1] == pytest.approx(T[125] - held[125 - DAY])
 
 
 def test_a_thermometer_that_tells_every_other_row(office):

@@ -18,12 +18,14 @@ from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, blend_weights, by_lead, faded, lead_groups, moments
 from .course import BlendCourse, Trained
 from .drift import DriftMonitor
-from .members import BlackBox, Member, Physics, Rows
+from .members import BlackBox, DayBefore, Member, Physics, Rows
 from .scheme import Paths
 from .tables import last_rows, one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
+#: share of yesterday's temperature at first, where the training was too short to try out what was learned
+_UNTRIED = 0.75
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
 #: rows beside its leads that a live forecast looks back on, for the lags of the black box
@@ -72,15 +74,19 @@ class LinearScheme:
         self._known, self._n_blocks = [_owned(table, target)], 1
         self._n_learned = self._n_known = table.n_rows
         self._physics = Physics(self.network, self.known, calendar=True)
-        self._members: list[Member] = [self._physics, BlackBox(_LAGS)]
-        for member in self._members:
-            member.fit(self._known[0], target, n_leads)
+        self._members: list[Member] = [self._physics.fit(self._known[0], target, n_leads)]
         fit = self._physics.fit_
+        # where no days could be left out nothing tells how far to trust what was learned
+        untried = not len(fit.blocks) or not fit.blocks.max()
+        others: list[Member] = [BlackBox(_LAGS), *([DayBefore()] if untried else [])]
+        self._members += [member.fit(self._known[0], target, n_leads) for member in others]
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         names = [name for m in self._members for name in m.names]
         ways = [len(m.names) for m in self._members]
         left_out = np.repeat(np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1), ways, axis=-1)
-        prior = np.repeat([1.0 / (len(ways) * n) for n in ways], ways)  # members alike, and the ways of each
+        rule = _UNTRIED if untried else 0.0
+        believed = [0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule][: len(ways)]
+        prior = np.repeat(np.array(believed) / ways, ways)  # the ways of a member alike
         a_day = rows_per_day(table.step)
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
@@ -165,7 +171,9 @@ class LinearScheme:
             rows = self._joined([*self._known, ahead])
             course = BlendCourse(self._members, self._trained, rows, self.adapt)
         else:
-            rows = self._last_rows(max(0, course.row - int(self._trained.sample.leads[-1]) - _MORE_ROWS), ahead)
+            rows = self._last_rows(
+                max(0, course.row - int(self._trained.sample.leads[-1]) - self._trained.a_day - _MORE_ROWS), ahead
+            )
         views = course.views(rows)
         course.advance(views, self._n_known - 1)
         path, heat = course.forecast(views, future.n_rows)

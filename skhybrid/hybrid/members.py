@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
+import pandas as pd
 
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
@@ -222,3 +223,92 @@ class BlackBoxCourse:
         """From the last row."""
         coef = self.arx.coef_ if self.adapt is None else self._learner.coef()
         return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
+
+
+class DayBefore:
+    """The temperature of a day before, the rule that is hard to beat with next to nothing learned."""
+
+    names: tuple[str, ...] = ("day before",)
+
+    def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
+        """Keep what the first rows of another table are held at."""
+        self._a_day = rows_per_day(table.step)
+        self._every = rows_per_hour(table.step)
+        known = T[np.isfinite(T)]
+        self._mean = float(known.mean()) if len(known) else 0.0
+        self._T = T
+        return self
+
+    def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
+        """Errors of a rule that learns nothing."""
+        view = self._held(self._T, 0)
+        return self.errors(view, sample.origins, sample.leads, len(self._T) - 1)
+
+    def view(self, rows: Rows) -> HeldRows:
+        """Rows with the last measurement where there is none."""
+        return self._held(rows.T, rows.first)
+
+    def _held(self, T: np.ndarray, first: int) -> HeldRows:
+        return HeldRows(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
+
+    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> DayBeforeCourse:
+        """Nothing is learned on the way."""
+        return DayBeforeCourse(self, rows.begin, sample.leads, adapt)
+
+    def paths(self, view: HeldRows, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
+        """(O, L) temperatures of the last day that was known at each origin [degC]."""
+        back = -(-leads // self._a_day) * self._a_day
+        return view.held[np.maximum(origins[:, None] + leads - back - view.first, 0)]
+
+    def errors(self, view: HeldRows, origins: np.ndarray, leads: np.ndarray, row: int) -> np.ndarray:
+        """(O, L) errors [K], NaN where unknown at ``row``."""
+        ends = origins[:, None] + leads
+        measured = view.T[np.minimum(ends, row) - view.first]
+        return np.where(ends <= row, measured - self.paths(view, origins, leads), np.nan)
+
+
+class HeldRows(NamedTuple):
+    """Temperatures of rows that are known by their numbers from ``first`` on [degC]."""
+
+    T: np.ndarray  # (n_rows,) NaN where missing
+    held: np.ndarray  # (n_rows,) the last known one where missing
+    first: int
+
+
+class DayBeforeCourse:
+    """The rule on its way through rows.
+
+    Parameters
+    ----------
+    rule : DayBefore
+    begin : int
+        The first row that the training has not seen.
+    leads : ndarray of int, shape (L,)
+        At which errors are wanted.
+    adapt : {None, "linear", "full"}
+    """
+
+    def __init__(self, rule: DayBefore, begin: int, leads: np.ndarray, adapt: str | None) -> None:
+        self._rule, self._begin, self._leads, self._adapt = rule, begin, leads, adapt
+        self._row = -1
+        self._errors = GrowingErrors(len(leads), 1)
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Errors of forecasts of the history."""
+        return self._errors.values
+
+    def advance(self, view: HeldRows, origin: int) -> None:
+        """Go on to a row."""
+        before, self._row = self._row, origin
+        if self._adapt is None or origin < self._begin:
+            return
+        every = self._rule._every
+        self._errors.extend((origin - self._begin) // every + 1)
+        first = max(0, (before - int(self._leads[-1]) - self._begin) // every)
+        origins = self._begin + every * np.arange(first, len(self.errors))
+        self.errors[first:, :, 0] = self._rule.errors(view, origins, self._leads, origin)
+
+    def forecast(self, view: HeldRows, n_leads: int) -> tuple[np.ndarray, None]:
+        """From the last row."""
+        return self._rule.paths(view, np.array([self._row]), np.arange(1, n_leads + 1)), None
