@@ -427,16 +427,19 @@ class ARXLearner:
         self._model = model
         self._moments = model._moments
         self._next = begin - 1  # the pair that ends at the first new row
+        self._coef: np.ndarray | None = None
 
     def advance(self, view: ARXView, row: int) -> None:
         """Take in the pairs that end by ``row``."""
         if row > max(self._next, 0):
             D, d, _ = self._model._pairs(view, max(self._next, 0), row)
-            self._moments, self._next = self._moments.plus(D, d), row
+            self._moments, self._next, self._coef = self._moments.plus(D, d), row, None
 
     def coef(self) -> np.ndarray:
         """(n_columns,) by what has been taken in."""
-        return self._moments.ridge(self._model._penalty(self._model.alpha_))
+        if self._coef is None:
+            self._coef = self._moments.ridge(self._model._penalty(self._model.alpha_))
+        return self._coef
 
 
 def _held(T: np.ndarray) -> np.ndarray:

@@ -58,29 +58,24 @@ def blend_weights(products: np.ndarray, prior: np.ndarray | None = None) -> np.n
     """
     K = products.shape[1]
     prior = np.full(K, 1.0 / K) if prior is None else prior
-    return np.array([_weights(S, prior) for S in products])
-
-
-def _weights(S: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    K, own = len(S), np.diag(S)
-    if own.max() <= 0.0:
-        return prior
+    own = np.diagonal(products, axis1=1, axis2=2)
+    most = np.where(own.max(axis=1) > 0.0, own.max(axis=1), 1.0)
     # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
-    size = 1.0 / float(np.mean(1.0 / np.maximum(own, 1e-9 * own.max())))
-    M = S / size + _PULL * np.eye(K)
-    best, least = prior, np.inf
+    size = 1.0 / np.mean(1.0 / np.maximum(own, 1e-9 * most[:, None]), axis=1)
+    M = products / size[:, None, None] + _PULL * np.eye(K)
+    best, least = np.tile(prior, (len(products), 1)), np.full(len(products), np.inf)
     for count in range(1, K + 1):
         for chosen in combinations(range(K), count):
             pick = list(chosen)
             # the stationary point on that face of the simplex
-            inverse = np.linalg.inv(M[np.ix_(pick, pick)])
-            free = inverse @ (_PULL * prior[pick])
-            share = free + inverse.sum(axis=1) * (1.0 - free.sum()) / inverse.sum()
-            w = np.zeros(K)
-            w[pick] = share
-            loss = w @ M @ w - 2.0 * _PULL * w @ prior
-            if (share >= -1e-12).all() and loss < least:
-                best, least = w, loss
+            inverse = np.linalg.inv(M[:, pick][:, :, pick])
+            free, slope = inverse @ (_PULL * prior[pick]), inverse.sum(axis=2)
+            share = free + slope * ((1.0 - free.sum(axis=1)) / slope.sum(axis=1))[:, None]
+            w = np.zeros_like(best)
+            w[:, pick] = share
+            loss = np.einsum("gi,gij,gj->g", w, M, w) - 2.0 * _PULL * w @ prior
+            better = (share >= -1e-12).all(axis=1) & (loss < least)
+            best[better], least[better] = w[better], loss[better]
     return best
 
 

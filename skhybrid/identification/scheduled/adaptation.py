@@ -19,7 +19,7 @@ from .responses import Sample, Stream, Stretch
 #: how much a completed forecast of the history counts beside one of the training
 _RECENT = 3.0
 #: days between re-fits of the network, days that such a re-fit sees, its steps, and hours between what it scores
-_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 3
+_REFIT_DAYS, _WINDOW_DAYS, _STEPS, _REFIT_EVERY = 10, 56, 2, 4
 #: days after which what was learned counts half: in a long memory, and in a short one that leaves a change behind soon
 HALF_LIVES = (30.0, 7.0)
 #: days that are gone through at once behind a re-fit, which bounds the memory
@@ -75,17 +75,20 @@ class _Memory:
 
     def __init__(self, products: np.ndarray, row: int, half_life: float) -> None:
         self._products, self._row, self._half_life = products, row, half_life  # rows
+        self._coef: np.ndarray | None = None
 
     def learn(self, columns: np.ndarray, age: np.ndarray, row: int) -> None:
         """Take in forecasts that ended so many rows before ``row``; what was known before fades."""
         faded = 0.5 ** (0.5 * age / self._half_life)
         fade = 0.5 ** (max(row - self._row, 0) / self._half_life)
         self._products = self._products * fade + gram(columns * faded[:, None])
-        self._row = max(row, self._row)
+        self._row, self._coef = max(row, self._row), None
 
     def coef(self, problem: LeadProblem) -> np.ndarray:
         """(J,) by what has been learned."""
-        return solve_coefficients(self._products, problem.penalty, problem.positive).coef
+        if self._coef is None:
+            self._coef = solve_coefficients(self._products, problem.penalty, problem.positive).coef
+        return self._coef
 
 
 class _Run:
