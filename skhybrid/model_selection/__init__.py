@@ -2,6 +2,17 @@
 
 from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
+from .expressiveness import PatternExpressiveness
+from .robustness import RobustnessComparison
 from .splitters import RollingOriginSplit
 
-__all__ = ["ModelComparison", "RollingOriginSplit", "backtest", "compare_models", "score_backtest", "score_intervals"]
+__all__ = [
+    "ModelComparison",
+    "PatternExpressiveness",
+    "RobustnessComparison",
+    "RollingOriginSplit",
+    "backtest",
+    "compare_models",
+    "score_backtest",
+    "score_intervals",
+]
