@@ -63,6 +63,11 @@ class ModelCase:
         return tuple(f for f in FEATURES if f in self.past or f in self.future)
 
     @property
+    def history(self) -> int:
+        """Days of the past that must be at hand for a forecast [d]."""
+        return self.pattern_days if self.past else 0
+
+    @property
     def ingredients(self) -> dict[str, int]:
         """What the regression of paper 3.3 (Eq. regression) knows of the case.
 

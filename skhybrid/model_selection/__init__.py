@@ -4,9 +4,11 @@ from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
 from .expressiveness import PatternExpressiveness
 from .robustness import RobustnessComparison
+from .select_case import CaseChoice, select_case
 from .splitters import RollingOriginSplit
 
 __all__ = [
+    "CaseChoice",
     "ModelComparison",
     "PatternExpressiveness",
     "RobustnessComparison",
@@ -15,4 +17,5 @@ __all__ = [
     "compare_models",
     "score_backtest",
     "score_intervals",
+    "select_case",
 ]

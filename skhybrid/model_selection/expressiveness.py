@@ -46,7 +46,7 @@ class PatternExpressiveness(BaseEstimator):
         How wide the priors are; see Notes.
     level : float, default=0.9
         Of the interval from ``lower`` to ``upper``.
-    draws, tune : int, default=1000
+    draws, tune : int, default=1000 and 500
         Draws of each chain that are kept, and those before them that adapt the sampler.
     chains : int, default=4
         At least 2.
@@ -105,7 +105,7 @@ class PatternExpressiveness(BaseEstimator):
         prior_scale: float = 10.0,
         level: float = 0.9,
         draws: int = 1000,
-        tune: int = 1000,
+        tune: int = 500,
         chains: int = 4,
         random_state: int | None = None,
     ) -> None:
@@ -257,7 +257,7 @@ def regression_model(
             X_mean = np.column_stack([np.bincount(groups, column) / n for column in X.T])
             y_mean = np.bincount(groups, y) / n
             spread = (sigma_group**2 + variance / n) ** 0.5
-            pm.Normal("means", X_mean @ coefficients, spread, observed=y_mean)
+            pm.Normal("means", (X_mean * coefficients).sum(axis=1), spread, observed=y_mean)
             inside = X - X_mean[groups], y - y_mean[groups]
             _observe_rows(pm, *inside, len(y) - len(n), coefficients, variance)
     return model, start
@@ -269,7 +269,7 @@ def _observe_rows(pm: Any, X: np.ndarray, y: np.ndarray, n_free: int, coefficien
     rank = int((s > 1e-10 * max(s[0], 1.0)).sum())
     if rank:
         Q, R = Q[:, :rank], s[:rank, None] * Vt[:rank]
-        pm.Normal("fitted", R @ coefficients, variance**0.5, observed=Q.T @ y)
+        pm.Normal("fitted", (R * coefficients).sum(axis=1), variance**0.5, observed=Q.T @ y)
         y = y - Q @ (Q.T @ y)
     if n_free > rank:
         pm.Gamma("residual", 0.5 * (n_free - rank), 0.5 / variance, observed=y @ y)

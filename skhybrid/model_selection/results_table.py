@@ -43,8 +43,9 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     unreadable = errors.isna() & results["rmse"].notna()
     bad = unreadable | np.isinf(errors) | (errors <= 0.0)
     if bad.any():
-        row = bad.idxmax()
-        raise ValueError(f"rmse of row {row!r} is {results['rmse'][row]!r}; errors are positive numbers [K].")
+        row = int(np.argmax(bad))
+        found = results["rmse"].iloc[row]
+        raise ValueError(f"rmse of row {results.index[row]!r} is {found!r}; errors are positive numbers [K].")
     failed = int(errors.isna().sum())
     if failed == len(results):
         raise ValueError("results holds no candidate with an error; rmse is empty or NaN throughout.")

@@ -200,8 +200,6 @@ def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
                 f"{' '.join(by)} {lumped.idxmax()!r} holds candidates of {lumped.max()} values of {column!r}; pass "
                 "by=('name', 'disturbance')."
             )
-    if keys.nunique() < 2:
-        raise ValueError(f"results holds the one case {keys.iloc[0]!r}; a comparison takes two.")
     return pd.Series(table["rmse"].to_numpy(), index=pd.Index(keys, name="case"), name="rmse")
 
 
@@ -243,9 +241,11 @@ def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
 
 def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> pd.Series:
     """Of the best case against each: the difference of two log errors is normal, given a draw of mu and sigma."""
-    ahead = mu.sub(mu[best], axis=0)
-    wide = np.sqrt((sigma**2).add(sigma[best] ** 2, axis=0))
-    return pd.Series(ndtr((ahead / wide).to_numpy()).mean(axis=0), index=mu.columns, name="probability")
+    place = list(mu.columns).index(best)
+    centres, spreads = mu.to_numpy(), sigma.to_numpy()
+    ahead = centres - centres[:, [place]]
+    wide = np.hypot(spreads, spreads[:, [place]])
+    return pd.Series(ndtr(ahead / wide).mean(axis=0), index=mu.columns, name="probability")
 
 
 def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random.Generator) -> pd.DataFrame:

@@ -123,10 +123,13 @@ def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
     return pd.DataFrame(made, index=table.index)
 
 
+def framework_label(framework: str) -> str:
+    """The term of a framework: a network's name as the paper spells it."""
+    return framework.upper() if framework in NETWORKS else framework
+
+
 def _label(name: str, word: str) -> str:
-    if name == "framework":
-        return word.upper() if word in NETWORKS else word
-    return f"{name}={word}"
+    return framework_label(word) if name == "framework" else f"{name}={word}"
 
 
 def _pairs(interactions: str | Sequence[tuple[str, str]], names: list[str]) -> list[tuple[str, str]]:
@@ -174,11 +177,13 @@ def _independent(kept: pd.DataFrame, more: pd.DataFrame) -> tuple[pd.DataFrame, 
     """``kept`` with those of ``more`` that are no combination of the ones before; of the others, which these are."""
     aliased = {}
     for name, column in more.items():
-        x, before = (column - column.mean()).to_numpy(), (kept - kept.mean()).to_numpy()
+        x, before = column.to_numpy(float), (kept - kept.mean()).to_numpy(float)
+        x = x - x.mean()
         weights = np.linalg.lstsq(before, x, rcond=None)[0] if before.shape[1] else np.zeros(0)
         if np.linalg.norm(x - before @ weights) > _ALIASED * max(np.linalg.norm(x), 1.0):
             kept = kept.assign(**{str(name): column})
         else:
-            involved = np.abs(weights) * before.std(axis=0) > 1e-6 * max(x.std(), 1e-12)
+            weighed = np.abs(weights) * np.linalg.norm(before, axis=0)
+            involved = weighed > 1e-6 * max(float(np.linalg.norm(x)), 1e-12)
             aliased[str(name)] = [str(c) for c in kept.columns[involved]] or ["the mean"]
     return kept, aliased
