@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -210,18 +211,21 @@ def draw_chains(
     level = log.level
     log.setLevel(logging.WARNING)  # not every sampler in every fit needs to be announced
     try:
-        return pm.sample(
-            draws=draws,
-            tune=tune,
-            chains=chains,
-            cores=1,
-            init="adapt_diag",
-            initvals=dict(start),
-            random_seed=random_state,
-            progressbar=progressbar,
-            compute_convergence_checks=False,
-            model=model,
-        )
+        with warnings.catch_warnings():
+            # PyTensor looks for a BLAS whether or not a model has matrix products; these have next to none
+            warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
+            return pm.sample(
+                draws=draws,
+                tune=tune,
+                chains=chains,
+                cores=1,
+                init="adapt_diag",
+                initvals=dict(start),
+                random_seed=random_state,
+                progressbar=progressbar,
+                compute_convergence_checks=False,
+                model=model,
+            )
     finally:
         log.setLevel(level)
 

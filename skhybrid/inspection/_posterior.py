@@ -111,24 +111,8 @@ class PosteriorDisplay:
         """
         terms = list(self.summary.index)
         ax = axes_or_new(ax, (6.4, 1.3 + 0.42 * len(terms)))
-        labels = {"fill_between": "posterior", "plot": "", "scatter": "mean"}
         for row, term in enumerate(terms):
-            found = self.summary.loc[term]
-            good = found["mean"] < 0.0
-            color = COLORS[0] if good else COLORS[1]
-            x, density = _density(self.draws[term].to_numpy())
-            name = "" if row else labels["fill_between"]
-            ax.fill_between(x, row, row - _HEIGHT * density, color=color, alpha=0.35, linewidth=0, label=f"_{name}")
-            ax.plot([found["lower"], found["upper"]], [row, row], color=color, linewidth=2.2, solid_capstyle="butt")
-            ax.plot([found["mean"]], [row], color=color, marker="o", markersize=4.5)
-            ax.annotate(
-                f"{found['probability_reduces']:.3f}",
-                (1.01, row),
-                xycoords=("axes fraction", "data"),
-                va="center",
-                fontsize="small",
-                annotation_clip=False,
-            )
+            self._draw_term(ax, row, term)
         ax.plot([], [], color=MEASURED, linewidth=2.2, marker="o", markersize=4.5, label=f"mean, {level:.0%} interval")
         ax.axvline(0.0, color="#CC0000", linewidth=1.1, label="no effect")
         ax.annotate("P(reduces)", (1.01, 1.0), xycoords="axes fraction", va="bottom", fontsize="small")
@@ -141,6 +125,16 @@ class PosteriorDisplay:
             ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=24)
         self.ax_, self.figure_ = ax, ax.figure
         return self
+
+    def _draw_term(self, ax: Any, row: int, term: str) -> None:
+        found = self.summary.loc[term]
+        color = COLORS[0] if found["mean"] < 0.0 else COLORS[1]
+        x, density = _density(self.draws[term].to_numpy())
+        ax.fill_between(x, row, row - _HEIGHT * density, color=color, alpha=0.35, linewidth=0)
+        ax.plot([found["lower"], found["upper"]], [row, row], color=color, linewidth=2.2, solid_capstyle="butt")
+        ax.plot([found["mean"]], [row], color=color, marker="o", markersize=4.5)
+        shown = f"{found['probability_reduces']:.3f}"
+        ax.annotate(shown, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize="small")
 
 
 def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..model_selection import RobustnessComparison
-from ._style import COLORS, MEASURED, grid_or_new, tidy
+from ._style import COLORS, MEASURED, grid_or_new, shared_legend, tidy
 
 _GREY = "#8a8a8a"
 
@@ -137,7 +137,10 @@ class RobustnessDisplay:
             panel.set_ylim(len(cases) - 0.4, -0.8)
         left.set_yticks(rows, cases, fontsize="small")
         right.set_yticks(rows, [""] * len(cases))
-        tidy(left, ylabel="", xlabel="RMSE over sizes [K]", title=title)
+        for color, label in ((COLORS[0], "cannot be told from the best"), (_GREY, "worse than the best")):
+            left.plot([], [], color=color, alpha=0.6, linewidth=6.0, label=label)
+        shared_legend(axes, title)
+        tidy(left, ylabel="", xlabel="RMSE over sizes [K]")
         tidy(right, ylabel="", xlabel="best case less this one [K] (left of 0: best is better)")
         self.axes_, self.figure_ = axes, left.figure
         return self

@@ -250,7 +250,9 @@ def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> p
 
 def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random.Generator) -> pd.DataFrame:
     """Quantiles of predicted errors, the best case's less each case's [K]."""
-    of_best = np.exp(mu[best] + sigma[best] * rng.standard_normal(len(mu))).to_numpy()
-    others = np.exp(mu.to_numpy() + sigma.to_numpy() * rng.standard_normal(mu.shape))
+    place = list(mu.columns).index(best)
+    centres, spreads = mu.to_numpy(), sigma.to_numpy()
+    of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))
+    others = np.exp(centres + spreads * rng.standard_normal(mu.shape))
     quantiles = np.quantile(of_best[:, None] - others, _QUANTILES, axis=0).T
     return pd.DataFrame(quantiles, index=mu.columns, columns=[f"q_{q:g}" for q in _QUANTILES])

@@ -180,10 +180,11 @@ def _independent(kept: pd.DataFrame, more: pd.DataFrame) -> tuple[pd.DataFrame, 
         x, before = column.to_numpy(float), (kept - kept.mean()).to_numpy(float)
         x = x - x.mean()
         weights = np.linalg.lstsq(before, x, rcond=None)[0] if before.shape[1] else np.zeros(0)
-        if np.linalg.norm(x - before @ weights) > _ALIASED * max(np.linalg.norm(x), 1.0):
+        length = float(np.linalg.norm(x))
+        if float(np.linalg.norm(x - before @ weights)) > _ALIASED * max(length, 1.0):
             kept = kept.assign(**{str(name): column})
         else:
             weighed = np.abs(weights) * np.linalg.norm(before, axis=0)
-            involved = weighed > 1e-6 * max(float(np.linalg.norm(x)), 1e-12)
+            involved = weighed > 1e-6 * max(length, 1e-12)
             aliased[str(name)] = [str(c) for c in kept.columns[involved]] or ["the mean"]
     return kept, aliased
