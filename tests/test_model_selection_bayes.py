@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
@@ -14,6 +13,7 @@ from sklearn.base import clone
 
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import ModelCase
+from skhybrid.identification import posterior
 from skhybrid.identification.posterior import refuse_bad_chains
 from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import (
@@ -28,7 +28,7 @@ from skhybrid.model_selection.select_case import _narrowed, _overview, _rivals, 
 from skhybrid.model_selection.terms import build_terms
 
 pytest.importorskip("pymc")
-FEW = {"draws": 200, "tune": 200, "chains": 2, "random_state": 0}
+FEW = {"draws": 250, "tune": 200, "chains": 2, "random_state": 0}
 
 
 @pytest.fixture(autouse=True)
@@ -69,8 +69,8 @@ def regression(results):
 def errors():
     """Log-normal errors of cases with few and many sizes, close to and far from the best."""
     rng = np.random.default_rng(2)
-    made = {"case01": (0.40, 0.1, 12), "case02": (0.43, 0.2, 3), "case03": (0.47, 0.05, 36), "case04": (0.8, 0.3, 6)}
-    made["case05"] = (0.5, 0.1, 2)
+    made = {"case01": (0.40, 0.1, 12), "case02": (0.43, 0.2, 3), "case03": (0.47, 0.05, 36), "case04": (1.5, 0.3, 6)}
+    made["case05"] = (0.5, 0.1, 4)
     rows = [(case, m * np.exp(s * rng.standard_normal())) for case, (m, s, n) in made.items() for _ in range(n)]
     return pd.DataFrame(rows, columns=["case", "rmse"])
 
@@ -121,7 +121,7 @@ def test_effects_say_what_was_put_in(regression):
 
 def _density_differences(model, points):
     """Log density of a PyMC model at some points, less that at the first; its transforms are taken out."""
-    density = model.compile_logp(jacobian=False)
+    density = model.compile_logp(jacobian=False, mode="FAST_COMPILE")
     values = []
     for point in points:
         inside = {}
@@ -139,14 +139,12 @@ def test_the_density_is_that_of_the_dense_gaussian(grouped):
     X = np.column_stack([np.ones(17), rng.standard_normal((17, 2))])
     y, groups = rng.standard_normal(17), rng.permutation(np.arange(17) % 5)
     X[:, 2] = groups - groups.mean()  # one term that does not vary within a group
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="PyTensor could not link")
-        model, _ = expressiveness.regression_model(X, y, 1.3, 4.0, groups if grouped else None)
-        points = [
-            {"variance": v, "sigma_group": s, "coefficients": rng.standard_normal(3)}
-            for v, s in [(1.0, 0.5), (0.3, 1.7), (2.2, 0.1)]
-        ]
-        found = _density_differences(model, points)
+    model, _ = expressiveness.regression_model(X, y, 1.3, 4.0, groups if grouped else None)
+    points = [
+        {"variance": v, "sigma_group": s, "coefficients": rng.standard_normal(3)}
+        for v, s in [(1.0, 0.5), (0.3, 1.7), (2.2, 0.1)]
+    ]
+    found = _density_differences(model, points)
     expected = []
     for p in points:
         v, s2 = p["variance"], p["sigma_group"] ** 2 if grouped else 0.0
@@ -156,16 +154,6 @@ def test_the_density_is_that_of_the_dense_gaussian(grouped):
         value += stats.invgamma(0.5, scale=0.5 * 1.3**2).logpdf(v)
         expected.append(value + (stats.halfnorm(scale=1.3).logpdf(p["sigma_group"]) if grouped else 0.0))
     np.testing.assert_allclose(found, np.array(expected) - expected[0], rtol=1e-8)
-
-
-def test_sizes_that_share_their_case_are_fewer_experiments(results, regression):
-    rng = np.random.default_rng(5)
-    keys = results["name"] + results["disturbance"]
-    shared = results.assign(rmse=results["rmse"] + keys.map({k: 0.1 * rng.standard_normal() for k in keys.unique()}))
-    grouped = PatternExpressiveness(group=("name", "disturbance"), draws=300, tune=300, random_state=0).fit(shared)
-    assert grouped.draws_["sigma_group"].mean() == pytest.approx(0.1, rel=0.6)
-    assert grouped.summary_.loc["ID", "std"] > 3.0 * regression.summary_.loc["ID", "std"]
-    assert "sigma_group" in grouped.priors_
 
 
 # ------------------------------------------------------------------------------------------------------------ its terms
@@ -245,7 +233,7 @@ def test_the_best_sizes_of_each_case(results):
         ({}, {"disturbance": "heat"}, "disturbance holds 'heat'"),
         ({}, {"rmse": 0.5}, "all 64 errors are equal"),
         ({}, {"rmse": -1.0}, "rmse of row 0 is -1.0"),
-        ({}, {"rmse": "bad"}, "rmse of row 0 is 'bad'"),
+        ({}, {"rmse": "bad"}, "rmse of row 0 is bad"),
         ({}, {"rmse": np.nan}, "no candidate with an error"),
     ],
 )
@@ -258,7 +246,7 @@ def test_a_missing_column_and_too_few_rows_are_named(results):
     with pytest.raises(ValueError, match="no column 'case'; it has framework"):
         PatternExpressiveness().fit(results.drop(columns="case"))
     with pytest.raises(ValueError, match="are too few for"):
-        PatternExpressiveness().fit(results.iloc[[0, 17, 20, 40, 60]])
+        PatternExpressiveness(["time", "ID"]).fit(results.iloc[[0, 4, 8]])
     with pytest.raises(TypeError, match="results is a list"):
         PatternExpressiveness().fit([1.0])
 
@@ -270,7 +258,7 @@ def test_failed_candidates_are_counted(results):
 
 
 # ------------------------------------------------------------------------------------------------------ the comparison
-def _grid(log_errors, n=70):
+def _grid(log_errors, n=45):
     """Weights of (mu, sigma) on a grid: the posterior of one case, by quadrature."""
     count, centre = len(log_errors), log_errors.mean()
     spread = max(log_errors.std(ddof=1), 0.02)
@@ -289,7 +277,7 @@ def test_probabilities_agree_with_quadrature_to_a_hundredth(errors, comparison):
     grids = {case: _grid(np.log(part["rmse"].to_numpy())) for case, part in errors.groupby("case")}
     medians = errors.groupby("case")["rmse"].median()
     assert comparison.best_ == medians.idxmin()
-    steps = np.linspace(-4.0, 3.0, 4000)  # log error, finely enough for the narrowest density
+    steps = np.linspace(-3.0, 3.0, 1500)  # log error, finely enough for the narrowest density
 
     def predicted(case):
         mu, sigma, weight = (part.ravel() for part in grids[case])
@@ -314,7 +302,7 @@ def test_the_set_that_cannot_be_told_from_the_best(comparison):
     assert comparison.probability_below("case03", 0.47) == pytest.approx(0.5, abs=0.15)
     assert comparison.probability_below("case03", 5.0) > 0.999
     assert (comparison.difference_["q_0.5"].drop(comparison.best_) < 0.0).all()
-    assert comparison.summary_["n_sizes"].to_dict()["case05"] == 2
+    assert comparison.summary_["n_sizes"].to_dict()["case05"] == 4
 
 
 def test_the_density_is_that_of_one_error_at_a_time(errors):
@@ -393,21 +381,23 @@ def _chains(n_cases, *, apart=0.0, diverging=0, draws=300):
     [
         ({"apart": 1.0}, "chains disagree about mu of case0"),
         ({"diverging": 1}, "1 draws diverged"),
-        ({"draws": 30}, "are worth .* independent ones, fewer than 100"),
         ({"apart": np.nan}, "chains disagree"),
     ],
 )
 def test_bad_chains_are_errors_and_leave_nothing_half_fitted(errors, monkeypatch, chains, message):
     given = _chains(5, **chains)
-    monkeypatch.setattr(robustness, "draw_chains", lambda *args, **kwargs: given)
+    attempts = []
+    monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: attempts.append(kwargs) or given)
     comparison = RobustnessComparison(draws=given.posterior.sizes["draw"], chains=2)
     with pytest.raises(RuntimeError, match=message):
         comparison.fit(errors)
     assert not [name for name in vars(comparison) if name.endswith("_")]
+    steps = [one["target_accept"] for one in attempts]
+    assert steps == ([0.97, 0.995] if "diverging" in chains else [0.97])  # smaller steps were tried
 
 
 def test_good_chains_pass(errors, monkeypatch):
-    monkeypatch.setattr(robustness, "draw_chains", lambda *args, **kwargs: _chains(5))
+    monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: _chains(5))
     assert len(RobustnessComparison(draws=300, chains=2).fit(errors).probability_) == 5
 
 
@@ -421,6 +411,8 @@ def test_divergences_are_read_by_the_checker():
     refuse_bad_chains(good, "or pray")
     with pytest.raises(RuntimeError, match=r"3 draws diverged.*raise tune=, or pray\."):
         refuse_bad_chains(good, "or pray", 3)
+    with pytest.raises(RuntimeError, match="draws of time are worth 90 independent ones"):
+        refuse_bad_chains(good.assign(ess=[90.0, 500.0]), "or pray")
 
 
 # ---------------------------------------------------------------------------------------------------------- the choice
@@ -430,7 +422,7 @@ def overview(results):
 
 
 def _fake_regression(left_out=None, **probabilities):
-    table = pd.DataFrame({"probability_reduces": probabilities, "mean": [-p for p in probabilities.values()]})
+    table = pd.Series(probabilities, name="probability_reduces").to_frame()
     return SimpleNamespace(summary_=table, left_out_=left_out or {})
 
 
@@ -509,6 +501,8 @@ def test_a_choice_from_beginning_to_end(results):
     assert set(choice.size) == {"hidden_size"}
     assert isinstance(choice.size["hidden_size"], int)
     assert choice.enough == "ridge input"
+    assert choice.expressiveness.n_candidates_ == 16 * 3  # the three best sizes of each case
+    assert choice.expressiveness.draws_["sigma_group"].between(0.0, 0.05).mean() > 0.9  # the cases have no other cause
     assert choice.table["median"].is_monotonic_increasing
     assert choice.table["verdict"].value_counts().to_dict()["chosen"] == 1
     assert choice.table.loc["profile input", "verdict"] == "worse than the choice"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,6 +200,7 @@ def draw_chains(
     tune: int,
     chains: int,
     random_state: int | None,
+    target_accept: float = 0.8,
     progressbar: bool = False,
 ) -> Any:
     """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
@@ -222,6 +223,7 @@ def draw_chains(
                 init="adapt_diag",
                 initvals=dict(start),
                 random_seed=random_state,
+                target_accept=target_accept,
                 progressbar=progressbar,
                 compute_convergence_checks=False,
                 model=model,
@@ -261,6 +263,33 @@ def _make_op(density: _Density) -> Any:
 
     gradient = Gradient()
     return LogDensity()
+
+
+def draw_without_divergence(
+    model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
+) -> tuple[Any, int]:
+    """As :func:`draw_chains`, once more with smaller steps where draws diverged.
+
+    Parameters
+    ----------
+    model, start, **settings
+        As in :func:`draw_chains`.
+    accept : sequence of float, default=(0.8, 0.99)
+        Share of steps to accept, in one attempt after the other.
+
+    Returns
+    -------
+    data : arviz.InferenceData
+        Of the last attempt.
+    n_divergent : int
+        How many of its draws diverged.
+    """
+    for target in accept:
+        data = draw_chains(model, start, target_accept=target, **settings)
+        n_divergent = int(data.sample_stats["diverging"].sum())
+        if not n_divergent:
+            break
+    return data, n_divergent
 
 
 def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:

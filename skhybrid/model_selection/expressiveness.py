@@ -10,7 +10,13 @@ import pandas as pd
 from sklearn.base import BaseEstimator
 
 from ..forecasting import ModelCase
-from ..identification.posterior import check_chains, draw_chains, import_pymc, refuse_bad_chains, summarise_chains
+from ..identification.posterior import (
+    check_chains,
+    draw_without_divergence,
+    import_pymc,
+    refuse_bad_chains,
+    summarise_chains,
+)
 from .results_table import finished
 from .terms import Terms, build_terms
 
@@ -144,7 +150,7 @@ class PatternExpressiveness(BaseEstimator):
             If a column, a case, a term or an interaction is not known, an error is not positive, or there are fewer
             candidates than terms.
         RuntimeError
-            If the chains disagree, are worth too few draws, or diverged.
+            If the chains disagree, are worth too few draws, or diverge even with small steps.
         """
         self._check_parameters()
         table = finished(results).reset_index(drop=True)
@@ -200,7 +206,7 @@ class PatternExpressiveness(BaseEstimator):
         X = np.column_stack([np.ones(len(y)), centred / scale])
         y_mean = float(y.mean())
         model, start = regression_model(X, y.to_numpy() - y_mean, y_scale, self.prior_scale, groups)
-        data = draw_chains(
+        data, n_divergent = draw_without_divergence(
             model, start, draws=self.draws, tune=self.tune, chains=self.chains, random_state=self.random_state
         )
         index = pd.MultiIndex.from_product([range(self.chains), range(self.draws)], names=["chain", "draw"])
@@ -210,7 +216,7 @@ class PatternExpressiveness(BaseEstimator):
         draws["sigma"] = np.sqrt(drawn["variance"][:, 0])
         if groups is not None:
             draws["sigma_group"] = drawn["sigma_group"][:, 0]
-        return draws, int(data.sample_stats["diverging"].sum())
+        return draws, n_divergent
 
 
 def regression_model(

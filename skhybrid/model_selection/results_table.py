@@ -45,7 +45,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     if bad.any():
         row = int(np.argmax(bad))
         found = results["rmse"].iloc[row]
-        raise ValueError(f"rmse of row {results.index[row]!r} is {found!r}; errors are positive numbers [K].")
+        raise ValueError(f"rmse of row {results.index[row]!r} is {found}; errors are positive numbers [K].")
     failed = int(errors.isna().sum())
     if failed == len(results):
         raise ValueError("results holds no candidate with an error; rmse is empty or NaN throughout.")
