@@ -26,6 +26,7 @@ from skhybrid.model_selection import (
 from skhybrid.model_selection.results_table import finished, ingredients
 from skhybrid.model_selection.select_case import _narrowed, _overview, _rivals, _with_helpful_ingredients
 from skhybrid.model_selection.terms import build_terms
+from skhybrid.persistence import load_model, save_model
 
 pytest.importorskip("pymc")
 FEW = {"draws": 250, "tune": 200, "chains": 2, "random_state": 0}
@@ -235,6 +236,7 @@ def test_the_best_sizes_of_each_case(results):
         ({}, {"rmse": -1.0}, "rmse of row 0 is -1.0"),
         ({}, {"rmse": "bad"}, "rmse of row 0 is bad"),
         ({}, {"rmse": np.nan}, "no candidate with an error"),
+        pytest.param({}, {"stopped_at": 5}, "trained to the end", marks=pytest.mark.filterwarnings("ignore")),
     ],
 )
 def test_bad_input_is_named(results, settings, change, message):
@@ -255,6 +257,9 @@ def test_failed_candidates_are_counted(results):
     with pytest.warns(SkhybridWarning, match="2 of 64 candidates have no rmse"):
         left = finished(results.assign(rmse=[np.nan, np.nan, *results["rmse"][2:]]))
     assert list(left.index) == list(range(2, 64))
+    with pytest.warns(SkhybridWarning, match="1 of 64 candidates were stopped early"):
+        left = finished(results.assign(stopped_at=[20.0, *[np.nan] * 63]))
+    assert list(left.index) == list(range(1, 64))
 
 
 # ------------------------------------------------------------------------------------------------------ the comparison
@@ -396,9 +401,13 @@ def test_bad_chains_are_errors_and_leave_nothing_half_fitted(errors, monkeypatch
     assert steps == ([0.97, 0.995] if "diverging" in chains else [0.97])  # smaller steps were tried
 
 
-def test_good_chains_pass(errors, monkeypatch):
+def test_a_comparison_can_be_saved(errors, monkeypatch, tmp_path):
     monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: _chains(5))
-    assert len(RobustnessComparison(draws=300, chains=2).fit(errors).probability_) == 5
+    fitted = RobustnessComparison(draws=300, chains=2).fit(errors)
+    save_model(fitted, tmp_path / "comparison.skh")
+    again = load_model(tmp_path / "comparison.skh")
+    pd.testing.assert_series_equal(again.probability_, fitted.probability_)
+    pd.testing.assert_frame_equal(again.draws_["mu"], fitted.draws_["mu"])
 
 
 def test_a_real_chain_that_is_too_short_is_an_error(results):

@@ -13,19 +13,20 @@ from ..forecasting.cases import NETWORKS, resolve_case
 
 
 def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """The candidates that have an error, with a warning that counts those that have none.
+    """The candidates that were trained to the end, with a warning that counts the others.
 
     Parameters
     ----------
     results : DataFrame
-        With ``rmse`` [K], NaN for a candidate that failed.
+        With ``rmse`` [K], NaN for a candidate that failed, and perhaps ``stopped_at``, NaN but for one that a search
+        gave up early.
     columns : iterable of str
         Further columns that must be there.
 
     Returns
     -------
     DataFrame
-        Without the failed ones, ``rmse`` as float.
+        Without the failed and the stopped ones, ``rmse`` as float.
 
     Raises
     ------
@@ -51,7 +52,17 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
         raise ValueError("results holds no candidate with an error; rmse is empty or NaN throughout.")
     if failed:
         warn_user(f"{failed} of {len(results)} candidates have no rmse and are left out.", SkhybridWarning)
-    return results.assign(rmse=errors)[errors.notna()]
+    stopped = errors.notna() & results.get("stopped_at", pd.Series(np.nan, index=results.index)).notna()
+    if stopped.any():
+        warn_user(
+            f"{stopped.sum()} of {len(results)} candidates were stopped early and are left out; what is found "
+            "holds for the survivors.",
+            SkhybridWarning,
+        )
+    left = errors.notna() & ~stopped
+    if not left.any():
+        raise ValueError("results holds no candidate that was trained to the end.")
+    return results.assign(rmse=errors)[left]
 
 
 def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:

@@ -193,7 +193,11 @@ def _plain(value: Any) -> Any:
 
 
 def _is_result(column: str) -> bool:
-    return column == "rmse" or column.endswith(("_rmse", "_time", "_score")) or column in ("error", "n_epochs")
+    return (
+        column == "rmse"
+        or column.endswith(("_rmse", "_time", "_score"))
+        or column in ("error", "n_epochs", "stopped_at")
+    )
 
 
 # --------------------------------------------------------------------------------------------------------- the rules
