@@ -14,6 +14,7 @@ TIME_FEATURES = ("how", "hod", "dow", "weekday")
 FEED_FORWARD = ("mlp", "cnn")
 RECURRENT = ("rnn", "lstm")
 NETWORKS = FEED_FORWARD + RECURRENT
+_W = ("T_oa", "q_sol")
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,26 @@ class ModelCase:
         """Every feature that the case reads, in the order of the glossary."""
         return tuple(f for f in FEATURES if f in self.past or f in self.future)
 
+    @property
+    def history(self) -> int:
+        """Days of the past that must be at hand for a forecast [d]."""
+        return self.pattern_days if self.past else 0
 
-_W = ("T_oa", "q_sol")
+    @property
+    def ingredients(self) -> dict[str, int]:
+        """What the regression of paper 3.3 (Eq. regression) knows of the case.
+
+        ``time``, ``past-w`` and ``future-w`` are 1 where it reads any time feature, or weather of the past or of the
+        future; ``pattern`` is how much of the disturbance's past it reads [d].
+        """
+        return {
+            "time": int(any(f in TIME_FEATURES for f in self.features)),
+            "pattern": self.pattern_days if "zeta" in self.past else 0,
+            "past-w": int(any(f in _W for f in self.past)),
+            "future-w": int(any(f in _W for f in self.future)),
+        }
+
+
 _MODES = ("i_heat", "i_cool")
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,8 +140,7 @@ def sample_posterior(
     the periodic model is integrated out.  The posterior takes the disturbance model at its word; ``theta_interval``
     does not.
     """
-    if chains < 2:
-        raise ValueError(f"chains={chains} is less than 2; whether a chain mixes shows only beside another one.")
+    check_chains(chains)
     posed = Posed.of(estimator, X, y)
     problem = posed.problem(search_all=True)
     start, _ = minimum_near(problem, free_point(problem, posed.values()))
@@ -154,7 +156,7 @@ def _collected(density: _Density, data: Any, chains: int, draws: int) -> Posteri
     table = pd.DataFrame({p.name: _values(p, free[..., i]).ravel() for i, p in enumerate(searched)}, index=index)
     for name in table:
         data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
-    summary = _summarise(table, chains, draws)
+    summary = summarise_chains(table)
     _refuse_bad(summary)
     return Posterior(table, summary, data)
 
@@ -164,27 +166,70 @@ def _values(p: Any, free: np.ndarray) -> np.ndarray:
 
 
 def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int | None, progressbar: bool) -> Any:
+    pm = import_pymc()
+    import pytensor.tensor as pt
+
+    log_density = _make_op(density)
+    with pm.Model() as model:
+        z = pm.Flat("z", shape=len(density.centre))
+        pm.Potential("log_density", log_density(pt.as_tensor_variable(z)))
+    start = {"z": np.zeros(len(density.centre))}
+    return draw_chains(model, start, draws=draws, tune=tune, chains=chains, random_state=seed, progressbar=progressbar)
+
+
+def check_chains(chains: int) -> None:
+    """Raise ValueError for a lone chain."""
+    if chains < 2:
+        raise ValueError(f"chains={chains} is less than 2; whether a chain mixes shows only beside another one.")
+
+
+def import_pymc() -> Any:
+    """PyMC, or an error that says how to install it."""
     try:
         import pymc as pm
     except ImportError as error:
         raise ImportError('sampling needs PyMC; install it with pip install "skhybrid[bayes]".') from error
-    import pytensor.tensor as pt
+    return pm
 
-    log_density = _make_op(density)
-    with pm.Model():
-        z = pm.Flat("z", shape=len(density.centre))
-        pm.Potential("log_density", log_density(pt.as_tensor_variable(z)))
-        return pm.sample(
-            draws=draws,
-            tune=tune,
-            chains=chains,
-            cores=1,
-            init="adapt_diag",
-            initvals={"z": np.zeros(len(density.centre))},
-            random_seed=seed,
-            progressbar=progressbar,
-            compute_convergence_checks=False,
-        )
+
+def draw_chains(
+    model: Any,
+    start: Mapping[str, Any],
+    *,
+    draws: int,
+    tune: int,
+    chains: int,
+    random_state: int | None,
+    target_accept: float = 0.8,
+    progressbar: bool = False,
+) -> Any:
+    """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
+
+    Whoever calls this reads the chains (:func:`summarise_chains`) and refuses bad ones (:func:`refuse_bad_chains`).
+    """
+    pm = import_pymc()
+    log = logging.getLogger("pymc")
+    level = log.level
+    log.setLevel(logging.WARNING)  # not every sampler in every fit needs to be announced
+    try:
+        with warnings.catch_warnings():
+            # PyTensor looks for a BLAS whether or not a model has matrix products; these have next to none
+            warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
+            return pm.sample(
+                draws=draws,
+                tune=tune,
+                chains=chains,
+                cores=1,
+                init="adapt_diag",
+                initvals=dict(start),
+                random_seed=random_state,
+                target_accept=target_accept,
+                progressbar=progressbar,
+                compute_convergence_checks=False,
+                model=model,
+            )
+    finally:
+        log.setLevel(level)
 
 
 def _make_op(density: _Density) -> Any:
@@ -220,18 +265,60 @@ def _make_op(density: _Density) -> Any:
     return LogDensity()
 
 
-def _summarise(table: pd.DataFrame, chains: int, draws: int) -> pd.DataFrame:
+def draw_without_divergence(
+    model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
+) -> tuple[Any, int]:
+    """As :func:`draw_chains`, once more with smaller steps where draws diverged.
+
+    Parameters
+    ----------
+    model, start, **settings
+        As in :func:`draw_chains`.
+    accept : sequence of float, default=(0.8, 0.99)
+        Share of steps to accept, in one attempt after the other.
+
+    Returns
+    -------
+    data : arviz.InferenceData
+        Of the last attempt.
+    n_divergent : int
+        How many of its draws diverged.
+    """
+    for target in accept:
+        data = draw_chains(model, start, target_accept=target, **settings)
+        n_divergent = int(data.sample_stats["diverging"].sum())
+        if not n_divergent:
+            break
+    return data, n_divergent
+
+
+def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
+    """One row a quantity: what its chains say, and how well they agree.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One column a quantity, index (``chain``, ``draw``).
+    level : float, default=0.9
+        Of the interval from ``lower`` to ``upper``.
+
+    Returns
+    -------
+    DataFrame
+        ``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat``, ``ess``.
+    """
     import arviz as az
 
+    tail, chains = 0.5 * (1.0 - level), table.index.get_level_values("chain").nunique()
     out = {}
     for name, column in table.items():
-        by_chain = column.to_numpy().reshape(chains, draws)
+        by_chain = column.to_numpy().reshape(chains, -1)
         out[name] = {
             "mean": column.mean(),
             "std": column.std(),
             "median": column.median(),
-            "lower": column.quantile(0.05),
-            "upper": column.quantile(0.95),
+            "lower": column.quantile(tail),
+            "upper": column.quantile(1.0 - tail),
             "r_hat": float(az.rhat(by_chain)),
             "ess": float(az.ess(by_chain)),
         }
@@ -239,15 +326,35 @@ def _summarise(table: pd.DataFrame, chains: int, draws: int) -> pd.DataFrame:
 
 
 def _refuse_bad(summary: pd.DataFrame) -> None:
+    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
+
+
+def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
+    """Raise RuntimeError where chains disagree, are worth too few draws or diverged.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        With ``r_hat`` and ``ess``, one row a quantity.
+    advice : str
+        What to do about chains that disagree or diverge, besides more draws.
+    n_divergent : int, default=0
+        Divergent transitions after tuning.
+    """
     worst, fewest = summary["r_hat"].idxmax(), summary["ess"].idxmin()
     r_hat, ess = float(summary["r_hat"].max(skipna=False)), float(summary["ess"].min(skipna=False))
     if not r_hat <= WORST_R_HAT:
         raise RuntimeError(
             f"the chains disagree about {worst} (R-hat {r_hat:.2f}, at most {WORST_R_HAT}); raise tune= and draws=, "
-            "or give a prior to what identifiability_ calls flat or at a bound."
+            f"{advice}."
         )
     if not ess >= FEWEST_EFFECTIVE:
         raise RuntimeError(
             f"the draws of {fewest} are worth {ess:.0f} independent ones, fewer than {FEWEST_EFFECTIVE:.0f}; raise "
             "draws=."
+        )
+    if n_divergent:
+        raise RuntimeError(
+            f"{n_divergent} draws diverged, so that the chains may have missed a part of the posterior; raise tune=, "
+            f"{advice}."
         )

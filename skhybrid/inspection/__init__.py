@@ -8,8 +8,10 @@ from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay
 from ._forecast import ForecastDisplay
 from ._lead import LeadErrorDisplay
+from ._posterior import PosteriorDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
+from ._robustness import RobustnessDisplay
 from ._schedule import ScheduleDisplay
 from ._step_response import StepResponseDisplay
 from ._style import blank_axes
@@ -20,8 +22,10 @@ __all__ = [
     "DisturbanceWeekDisplay",
     "ForecastDisplay",
     "LeadErrorDisplay",
+    "PosteriorDisplay",
     "ProfileDisplay",
     "ResidualDisplay",
+    "RobustnessDisplay",
     "ScheduleDisplay",
     "StepResponseDisplay",
     "blank_axes",

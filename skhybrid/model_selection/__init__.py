@@ -2,6 +2,20 @@
 
 from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
+from .expressiveness import PatternExpressiveness
+from .robustness import RobustnessComparison
+from .select_case import CaseChoice, select_case
 from .splitters import RollingOriginSplit
 
-__all__ = ["ModelComparison", "RollingOriginSplit", "backtest", "compare_models", "score_backtest", "score_intervals"]
+__all__ = [
+    "CaseChoice",
+    "ModelComparison",
+    "PatternExpressiveness",
+    "RobustnessComparison",
+    "RollingOriginSplit",
+    "backtest",
+    "compare_models",
+    "score_backtest",
+    "score_intervals",
+    "select_case",
+]
