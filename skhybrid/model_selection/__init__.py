@@ -2,6 +2,16 @@
 
 from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
+from .design_matrix import DesignMatrix, design_matrix
 from .splitters import RollingOriginSplit
 
-__all__ = ["ModelComparison", "RollingOriginSplit", "backtest", "compare_models", "score_backtest", "score_intervals"]
+__all__ = [
+    "DesignMatrix",
+    "ModelComparison",
+    "RollingOriginSplit",
+    "backtest",
+    "compare_models",
+    "design_matrix",
+    "score_backtest",
+    "score_intervals",
+]
