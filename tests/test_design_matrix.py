@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+
 import pandas as pd
 import pytest
 from sklearn.base import clone
@@ -12,7 +14,7 @@ from sklearn.model_selection import ParameterGrid
 from skhybrid import DisturbanceForecaster, HybridPredictor
 from skhybrid.forecasting import ModelCase
 from skhybrid.forecasting.cases import resolve_case
-from skhybrid.model_selection import design_matrix
+from skhybrid.model_selection import DesignMatrix, design_matrix
 
 #: paper 3.2 and appendix: cases x layers x widths x ... x activations.
 PAPER = {"mlp": 21 * 3 * 4 * 3, "cnn": 21 * 2 * 3 * 3 * 2 * 2 * 3, "rnn": 17 * 3 * 4 * 3, "lstm": 17 * 3 * 4 * 3}
@@ -132,3 +134,9 @@ def test_the_table_is_plain():
     assert isinstance(table, pd.DataFrame)
     assert table["case"].isna().sum() == 2
     assert table.index.tolist() == list(range(len(table)))
+
+
+def test_the_examples_of_the_docstrings_hold():
+    for thing in (DesignMatrix, design_matrix):
+        (example,) = doctest.DocTestFinder(recurse=False).find(thing)
+        assert doctest.DocTestRunner().run(example) == (0, len(example.examples))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -66,8 +67,8 @@ class DesignMatrix:
         return len(self.table)
 
     def __repr__(self) -> str:
-        counts = self.table.groupby(["framework", "disturbance"], sort=False).size()
-        shown = ", ".join(f"{' '.join(key)} {n}" for key, n in counts.to_dict().items())
+        counts = Counter(zip(self.table["framework"], self.table["disturbance"], strict=True))
+        shown = ", ".join(f"{framework} {kind} {n}" for (framework, kind), n in counts.items())
         return f"DesignMatrix({len(self)} candidates: {shown})"
 
     def param_grid(self, prefix: str = "forecaster__") -> list[dict[str, list[Any]]]:
