@@ -3,10 +3,12 @@
 from .backtest import backtest, score_backtest, score_intervals
 from .compare import ModelComparison, compare_models
 from .design_matrix import DesignMatrix, design_matrix
+from .search import DesignMatrixSearchCV
 from .splitters import RollingOriginSplit
 
 __all__ = [
     "DesignMatrix",
+    "DesignMatrixSearchCV",
     "ModelComparison",
     "RollingOriginSplit",
     "backtest",

@@ -1,0 +1,159 @@
+"""Running tasks through joblib, from one store, whatever the backend."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any, NamedTuple
+
+from joblib import Parallel, delayed, effective_n_jobs
+from tqdm.auto import tqdm
+
+from .evaluation import Problem, Shared, base_params, evaluate, identify
+from .fingerprint import as_plain, candidate_id
+from .store import Result, ResultStore, Task
+
+#: what is larger is mapped from disk by joblib's own workers, not sent with every task [bytes]
+_MAPPED = 10_000
+#: how long to wait before asking again whether another process has finished its part [s]
+_POLL = 0.5
+
+
+class _Chunk(NamedTuple):
+    """Candidates that a worker takes at once: they share a network, and features."""
+
+    base: str | None  # the network, by name; None: each is fitted whole
+    params: dict[str, dict[str, Any]]  # by candidate
+
+
+class Runner:
+    """Candidates in, results out; what the store holds is not computed again.
+
+    Parameters
+    ----------
+    problem : Problem
+    store : ResultStore
+    n_jobs : int or None
+    chunk_size : int
+        Most candidates of a chunk.
+    careful : bool
+        Whether an error becomes part of the result; else it is raised.
+    verbose : bool
+        Whether a progress bar is shown.
+    """
+
+    def __init__(
+        self, problem: Problem, store: ResultStore, n_jobs: int | None, chunk_size: int, careful: bool, verbose: bool
+    ) -> None:
+        self._problem = problem
+        self._shared = Shared(problem)
+        self._store = store
+        self._n_jobs = n_jobs
+        self._chunk_size = chunk_size
+        self._careful = careful
+        self._verbose = verbose
+        self._base_params: dict[str, dict[str, Any]] = {}
+        self._bases: dict[tuple[str, int], Shared] = {}
+
+    def run(self, candidates: Sequence[Mapping[str, Any]], note: str = "") -> list[list[Result]]:
+        """Run candidates on all splits.
+
+        Parameters
+        ----------
+        candidates : sequence of Mapping
+            Their parameters.
+        note : str, default ""
+            Shown before the progress bar.
+
+        Returns
+        -------
+        list of list of Result
+            By candidate and split.
+        """
+        named = {candidate_id(params): dict(params) for params in candidates}
+        self._store.describe({name: as_plain(params) for name, params in named.items()})
+        chunks, n_splits = self._chunks(named), len(self._problem.splits)
+        work = [(chunk, split) for chunk in chunks for split in range(n_splits)]
+        with tqdm(total=len(named) * n_splits, unit="fit", desc=note or None, disable=not self._verbose) as bar:
+            found = self._store.results(named)
+            bar.initial = bar.n = len(found)  # what was there does not count for the rate
+            bar.refresh()
+            while left := _without(found, work):
+                if not self._round(left, bar):
+                    time.sleep(_POLL)  # all that is left is in other hands
+                found = self._store.results(named)
+                bar.n = len(found)
+                bar.refresh()
+        names = map(candidate_id, candidates)
+        return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
+
+    def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[_Chunk]:
+        """Candidates of the same network, kind of disturbance, framework and case, in parts."""
+        groups: dict[tuple[str, ...], list[str]] = {}
+        bases: dict[str, str | None] = {}
+        for name, params in named.items():
+            base = base_params(self._problem.estimator, params)
+            bases[name] = None if base is None else as_plain(base)
+            if base is not None:
+                self._base_params[as_plain(base)] = base
+            shared = {k: v for k, v in params.items() if k.split("__")[-1] in ("disturbance", "model", "case")}
+            groups.setdefault((str(bases[name]), as_plain(shared)), []).append(name)
+        size = max(1, int(self._chunk_size))
+        return [
+            _Chunk(bases[names[0]], {name: named[name] for name in names[start : start + size]})
+            for names in groups.values()
+            for start in range(0, len(names), size)
+        ]
+
+    def _round(self, work: Sequence[tuple[_Chunk, int]], bar: tqdm) -> int:
+        """Compute what is nobody else's; how many tasks that were."""
+        self._identify(work, bar)
+        count = 0
+        for results in self._parallel(self._jobs(work)):
+            self._store.finish(results)
+            count += len(results)
+            bar.update(len(results))
+        return count
+
+    def _jobs(self, work: Sequence[tuple[_Chunk, int]]) -> Iterator[Any]:
+        """Calls for workers, each claimed when it is asked for."""
+        for chunk, split in work:
+            mine = self._store.claim([Task(name, split) for name in chunk.params])
+            if mine:
+                base = None if chunk.base is None else self._bases[chunk.base, split]
+                tasks = {task: chunk.params[task.candidate] for task in mine}
+                yield delayed(evaluate)(self._shared, base, tasks, split, self._careful)
+
+    def _identify(self, work: Sequence[tuple[_Chunk, int]], bar: tqdm) -> None:
+        """Identify the networks that are wanted and not at hand, each once."""
+        wanted = {(chunk.base, split): None for chunk, split in work if chunk.base is not None}
+        new = [key for key in wanted if key not in self._bases]
+        if new:
+            bar.set_postfix_str(f"identifying the network of {len(new)} training blocks")
+            calls = (delayed(identify)(self._shared, self._base_params[b], split, self._careful) for b, split in new)
+            found = Parallel(n_jobs=self._n_jobs, batch_size=1, max_nbytes=_MAPPED)(calls)
+            self._bases |= {key: Shared(base) for key, base in zip(new, found, strict=True)}
+            bar.set_postfix_str("")
+
+    def _parallel(self, jobs: Iterator[Any]) -> Iterator[dict[Task, Result]]:
+        """Results in the order in which they are finished."""
+        how = {"n_jobs": self._n_jobs, "batch_size": 1, "max_nbytes": _MAPPED}
+        try:
+            parallel = Parallel(**how, return_as="generator_unordered")
+        except ValueError:  # a backend that hands over nothing before all is done: it is given little at a time
+            at_once = 2 * effective_n_jobs(self._n_jobs)
+            while some := list(islice(jobs, at_once)):
+                yield from Parallel(**how)(some)
+            return
+        yield from parallel(jobs)
+
+
+def _without(found: Mapping[Task, Result], work: Sequence[tuple[_Chunk, int]]) -> list[tuple[_Chunk, int]]:
+    """The work that is not finished."""
+    left = []
+    for chunk, split in work:
+        params = {name: params for name, params in chunk.params.items() if Task(name, split) not in found}
+        if params:
+            left.append((_Chunk(chunk.base, params), split))
+    return left
