@@ -148,13 +148,17 @@ class Base(NamedTuple):
     error: str | None
 
 
-def identify(problem: Shared, params: Mapping[str, Any], split: int, careful: bool = True) -> Base:
+def identify(
+    problem: Shared, name: str, params: Mapping[str, Any], split: int, careful: bool = True
+) -> dict[tuple[str, int], Base]:
     """Identify the network of a split.
 
     Parameters
     ----------
     problem : Shared
         A Problem.
+    name : str
+        What the network is called.
     params : Mapping of str to object
         From :func:`base_params`.
     split : int
@@ -163,18 +167,20 @@ def identify(problem: Shared, params: Mapping[str, Any], split: int, careful: bo
 
     Returns
     -------
-    Base
+    dict of (str, int) to Base
+        By name and split.
     """
     given: Problem = problem.get()
     try:
         base = given.candidate(params)
         prefix = forecaster_prefix(base)
         quick = DisturbanceForecaster("persistence", horizon=_hybrid(base).horizon or "1D")
-        return Base(base.set_params(**{prefix.removesuffix("__"): quick}).fit(*given.rows(split, 0)), None)
+        fitted = base.set_params(**{prefix.removesuffix("__"): quick}).fit(*given.rows(split, 0))
+        return {(name, split): Base(fitted, None)}
     except Exception:
         if not careful:
             raise
-        return Base(None, traceback.format_exc())
+        return {(name, split): Base(None, traceback.format_exc())}
 
 
 def evaluate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from joblib import Parallel, delayed, effective_n_jobs
 from tqdm.auto import tqdm
@@ -27,6 +27,40 @@ class _Chunk(NamedTuple):
     params: dict[str, dict[str, Any]]  # by candidate
 
 
+class Workers:
+    """Processes that joblib has, here or on a cluster; the same ones from the beginning of a search to its end.
+
+    Parameters
+    ----------
+    n_jobs : int or None
+        As joblib counts them.
+    """
+
+    def __init__(self, n_jobs: int | None) -> None:
+        how = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAPPED}
+        self._at_once = None
+        try:
+            self._parallel = Parallel(**how, return_as="generator_unordered")
+        except ValueError:  # a backend that hands over nothing before all is done: it is given little at a time
+            self._parallel = Parallel(**how)
+            self._at_once = 2 * effective_n_jobs(n_jobs)
+
+    def __enter__(self) -> Self:
+        self._parallel.__enter__()
+        return self
+
+    def __exit__(self, *raised: Any) -> None:
+        self._parallel.__exit__(*raised)
+
+    def run(self, calls: Iterator[Any]) -> Iterator[Any]:
+        """Results in the order in which they are finished; a call is asked for when there is somebody to take it."""
+        if self._at_once is None:
+            yield from self._parallel(calls)
+            return
+        while some := list(islice(calls, self._at_once)):
+            yield from self._parallel(some)
+
+
 class Runner:
     """Candidates in, results out; what the store holds is not computed again.
 
@@ -34,7 +68,7 @@ class Runner:
     ----------
     problem : Problem
     store : ResultStore
-    n_jobs : int or None
+    workers : Workers
     chunk_size : int
         Most candidates of a chunk.
     careful : bool
@@ -44,12 +78,12 @@ class Runner:
     """
 
     def __init__(
-        self, problem: Problem, store: ResultStore, n_jobs: int | None, chunk_size: int, careful: bool, verbose: bool
+        self, problem: Problem, store: ResultStore, workers: Workers, chunk_size: int, careful: bool, verbose: bool
     ) -> None:
         self._problem = problem
         self._shared = Shared(problem)
         self._store = store
-        self._n_jobs = n_jobs
+        self._workers = workers
         self._chunk_size = chunk_size
         self._careful = careful
         self._verbose = verbose
@@ -110,7 +144,7 @@ class Runner:
         """Compute what is nobody else's; how many tasks that were."""
         self._identify(work, bar)
         count = 0
-        for results in self._parallel(self._jobs(work)):
+        for results in self._workers.run(self._jobs(work)):
             self._store.finish(results)
             count += len(results)
             bar.update(len(results))
@@ -131,22 +165,10 @@ class Runner:
         new = [key for key in wanted if key not in self._bases]
         if new:
             bar.set_postfix_str(f"identifying the network of {len(new)} training blocks")
-            calls = (delayed(identify)(self._shared, self._base_params[b], split, self._careful) for b, split in new)
-            found = Parallel(n_jobs=self._n_jobs, batch_size=1, max_nbytes=_MAPPED)(calls)
-            self._bases |= {key: Shared(base) for key, base in zip(new, found, strict=True)}
+            calls = (delayed(identify)(self._shared, b, self._base_params[b], split, self._careful) for b, split in new)
+            for found in self._workers.run(calls):
+                self._bases |= {key: Shared(base) for key, base in found.items()}
             bar.set_postfix_str("")
-
-    def _parallel(self, jobs: Iterator[Any]) -> Iterator[dict[Task, Result]]:
-        """Results in the order in which they are finished."""
-        how = {"n_jobs": self._n_jobs, "batch_size": 1, "max_nbytes": _MAPPED}
-        try:
-            parallel = Parallel(**how, return_as="generator_unordered")
-        except ValueError:  # a backend that hands over nothing before all is done: it is given little at a time
-            at_once = 2 * effective_n_jobs(self._n_jobs)
-            while some := list(islice(jobs, at_once)):
-                yield from Parallel(**how)(some)
-            return
-        yield from parallel(jobs)
 
 
 def _without(found: Mapping[Task, Result], work: Sequence[tuple[_Chunk, int]]) -> list[tuple[_Chunk, int]]:

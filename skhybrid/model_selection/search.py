@@ -20,7 +20,7 @@ from .design_matrix import DesignMatrix
 from .evaluation import Problem, forecaster_prefix, negative_rmse
 from .fingerprint import settings_of
 from .halving import Halving, Outcome, run_all
-from .runner import Runner
+from .runner import Runner, Workers
 from .splitters import RollingOriginSplit, default_blocks
 from .store import ResultStore
 
@@ -183,11 +183,11 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> Outcome:
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
         halving = None if self.halving is None else Halving(*np.atleast_1d(self.halving).tolist())
-        with ResultStore(self.store, settings) as store:
+        with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
             if self.retry_failed:
                 store.forget_failed()
             careful = not (isinstance(self.error_score, str) and self.error_score == "raise")
-            runner = Runner(problem, store, self.n_jobs, self.chunk_size, careful, self.verbose > 0)
+            runner = Runner(problem, store, workers, self.chunk_size, careful, self.verbose > 0)
             if halving is None:
                 return run_all(runner.run, candidates)
             return halving.run(runner.run, problem.estimator, candidates)
