@@ -30,7 +30,7 @@ office = make_office(n_days=12, sampling_time="1h", random_state=1)
 gray_box = OutputDisturbanceID(known=office.theta, n_starts=1, random_state=0)
 forecaster = DisturbanceForecaster(max_epochs=30, residual_of=None)
 estimator = HybridPredictor(gray_box, forecaster, random_state=0)
-matrix = design_matrix(["lstm", "ridge"], ["case02"], size={"hidden_size": [2, 3, 4], "n_layers": [1]})
+matrix = design_matrix(["mlp", "ridge"], ["case02"], size={"hidden_size": [2, 3, 4], "n_layers": [1]})
 given = {"cv": RollingOriginSplit(train="8D", test="2D", n_splits=2), "refit": False, "verbose": 0, "chunk_size": 1}
 """
 RUN = """
@@ -152,10 +152,10 @@ def assert_sent_once_a_worker(found):
 
 
 def test_joblibs_own_workers_map_what_they_share(given, uninterrupted):
+    pd.testing.assert_frame_equal(search(given, n_jobs=2), uninterrupted, check_exact=True)
     found = unpacked(n_jobs=2)
     assert_sent_once_a_worker(found)
     assert {kind for *_, kind in found} == {"memmap"}
-    pd.testing.assert_frame_equal(search(given, n_jobs=2), uninterrupted, check_exact=True)
 
 
 def test_a_dask_cluster_of_two_workers_gives_the_same(given, uninterrupted, tmp_path):

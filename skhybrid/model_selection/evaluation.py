@@ -7,6 +7,8 @@ import traceback
 import uuid
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +17,9 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
 from ..forecasting import DisturbanceForecaster
+from ..forecasting.cases import RECURRENT, resolve_case
 from ..hybrid import HybridPredictor
+from .fingerprint import as_plain
 from .store import Result, Task
 
 try:
@@ -70,6 +74,7 @@ class Problem(NamedTuple):
     y: Any
     splits: list[tuple[np.ndarray, np.ndarray]]  # train and test rows
     scorer: Callable[..., Any]
+    trains: bool = False  # whether networks are among the candidates
 
     def rows(self, split: int, part: int) -> tuple[Any, Any]:
         """X and y of a split: part 0 trains, part 1 tests."""
@@ -110,8 +115,8 @@ def forecaster_prefix(estimator: Any) -> str:
     )
 
 
-def base_params(estimator: Any, params: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters by which a network is identified, or None where a candidate is fitted whole.
+def outside_params(estimator: Any, params: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
+    """The parameters by which a network is identified, and the model of the forecaster.
 
     Parameters
     ----------
@@ -121,19 +126,62 @@ def base_params(estimator: Any, params: Mapping[str, Any]) -> dict[str, Any] | N
 
     Returns
     -------
-    dict or None
+    outside : dict
         All but those of the forecaster and the kind of disturbance.
+    model : object
+        None where the candidate does not say.
     """
     try:
         prefix = forecaster_prefix(estimator)
-        made = clone(estimator).set_params(**clone(dict(params), safe=False))
-        if prefix == "" or _hybrid(made).scheme != "published":
-            return None
-    except (ValueError, TypeError, AttributeError):  # the fit of this candidate will say what is wrong
-        return None
-    outside = prefix.removesuffix("forecaster__")
-    own = (f"{outside}forecaster", f"{outside}disturbance")
-    return {name: value for name, value in params.items() if name not in own and not name.startswith(prefix)}
+    except ValueError:
+        return dict(params), None
+    before = prefix.removesuffix("forecaster__")
+    own = (f"{before}forecaster", f"{before}disturbance")
+    outside = {name: value for name, value in params.items() if name not in own and not name.startswith(prefix)}
+    return outside, params.get(f"{prefix}model", params.get(own[0]))
+
+
+def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:
+    """Whether a candidate identifies a network first, which others may share; else it is fitted whole.
+
+    Parameters
+    ----------
+    estimator : estimator
+    params : Mapping of str to object
+        Of the candidate.
+
+    Returns
+    -------
+    bool
+    """
+    try:
+        made = _hybrid(clone(estimator).set_params(**clone(dict(params), safe=False)))
+        return isinstance(made, HybridPredictor) and made.scheme == "published"
+    except (ValueError, TypeError, AttributeError):  # its fit will say what is wrong
+        return False
+
+
+def stack_of(params: Mapping[str, Any]) -> tuple[str, ...]:
+    """What candidates are sorted by, so that those of equal shape, which train as one stack, stand together.
+
+    Parameters
+    ----------
+    params : Mapping of str to object
+        Of a candidate.
+
+    Returns
+    -------
+    tuple of str
+        The case (of a recurrent network its history alone), then the sizes, then what leaves the shape as it is.
+    """
+    own = {name.split("__")[-1]: value for name, value in params.items()}
+    model, case = own.pop("model", None), own.pop("case", None)
+    history = str(case)
+    if isinstance(model, str) and model in RECURRENT and case is not None:
+        with suppress(ValueError):
+            history = f"{resolve_case(case, model).pattern_days} d"
+    alike = {name: own.pop(name, None) for name in ("activation", "dropout", "random_state")}
+    return (history, as_plain(dict(sorted(own.items()))), str(case), as_plain(alike))
 
 
 def _hybrid(estimator: Any) -> Any:
@@ -160,7 +208,7 @@ def identify(
     name : str
         What the network is called.
     params : Mapping of str to object
-        From :func:`base_params`.
+        As :func:`outside_params` gives them.
     split : int
     careful : bool, default True
         Whether an error is told; else it is raised.
@@ -171,6 +219,9 @@ def identify(
         By name and split.
     """
     given: Problem = problem.get()
+    if given.trains:
+        # joblib ends a worker that grows by 300 MB after its first task: what trains is loaded with the first
+        import_module("skhybrid.forecasting.training")
     try:
         base = given.candidate(params)
         prefix = forecaster_prefix(base)

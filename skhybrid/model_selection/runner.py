@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 from joblib import Parallel, delayed, effective_n_jobs
 from tqdm.auto import tqdm
 
-from .evaluation import Problem, Shared, base_params, evaluate, identify
+from .evaluation import Problem, Shared, evaluate, identify, outside_params, shares_network, stack_of
 from .fingerprint import as_plain, candidate_id
 from .store import Result, ResultStore, Task
 
@@ -87,6 +87,7 @@ class Runner:
         self._chunk_size = chunk_size
         self._careful = careful
         self._verbose = verbose
+        self._shares: dict[str, bool] = {}
         self._base_params: dict[str, dict[str, Any]] = {}
         self._bases: dict[tuple[str, int], Shared] = {}
 
@@ -123,22 +124,28 @@ class Runner:
         return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
 
     def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[_Chunk]:
-        """Candidates of the same network, kind of disturbance, framework and case, in parts."""
-        groups: dict[tuple[str, ...], list[str]] = {}
-        bases: dict[str, str | None] = {}
+        """Candidates of the same network and kind of disturbance, those that can be trained as one stack together."""
+        groups: dict[tuple[str, str], list[str]] = {}
+        bases = {name: self._base_of(params) for name, params in named.items()}
         for name, params in named.items():
-            base = base_params(self._problem.estimator, params)
-            bases[name] = None if base is None else as_plain(base)
-            if base is not None:
-                self._base_params[as_plain(base)] = base
-            shared = {k: v for k, v in params.items() if k.split("__")[-1] in ("disturbance", "model", "case")}
-            groups.setdefault((str(bases[name]), as_plain(shared)), []).append(name)
+            kind = {key: value for key, value in params.items() if key.split("__")[-1] in ("disturbance", "model")}
+            groups.setdefault((str(bases[name]), as_plain(kind)), []).append(name)
         size = max(1, int(self._chunk_size))
-        return [
-            _Chunk(bases[names[0]], {name: named[name] for name in names[start : start + size]})
-            for names in groups.values()
-            for start in range(0, len(names), size)
-        ]
+        chunks = []
+        for names in groups.values():
+            names = sorted(names, key=lambda name: stack_of(named[name]))
+            parts = [names[start : start + size] for start in range(0, len(names), size)]
+            chunks += [_Chunk(bases[part[0]], {name: named[name] for name in part}) for part in parts]
+        return chunks
+
+    def _base_of(self, params: Mapping[str, Any]) -> str | None:
+        """The name of a candidate's network, or None where it is fitted whole."""
+        outside, model = outside_params(self._problem.estimator, params)
+        key = as_plain([outside, model])
+        if key not in self._shares:
+            self._shares[key] = shares_network(self._problem.estimator, params)
+        self._base_params[as_plain(outside)] = outside
+        return as_plain(outside) if self._shares[key] else None
 
     def _round(self, work: Sequence[tuple[_Chunk, int]], bar: tqdm) -> int:
         """Compute what is nobody else's; how many tasks that were."""

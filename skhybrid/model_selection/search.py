@@ -16,6 +16,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
+from ..forecasting.cases import NETWORKS
 from .design_matrix import DesignMatrix
 from .evaluation import Problem, forecaster_prefix, negative_rmse
 from .fingerprint import settings_of
@@ -144,8 +145,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
         """
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
-        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer)
         candidates = self._candidates()
+        values = [value for params in (self.estimator.get_params(), *candidates) for value in params.values()]
+        trains = any(isinstance(value, str) and value in NETWORKS for value in values)
+        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, trains)
         outcome = self._run(problem, candidates)
         self._assemble(candidates, outcome)
         if callable(self.scoring) and self.multimetric_:
