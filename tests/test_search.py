@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,7 +16,9 @@ from sklearn.preprocessing import FunctionTransformer
 
 from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
+from skhybrid.forecasting import list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, evaluation, runner
+from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
 SIZE = {"hidden_size": [3, 4]}
@@ -320,6 +324,35 @@ def test_what_cannot_be_searched_is_refused(changed, said, office, estimator):
     given = {"estimator": estimator, "matrix": design_matrix(["ridge"]), "cv": CV, "verbose": 0} | changed
     with pytest.raises(ValueError, match=said):
         DesignMatrixSearchCV(**given).fit(office.X, office.y)
+
+
+def test_the_linear_scheme_shares_no_network(estimator):
+    assert evaluation.shares_network(estimator, {"forecaster__model": "ridge", "disturbance": "output"})
+    assert not evaluation.shares_network(estimator, {"forecaster__model": "linear"})
+    assert not evaluation.shares_network(estimator, {"forecaster__no_such": 1})
+    assert not evaluation.shares_network(Ridge(), {"alpha": 1.0})
+
+
+def test_what_trains_as_one_stack_is_handed_over_together():
+    matrix = design_matrix(["lstm"], disturbance="input")
+    order = sorted(matrix.candidates(), key=evaluation.stack_of)
+    shapes = [(list_cases("lstm").set_index("name")["pattern_days"][c["forecaster__case"]],) for c in order]
+    shapes = [
+        (*days, c["forecaster__n_layers"], c["forecaster__hidden_size"]) for days, c in zip(shapes, order, strict=True)
+    ]
+    changes = sum(one != other for one, other in pairwise(shapes))
+    assert changes + 1 == len(set(shapes)) == 4 * 3 * 4  # histories, layers, widths
+
+
+def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):
+    matrix = design_matrix(["profile", "mlp"], ["case01"], "output", {"hidden_size": [2], "max_epochs": [1]})
+    search = DesignMatrixSearchCV(estimator, matrix, cv=CV, verbose=0).fit(office.X, office.y)
+    save_model(search, tmp_path / "search.skhybrid")
+    loaded = load_model(tmp_path / "search.skhybrid")
+    np.testing.assert_array_equal(loaded.predict(office.X), search.predict(office.X))
+    assert loaded.score(office.X, office.y) == search.score(office.X, office.y)
+    assert repr(loaded.cv_results_) == repr(search.cv_results_)
+    np.testing.assert_array_equal(loaded.results_["rmse"], search.results_["rmse"])
 
 
 def test_something_shared_tells_its_size_and_travels_as_its_key():

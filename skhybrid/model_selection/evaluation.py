@@ -8,6 +8,7 @@ import uuid
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -293,7 +294,7 @@ def _score(given: Problem, model: Any, split: int, fit_time: float, careful: boo
         error = next((value for value in scores.values() if isinstance(value, str)), None)  # of several, one may fail
         if error is not None:
             return failed(error, fit_time)
-        rmse = -(scores["score"] if given.scorer is negative_rmse else negative_rmse(model, X, y))
+        rmse = -scores["score"] if given.scorer == MeasuredRmse(-1.0) else MeasuredRmse()(model, X, y)
     except Exception:
         if not careful:
             raise
@@ -319,23 +320,22 @@ def failed(error: str, fit_time: float = 0.0) -> Result:
     return Result({}, float("nan"), fit_time, 0.0, None, error)
 
 
-def negative_rmse(estimator: Any, X: Any, y: Any) -> float:
-    """Root-mean-square error of ``predict`` with the sign of a score; rows without a measurement are left out.
+@dataclass(frozen=True)
+class MeasuredRmse:
+    """Scorer: root-mean-square error of ``predict`` over the rows that were measured, in the unit of y.
 
     Parameters
     ----------
-    estimator : fitted regressor
-    X : DataFrame or array-like of shape (n_samples, n_features)
-    y : array-like of shape (n_samples,)
-        NaN where missing.
-
-    Returns
-    -------
-    float
-        In the unit of y, never above 0.
+    sign : float, default 1.0
+        -1 makes a score of it, of which more is better.
     """
-    error = np.asarray(estimator.predict(X), dtype=np.float64) - np.asarray(y, dtype=np.float64)
-    return -float(np.sqrt(np.nanmean(error**2)))
+
+    sign: float = 1.0
+
+    def __call__(self, estimator: Any, X: Any, y: Any) -> float:
+        """Score a fitted estimator on a table and its target (n_samples,), NaN where missing."""
+        error = np.asarray(estimator.predict(X), dtype=np.float64) - np.asarray(y, dtype=np.float64)
+        return self.sign * float(np.sqrt(np.nanmean(error**2)))
 
 
 def _n_epochs(model: Any) -> int | None:

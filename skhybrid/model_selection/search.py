@@ -18,7 +18,7 @@ from sklearn.utils.validation import indexable
 
 from ..forecasting.cases import NETWORKS
 from .design_matrix import DesignMatrix
-from .evaluation import Problem, forecaster_prefix, negative_rmse
+from .evaluation import MeasuredRmse, Problem, forecaster_prefix
 from .fingerprint import settings_of
 from .halving import Halving, Outcome, run_all
 from .runner import Runner, Workers
@@ -162,7 +162,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         return self
 
     def _get_scorers(self) -> tuple[Any, Any]:
-        return (negative_rmse, "score") if self.scoring is None else super()._get_scorers()
+        return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()
 
     def _splits(self, X: Any, y: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         cv = self.cv
