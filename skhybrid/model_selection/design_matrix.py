@@ -76,7 +76,7 @@ class DesignMatrix:
 
         Parameters
         ----------
-        prefix : str, default "forecaster__"
+        prefix : str, default ``"forecaster__"``
             Where the forecaster is in the estimator: as it is for :class:`~skhybrid.HybridPredictor`;
             ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster itself, which has no
             ``disturbance``.
@@ -104,7 +104,7 @@ class DesignMatrix:
 
         Parameters
         ----------
-        prefix : str, default "forecaster__"
+        prefix : str, default ``"forecaster__"``
             As in :meth:`param_grid`.
 
         Returns
