@@ -191,6 +191,9 @@ def _to_data(value: Any, where: str) -> Any:
 
 
 def _array_to_data(value: Any, where: str) -> Any:
+    if isinstance(value, np.ma.MaskedArray):  # parameters that a candidate of a search does not have
+        data = _array_to_data(np.ma.getdata(value), where)
+        return {_MARK: "masked", "data": data, "mask": np.ma.getmaskarray(value)}
     if isinstance(value, np.ndarray) and value.dtype == object:
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value.ravel())]
         return {_MARK: "objects", "shape": list(value.shape), "items": items}
@@ -259,6 +262,8 @@ def _rebuilt(kind: str, value: dict[str, Any]) -> Any:
         made = np.empty(len(parts["items"]), dtype=object)
         made[:] = parts["items"]
         return made.reshape(parts["shape"])
+    if kind == "masked":
+        return np.ma.MaskedArray(parts["data"], mask=parts["mask"])
     cls = _own_type(parts["type"])
     if kind == "type":
         return cls

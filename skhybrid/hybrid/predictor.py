@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from typing import Any
 
 import numpy as np
@@ -179,6 +179,45 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         self._keep(table, target, behind=False)
         return self
 
+    @one_blas_thread
+    def with_forecasters(self, forecasters: Sequence[Any], disturbance: str | None = None) -> list[HybridPredictor]:
+        """Fit other forecasters on the disturbance of this fitted estimator's network, which is not identified again.
+
+        To the bit what a fit with each of them on the same training table gives (published scheme only).
+
+        Parameters
+        ----------
+        forecasters : sequence of estimator
+            Regressors of the disturbance, unfitted; they are cloned.
+        disturbance : {"input", "output"}, optional
+            Of which kind; default is this estimator's own.
+
+        Returns
+        -------
+        list of HybridPredictor
+            Fitted, one a forecaster, that share nothing that changes with this estimator or each other.
+
+        Raises
+        ------
+        ValueError
+            If the scheme of this estimator or of a forecaster is the linear one, or rows were taken in since ``fit``.
+        """
+        check_is_fitted(self)
+        kind = self.disturbance if disturbance is None else disturbance
+        made = [clone(self).set_params(forecaster=one, disturbance=kind) for one in forecasters]
+        if not isinstance(self._scheme, PublishedScheme) or any(one._is_linear() for one in made):
+            raise ValueError("the linear scheme learns network and disturbance as one; fit it by itself.")
+        training = self._training
+        if self._last_rows.time[-1] != training.time[-1]:
+            raise ValueError("rows were taken in since fit; fit again before other forecasters are fitted.")
+        parts = [one._part(one.forecaster, one._default_forecaster()) for one in made]
+        learned = {
+            name: value for name, value in vars(self).items() if name not in {*self.get_params(False), "_scheme"}
+        }
+        for one, scheme in zip(made, self._scheme.with_forecasters(training, parts, kind), strict=True):
+            vars(one).update(deepcopy(learned), _scheme=scheme, _intervals=None)
+        return made
+
     def _make_scheme(self) -> Scheme:
         """What forecasts the building, unfitted: the one place that decides it."""
         if self._is_linear():
@@ -191,6 +230,11 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         self._refuse_zones(get_network(gray_box.network))
         forecaster = self._part(self.forecaster, self._default_forecaster())
         return PublishedScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
+
+    @property
+    def scheme(self) -> str:
+        """Which scheme the parameters ask for: ``"linear"`` or ``"published"``."""
+        return "linear" if self._is_linear() else "published"
 
     def _is_linear(self) -> bool:
         """Whether the disturbance is learned through the network, which is what happens when nothing is said."""

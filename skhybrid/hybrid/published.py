@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from copy import copy
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy, deepcopy
 from typing import Any, Self
 
 import numpy as np
@@ -69,14 +69,34 @@ class PublishedScheme:
         return self._learn_disturbance(measured, self.forecaster)
 
     def _learn_disturbance(self, measured: ZoneTable, forecaster: Any) -> Self:
+        causal = self._estimate(measured)
+        self.forecaster_ = forecaster.fit(self._rows, self._rows["zeta"])
+        self._open_ledger(measured, causal)
+        return self
+
+    def _estimate(self, measured: ZoneTable) -> np.ndarray:
+        """The disturbance by rows (n_rows,), and gathered into the steps that a forecaster learns from."""
         frame = frame_by_role(measured, ASSUMED_START)
         causal = self.gray_box_.estimate_disturbance(frame, kind=self.disturbance)
         bins = gather(frame.assign(zeta=causal), self.disturbance_step_)
         self.zeta_ = bins.frame["zeta"]
         self._rows = bins.frame.drop(columns="T_za", errors="ignore")
-        self.forecaster_ = forecaster.fit(self._rows, self._rows["zeta"])
-        self._open_ledger(measured, causal.to_numpy())
-        return self
+        return causal.to_numpy()
+
+    def with_forecasters(self, measured: ZoneTable, forecasters: Sequence[Any], disturbance: str) -> list[Self]:
+        """Schemes that share this one's identification: each as if fitted with that forecaster on the same table."""
+        first = copy(self)
+        first.disturbance = disturbance
+        causal = first._estimate(measured)
+        made = []
+        for forecaster in fit_each(forecasters, first._rows, first._rows["zeta"]):
+            one = copy(first)
+            one.forecaster = one.forecaster_ = forecaster
+            one.gray_box_ = deepcopy(self.gray_box_)  # it follows the rows to come
+            one._log = None if self._log is None else [measured]
+            one._open_ledger(measured, causal)
+            made.append(one)
+        return made
 
     def _open_ledger(self, table: ZoneTable, zeta: np.ndarray) -> None:
         """Keep the end of the training by steps, to which rows to come are added."""
@@ -288,6 +308,11 @@ class PublishedScheme:
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
     """Fit on a table by roles; a function of its own, so that ``memory`` can keep it."""
     return gray_box.set_params(columns=columns, sampling_time=None).fit(frame, target)
+
+
+def fit_each(forecasters: Sequence[Any], X: pd.DataFrame, y: pd.Series) -> list[Any]:
+    """Fit several forecasters of one disturbance."""
+    return [forecaster.fit(X, y) for forecaster in forecasters]
 
 
 def _memory(memory: Any) -> Memory:

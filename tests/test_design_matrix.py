@@ -1,0 +1,142 @@
+"""The design matrix: the paper's counts, the grids that GridSearchCV takes, frameworks and cases of one's own."""
+
+from __future__ import annotations
+
+import doctest
+
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.ensemble import RandomForestRegressor
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import ParameterGrid
+
+from skhybrid import DisturbanceForecaster, HybridPredictor
+from skhybrid.forecasting import ModelCase
+from skhybrid.forecasting.cases import resolve_case
+from skhybrid.model_selection import DesignMatrix, design_matrix
+
+#: paper 3.2 and appendix: cases x layers x widths x ... x activations.
+PAPER = {"mlp": 21 * 3 * 4 * 3, "cnn": 21 * 2 * 3 * 3 * 2 * 2 * 3, "rnn": 17 * 3 * 4 * 3, "lstm": 17 * 3 * 4 * 3}
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return design_matrix()
+
+
+def test_the_full_grid_has_the_papers_counts(paper):
+    assert PAPER == {"mlp": 756, "cnn": 4536, "rnn": 612, "lstm": 612}
+    counts = paper.table.groupby(["framework", "disturbance"]).size()
+    assert counts.to_dict() == {(name, kind): n for name, n in PAPER.items() for kind in ("input", "output")}
+    assert len(paper) == 2 * 6516 == len(list(ParameterGrid(paper.param_grid())))
+
+
+def test_every_candidate_is_another(paper):
+    assert not paper.table.duplicated().any()
+
+
+def test_the_table_and_the_grid_name_the_same_candidates(paper):
+    candidates = paper.candidates()
+    for row in (0, 5000, len(paper) - 1):
+        seen, said = paper.table.loc[row], candidates[row]
+        assert (seen["framework"], seen["case"], seen["disturbance"]) == (
+            said["forecaster__model"],
+            said["forecaster__case"],
+            said["disturbance"],
+        )
+        sizes = {k.removeprefix("forecaster__"): v for k, v in said.items() if k.startswith("forecaster__")}
+        del sizes["model"], sizes["case"]
+        assert seen.drop(["framework", "case", "disturbance", "name"]).dropna().to_dict() == sizes
+
+
+def test_sizes_that_a_framework_lacks_are_missing(paper):
+    table = paper.table.set_index("framework")
+    assert table.loc["lstm", ["n_channels", "filter_size", "pool_size"]].isna().all(axis=None)
+    assert table.loc["cnn"].notna().all(axis=None)
+
+
+def test_names_are_the_papers_and_the_forecaster_knows_them(paper):
+    assert "DEEP_AR_LSTM_FORECAST-case01" in set(paper.table["name"])
+    for framework, case, name in paper.table[["framework", "case", "name"]].drop_duplicates().itertuples(index=False):
+        assert resolve_case(name, framework) is resolve_case(case, framework)
+    assert paper.table["name"].nunique() == 2 * 21 + 2 * 17
+
+
+@pytest.mark.parametrize(
+    ("prefix", "estimator"), [("forecaster__", HybridPredictor()), ("", DisturbanceForecaster("ridge"))]
+)
+def test_an_estimator_takes_every_candidate(prefix, estimator):
+    matrix = design_matrix(size="small", cases=["case01"])
+    for params in matrix.candidates(prefix):
+        changed = clone(estimator).set_params(**params).get_params()
+        assert {name: changed[name] for name in params} == params
+    assert len(matrix.candidates(prefix)) == len(matrix) // (1 if prefix else 2)
+
+
+def test_a_framework_a_case_and_sizes_of_ones_own():
+    case = ModelCase("mine", 2, ("zeta", "how"), ("how",))
+    matrix = design_matrix(
+        frameworks={"mlp": "mlp", "forest": RandomForestRegressor(), "hour of week": "profile"},
+        cases=["case02", case],
+        disturbance="input",
+        size={"mlp": {"hidden_size": [3, 4], "n_layers": 1}, "forest": {"n_estimators": [5, 10]}},
+    )
+    assert matrix.table["framework"].tolist() == ["mlp"] * 4 + ["forest"] * 2 + ["hour of week"]
+    assert matrix.table["case"].tolist() == ["case02", "case02", "mine", "mine", None, None, None]
+    assert matrix.table["n_estimators"].dropna().tolist() == [5, 10]
+    assert [c.get("forecaster__model__n_estimators") for c in matrix.candidates()][4:6] == [5, 10]
+    assert matrix.candidates()[2]["forecaster__case"] is case
+
+
+def test_channels_of_a_common_size_are_the_cnns_alone():
+    size = {"n_layers": [1], "n_channels": [2, 3], "max_epochs": [5, 6]}
+    table = design_matrix(["mlp", "cnn"], ["case01"], "input", size).table
+    assert table.groupby("framework").size().to_dict() == {"mlp": 2, "cnn": 4}
+    assert set(table["max_epochs"]) == {5, 6}
+
+
+def test_cases_by_framework_and_the_scheme_that_has_no_output_disturbance():
+    table = design_matrix(["mlp", "lstm", "linear"], {"mlp": ["case21"]}, size="small").table
+    assert table.groupby("framework")["case"].nunique().to_dict() == {"linear": 0, "lstm": 17, "mlp": 1}
+    assert table.loc[table["framework"] == "linear", "disturbance"].tolist() == ["input"]
+
+
+def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
+    grid = design_matrix(["ridge"]).param_grid("hybrid__forecaster__")
+    assert grid == [{"hybrid__forecaster__model": ["ridge"], "hybrid__disturbance": ["input", "output"]}]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"frameworks": ["gru"]}, "'gru'"),
+        ({"frameworks": {"r": Ridge}}, "regressor"),
+        ({"frameworks": [Ridge()]}, "has no name"),
+        ({"cases": ["case99"]}, "'case99' belongs to none"),
+        ({"frameworks": ["lstm"], "cases": ["case18"]}, "'case18' belongs to none"),
+        ({"cases": {"ridge": ["case01"]}}, "no network"),
+        ({"disturbance": "sideways"}, "'sideways'"),
+        ({"size": "huge"}, "'huge'"),
+        ({"size": {"mlp": {"wide": [1]}}}, "'wide' of 'mlp'"),
+        ({"size": {"gru": {"n_layers": [1]}}}, "'gru'"),
+        ({"size": {"n_layers": []}}, "no values"),
+        ({"frameworks": []}, "empty"),
+    ],
+)
+def test_what_is_not_known_is_named(given, said):
+    with pytest.raises(ValueError, match=said):
+        design_matrix(**given)
+
+
+def test_the_table_is_plain():
+    table = design_matrix(["mlp", "ridge"], ["case01"], size="small").table
+    assert isinstance(table, pd.DataFrame)
+    assert table["case"].isna().sum() == 2
+    assert table.index.tolist() == list(range(len(table)))
+
+
+def test_the_examples_of_the_docstrings_hold():
+    for thing in (DesignMatrix, design_matrix):
+        (example,) = doctest.DocTestFinder(recurse=False).find(thing)
+        assert doctest.DocTestRunner().run(example) == (0, len(example.examples))

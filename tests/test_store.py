@@ -1,0 +1,162 @@
+"""The store of a search: claims, signs of life, refusal of what is not its own."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.linear_model import Ridge
+from sklearn.metrics import make_scorer, mean_squared_error
+
+from skhybrid import DisturbanceForecaster
+from skhybrid.model_selection.fingerprint import as_plain, candidate_id, settings_of
+from skhybrid.model_selection.store import Result, ResultStore, Task
+
+GOOD = Result({"score": -0.1 - 0.2}, 0.1 + 0.2, 1.0, 0.5, 7, None)
+BAD = Result({}, float("nan"), 1.0, 0.0, None, "ValueError: no")
+TASKS = [Task("a", 0), Task("a", 1), Task("b", 0)]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "new folder" / "results.sqlite"
+
+
+def test_results_come_back_to_the_bit(path):
+    with ResultStore(path, {"rows": "3"}) as store:
+        store.finish({TASKS[0]: GOOD, TASKS[2]: BAD})
+    with ResultStore(path, {"rows": "3"}) as store:
+        found = store.results()
+    assert found[TASKS[0]] == GOOD
+    assert found[TASKS[2]].error == BAD.error
+    assert np.isnan(found[TASKS[2]].rmse)
+    assert set(found) == {TASKS[0], TASKS[2]}
+
+
+def test_two_stores_share_out_the_tasks(path):
+    with ResultStore(path, {}) as one, ResultStore(path, {}) as other:
+        assert one.claim(TASKS[:2]) == TASKS[:2]
+        assert other.claim(TASKS) == TASKS[2:]
+        one.finish({TASKS[0]: GOOD})
+        assert other.claim(TASKS) == []
+        one.close()  # gives back what it has not finished
+        assert other.claim(TASKS) == [TASKS[1]]
+
+
+def test_what_was_finished_first_stays(path):
+    with ResultStore(path, {}) as one, ResultStore(path, {}) as other:
+        one.finish({TASKS[0]: GOOD})
+        other.finish({TASKS[0]: BAD})
+        assert one.results() == {TASKS[0]: GOOD}
+
+
+def test_claims_of_a_process_that_died_are_free_at_once(path):
+    program = (
+        "import os, sys\nfrom skhybrid.model_selection.store import ResultStore, Task\n"
+        "store = ResultStore(sys.argv[1], {})\nassert store.claim([Task('a', 0)])\nos.kill(os.getpid(), 9)"
+    )
+    path.parent.mkdir()
+    done = subprocess.run([sys.executable, "-c", program, str(path)], check=False, capture_output=True, timeout=60)
+    assert done.returncode == -9, done.stderr
+    with ResultStore(path, {}, lease=1e6) as store:
+        assert store.claim(TASKS) == TASKS
+
+
+def test_claims_without_a_sign_of_life_lapse(path):
+    with ResultStore(path, {}) as silent, ResultStore(path, {}, lease=60.0) as other:
+        assert silent.claim(TASKS) == TASKS
+        assert other.claim(TASKS) == []
+        elsewhere = sqlite3.connect(path)
+        with elsewhere:  # a machine elsewhere, silent for longer than the lease
+            elsewhere.execute("UPDATE owner SET host = 'elsewhere', seen = seen - 61 WHERE id = ?", (silent.owner,))
+        elsewhere.close()
+        assert other.claim(TASKS) == TASKS
+
+
+def test_signs_of_life_are_given(path):
+    with ResultStore(path, {}, lease=0.2) as one, ResultStore(path, {}, lease=0.2) as other:
+        one.claim(TASKS)
+        for _ in range(8):
+            assert not other._closed.wait(0.1)
+            assert other.claim(TASKS) == []
+
+
+def test_other_data_are_refused_with_the_difference(path):
+    ResultStore(path, {"rows of X": "96", "scoring": "None"}).close()
+    with pytest.raises(ValueError, match=r"rows of X is 96 there and 97 here; weeks is absent there and 2 here"):
+        ResultStore(path, {"rows of X": "97", "scoring": "None", "weeks": "2"})
+    other = path.with_name("other.sqlite")
+    ResultStore(other, {"version of torch": "1"}).close()
+    with pytest.warns(UserWarning, match="version of torch is 1 there and 2 here"):
+        ResultStore(other, {"version of torch": "2"}).close()
+
+
+def test_another_kind_of_file_is_refused(path):
+    path.parent.mkdir()
+    path.write_text("a table of results that somebody wrote by hand\n" * 100)
+    with pytest.raises(ValueError, match="cannot be used"):
+        ResultStore(path, {})
+    assert path.read_text().startswith("a table")
+
+
+def test_failed_ones_are_tried_again_when_asked(path):
+    with ResultStore(path, {}) as store:
+        store.finish({TASKS[0]: GOOD, TASKS[1]: BAD})
+        assert store.claim(TASKS[:2]) == []
+        assert store.forget_failed() == 1
+        assert store.claim(TASKS[:2]) == [TASKS[1]]
+
+
+def test_without_a_path_results_stay_in_memory():
+    with ResultStore(None, {}) as store:
+        assert store.claim(TASKS) == TASKS
+        store.finish({TASKS[0]: GOOD})
+        assert store.results(["a"]) == {TASKS[0]: GOOD}
+        assert store.results(["b"]) == {}
+
+
+# -------------------------------------------------------------------------------------------------------- fingerprint
+def _settings(**changed):
+    index = pd.date_range("2025-01-06", periods=48, freq="1h", tz="America/Chicago")
+    X = pd.DataFrame({"T_oa": np.arange(48.0), "q_sol": 0.5}, index=index)
+    given = {"estimator": DisturbanceForecaster("ridge"), "X": X, "y": X["T_oa"] * 2, "scoring": None}
+    given |= {"splits": [(np.arange(24), np.arange(24, 48))]} | changed
+    return settings_of(**given)
+
+
+def _differs(**changed):
+    here, there = _settings(), _settings(**changed)
+    return sorted(name for name in {**here, **there} if here.get(name) != there.get(name))
+
+
+def test_the_fingerprint_names_what_differs():
+    index = pd.date_range("2025-01-06", periods=48, freq="1h", tz="America/Chicago")
+    X = pd.DataFrame({"T_oa": np.arange(48.0), "q_sol": 0.5}, index=index)
+    assert _differs() == []
+    assert _differs(X=X.assign(q_sol=np.r_[np.full(47, 0.5), 0.5 + 1e-15])) == ["values of X"]
+    assert _differs(X=X.rename(columns={"q_sol": "sun"})) == ["columns of X"]
+    assert _differs(X=X.tz_convert("UTC")) == ["first stamp of X", "last stamp of X"]
+    assert _differs(splits=[(np.arange(23), np.arange(24, 48))]) == ["cv"]
+    assert _differs(scoring="r2") == ["scoring"]
+    assert _differs(scoring=make_scorer(mean_squared_error)) == ["scoring"]
+    assert _differs(estimator=DisturbanceForecaster("ridge", patience=3)) == ["parameter patience"]
+    assert _differs(estimator=DisturbanceForecaster("ridge", verbose=1)) == []
+
+
+def test_values_in_words_are_the_same_in_another_process():
+    values = [Ridge(alpha=np.float64(0.5)), {"a": (1, None)}, np.arange(2000.0), pd.Timedelta("1D"), mean_squared_error]
+    program = (
+        "import numpy as np, pandas as pd\nfrom sklearn.linear_model import Ridge\n"
+        "from sklearn.metrics import mean_squared_error\n"
+        "from skhybrid.model_selection.fingerprint import candidate_id\n"
+        "values = [Ridge(alpha=0.5), {'a': [1, None]}, np.arange(2000.0),"
+        " pd.Timedelta('1D'), mean_squared_error]\nprint(candidate_id({'values': values}))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == candidate_id({"values": values})
+    assert as_plain(np.arange(2000.0)) != as_plain(np.append(np.arange(1999.0), 0.0))
+    assert candidate_id({"a": 1, "b": 2}) == candidate_id({"b": 2, "a": 1}) != candidate_id({"a": 2, "b": 1})
