@@ -1,8 +1,8 @@
 """RNN and LSTM stacks step by step, with the gradient written out (paper Eqs. RNN and LSTM).
 
 torch's automatic gradient remembers some twenty tensors a step and adds up a gradient of the weights at each; here a
-step is one product of matrices a layer and a few operations in place, and what the gradient needs is kept in memory
-that the next batch uses again.  Numbers lie as (n_members, n_rows, n_windows): windows last, so that every gate of a
+step is one product of matrices a layer and one pass over the gates (:mod:`skhybrid._kernels.gates`), and what the
+gradient needs is kept in memory that the next batch uses again.  Numbers lie as (n_members, n_rows, n_windows): windows last, so that every gate of a
 member is one run of memory.
 
 A layer's product reads at every step the column ``[own state, 1, input, filling]``, of which the 1 multiplies the bias.
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from .._kernels import lstm_backward, lstm_forward, rnn_backward, rnn_forward
 from .activations import Activations
 
 _GATES = {"rnn": 1, "lstm": 4}
@@ -61,10 +62,19 @@ class Space:
         m, n, w, steps = shape.n_members, shape.width, shape.n_windows, shape.n_steps
         layers = range(shape.n_layers)
         self.columns = [torch.zeros(steps + 1, m, shape.rows(i), w) for i in layers]
-        self.gates = [torch.empty(steps, m, n * _GATES[shape.kind], w) for i in layers]
+        gates = [torch.empty(steps, m, n * _GATES[shape.kind], w) for i in layers]
         memories = layers if shape.kind == "lstm" else ()
-        self.c = [torch.zeros(steps + 1, m, n, w) for _ in memories]
-        self.tanh_c = [torch.empty(steps, m, n, w) for _ in memories]
+        c = [torch.zeros(steps + 1, m, n, w) for _ in memories]
+        tanh_c = [torch.empty(steps, m, n, w) for _ in memories]
+        # step by step, as torch and as numpy sees them: to make a view takes longer than a small product
+        self.column = [whole.unbind() for whole in self.columns]
+        self.own = [[step[:, :n] for step in layer] for layer in self.column]
+        self.above = [[step[:, n + 1 : 2 * n + 1] for step in layer] for layer in self.column[1:]]
+        self.gate = [whole.unbind() for whole in gates]
+        self.own_array = [[step.numpy() for step in layer] for layer in self.own]
+        self.gate_array, self.c_array, self.tanh_c_array = (
+            [[step.numpy() for step in whole.unbind()] for whole in kept] for kept in (gates, c, tanh_c)
+        )
         self.z = torch.empty(shape.n_leads, m, n, w)  # of the head, before phi
         self.q = torch.zeros(shape.n_leads, m, n + _FILLED, w)  # after it, and the 1 of the bias
         self.q[:, :, n] = 1.0
@@ -127,7 +137,7 @@ class Decoded(torch.autograd.Function):
         weights = packed(named, space.shape.width)
         ctx.context = space, space.n_runs, reads, mask, phi, weights
         shape, top = space.shape, space.shape.n_layers - 1
-        turned = [_scaled(cell, shape).transpose(1, 2).contiguous() for cell in weights.cells]
+        turned = [cell.transpose(1, 2).contiguous() for cell in weights.cells]
         hidden, out = weights.hidden.transpose(1, 2), weights.out.transpose(1, 2)
         n = shape.width
         for step in range(shape.n_steps):
@@ -175,30 +185,17 @@ class Decoded(torch.autograd.Function):
         return (None, None, None, None, None, *found)
 
 
-def _scaled(cell: Tensor, shape: Shape) -> Tensor:
-    """The matrix with what goes into a tanh doubled: ``tanh(v) = 2 sigmoid(2 v) - 1``, and a sigmoid is much faster."""
-    if shape.kind == "rnn":
-        return 2.0 * cell
-    return torch.cat([cell[..., : 3 * shape.width], 2.0 * cell[..., 3 * shape.width :]], dim=2)
-
-
 def _advance(space: Space, turned: Tensor, layer: int, step: int) -> None:
     """One step of one layer: torch's documented RNN cell (tanh) or LSTM cell, gates in the order i, f, o, g."""
-    shape, n = space.shape, space.shape.width
-    gates = torch.bmm(turned, space.columns[layer][step], out=space.gates[layer][step]).sigmoid_()
-    own = space.columns[layer][step + 1][:, :n]
-    if shape.kind == "rnn":
-        torch.sub(gates.mul_(2.0), 1.0, out=gates)
-        own.copy_(gates)
+    torch.bmm(turned, space.column[layer][step], out=space.gate[layer][step])
+    gates, own = space.gate_array[layer][step], space.own_array[layer][step + 1]
+    if space.shape.kind == "rnn":
+        rnn_forward(gates, own)
     else:
-        i, f, o, g = gates.split(n, dim=1)
-        g.mul_(2.0).sub_(1.0)
-        c, tanh_c = space.c[layer][step + 1], space.tanh_c[layer][step]
-        torch.mul(f, space.c[layer][step], out=c).addcmul_(i, g)
-        torch.mul(c, 2.0, out=tanh_c).sigmoid_().mul_(2.0).sub_(1.0)
-        torch.mul(o, tanh_c, out=own)
-    if layer + 1 < shape.n_layers:
-        space.columns[layer + 1][step][:, n + 1 : 2 * n + 1] = own
+        c = space.c_array[layer]
+        lstm_forward(gates, c[step], c[step + 1], space.tanh_c_array[layer][step], own)
+    if layer + 1 < space.shape.n_layers:
+        space.above[layer][step].copy_(space.own[layer][step + 1])
 
 
 class _Backward:
@@ -209,10 +206,12 @@ class _Backward:
         m, n, w = shape.n_members, shape.width, shape.n_windows
         self.space, self.weights = space, weights
         self.dh = [torch.zeros(m, n, w) for _ in range(shape.n_layers)]
-        self.dc = [torch.zeros(m, n, w) for _ in range(shape.n_layers)]
+        self.dc = [torch.zeros(m, n, w).numpy() for _ in range(shape.n_layers)]
         self.dz = torch.empty(m, n * _GATES[shape.kind], w)
-        self.scratch = torch.empty(m, n, w)
+        self.dz_turned = self.dz.transpose(1, 2)
+        self.dh_array, self.dz_array = [dh.numpy() for dh in self.dh], self.dz.numpy()
         self.d_column = [torch.empty(m, shape.rows(layer), w) for layer in range(shape.n_layers)]
+        self.d_own = [d_column[:, :n] for d_column in self.d_column]
         self.d_out = torch.zeros(m, weights.out.shape[2], w)
         self.d_head = Weights(
             [torch.zeros_like(cell) for cell in weights.cells],
@@ -228,30 +227,14 @@ class _Backward:
     def step(self, layer: int, step: int) -> None:
         """Take one layer one step back."""
         n, space = self.space.shape.width, self.space
-        dz = self._cell(layer, step)
-        self.d_head.cells[layer].baddbmm_(space.columns[layer][step], dz.transpose(1, 2))
-        d_column = torch.bmm(self.weights.cells[layer], dz, out=self.d_column[layer])
-        self.dh[layer].copy_(d_column[:, :n])
+        gates, dh, dz = space.gate_array[layer][step], self.dh_array[layer], self.dz_array
+        if space.shape.kind == "rnn":
+            rnn_backward(gates, dh, dz)
+        else:
+            c, tanh_c = space.c_array[layer][step], space.tanh_c_array[layer][step]
+            lstm_backward(gates, c, tanh_c, dh, self.dc[layer], dz)
+        self.d_head.cells[layer].baddbmm_(space.column[layer][step], self.dz_turned)
+        torch.bmm(self.weights.cells[layer], self.dz, out=self.d_column[layer])
+        self.dh[layer].copy_(self.d_own[layer])
         if layer:
-            self.dh[layer - 1].add_(d_column[:, n + 1 : 2 * n + 1])
-
-    def _cell(self, layer: int, step: int) -> Tensor:
-        """The gradient before the gates' sigmoid and tanh."""
-        n, gates, dh, dz = self.space.shape.width, self.space.gates[layer][step], self.dh[layer], self.dz
-        aten = torch.ops.aten
-        if self.space.shape.kind == "rnn":
-            return aten.tanh_backward.grad_input(dh, gates, grad_input=dz)
-        i, f, o, g = gates.split(n, dim=1)
-        di, df, do, dg = dz.split(n, dim=1)
-        dc, tanh_c = self.dc[layer], self.space.tanh_c[layer][step]
-        torch.mul(dh, tanh_c, out=do)
-        torch.mul(dh, o, out=self.scratch)
-        dc.add_(aten.tanh_backward.grad_input(self.scratch, tanh_c, grad_input=self.scratch))
-        torch.mul(dc, g, out=di)
-        torch.mul(dc, self.space.c[layer][step], out=df)
-        torch.mul(dc, i, out=dg)
-        dc.mul_(f)
-        sigmoids = dz[:, : 3 * n]
-        aten.sigmoid_backward.grad_input(sigmoids, gates[:, : 3 * n], grad_input=sigmoids)
-        aten.tanh_backward.grad_input(dg, g, grad_input=dg)
-        return dz
+            self.dh[layer - 1].add_(self.d_column[layer][:, n + 1 : 2 * n + 1])
