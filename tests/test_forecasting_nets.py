@@ -290,7 +290,9 @@ def test_the_written_gradient_of_decoding_is_the_automatic_one(kind, reads_zeta,
     for member in range(2):
         loss = 0.0
         for w in range(7):
-            named = {name: value[member, :, :4] if name == "out.weight" else value[member] for name, value in weights.items()}
+            named = {
+                name: value[member, :, :4] if name == "out.weight" else value[member] for name, value in weights.items()
+            }
             window = [inputs[name][member, w] for name in ("zeta", "past", "future", "base")]
             found = _differentiable_loop(spec, named, mask[member, :, :, w], _TORCH[activation], *window)
             loss = loss + ((found - aim[member, w]) ** 2).sum()

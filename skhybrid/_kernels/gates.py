@@ -6,6 +6,7 @@ Arrays are float32 of shape (n_members, n_rows, n_windows), windows contiguous.
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -19,7 +20,7 @@ _END = np.float32(9.1)
 
 
 def _continued_fraction(n_terms: int) -> tuple[tuple[np.float32, ...], tuple[np.float32, ...]]:
-    """Lambert's ``tanh x = x / (1 + x^2 / (3 + x^2 / (5 + ...)))`` as a quotient of polynomials in x^2, lowest first."""
+    """Lambert's ``tanh x = x / (1 + x^2 / (3 + x^2 / (5 + ...)))`` as a quotient of polynomials in x^2."""
     above, below = [Fraction(1)], [Fraction(2 * n_terms - 1)]
     for k in range(n_terms - 1, 0, -1):
         longer = [Fraction(0)] * max(len(below), len(above) + 1)
@@ -38,7 +39,7 @@ _Q0, _Q1, _Q2, _Q3, _Q4, _Q5, _Q6 = _BELOW
 
 
 @compiled_elements
-def tanh32(x: float) -> float:
+def tanh32(x: Any) -> Any:
     """``tanh x`` in float32, without a branch or a call; NaN stays NaN."""
     x = -_END if x < -_END else x
     x = _END if x > _END else x
@@ -50,7 +51,7 @@ def tanh32(x: float) -> float:
 
 @compiled_elements
 def lstm_forward(gates: ndarray, c_before: ndarray, c: ndarray, tanh_c: ndarray, h: ndarray) -> None:
-    """One step of LSTM cells: gates i, f, o, g (rows in this order) are activated in place; c, tanh(c) and h are written.
+    """One step of LSTM cells: gates i, f, o, g (rows in this order) are activated in place; the others are written.
 
     ``c = f c_before + i g``, ``h = o tanh(c)``.
     """

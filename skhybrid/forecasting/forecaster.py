@@ -22,7 +22,7 @@ from .rivals import LastWeek, LinearSchedule, Persistence, WeeklyProfile
 
 if TYPE_CHECKING:
     from .trained import TrainedNetwork
-    from .training import TrainedJob
+    from .training import TrainedJob, TrainingJob
 
 BASELINES: dict[str, Any] = {
     "profile": WeeklyProfile,
@@ -333,14 +333,15 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """A network is trained on what a baseline of the earlier rows leaves over; it forecasts on that of all rows."""
-        from .training import TrainingJob, chronological_split  # torch loads here
+        from .training import TrainingJob as Job
+        from .training import chronological_split  # torch loads here
 
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
             base = self._shared_baseline(table, target, split.train_end, shared)
         self._base = base if self.residual_of is None else self._shared_baseline(table, target, table.n_rows, shared)
-        return TrainingJob(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
+        return Job(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
 
     def _shared_baseline(self, table: ZoneTable, target: np.ndarray, n_rows: int, shared: dict[Any, Any]) -> Any:
         """The baseline of the first ``n_rows``, which ``shared`` may have."""

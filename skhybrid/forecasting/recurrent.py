@@ -2,8 +2,8 @@
 
 torch's automatic gradient remembers some twenty tensors a step and adds up a gradient of the weights at each; here a
 step is one product of matrices a layer and one pass over the gates (:mod:`skhybrid._kernels.gates`), and what the
-gradient needs is kept in memory that the next batch uses again.  Numbers lie as (n_members, n_rows, n_windows): windows last, so that every gate of a
-member is one run of memory.
+gradient needs is kept in memory that the next batch uses again.  Numbers lie as (n_members, n_rows, n_windows): windows
+last, so that every gate of a member is one run of memory.
 
 A layer's product reads at every step the column ``[own state, 1, input, filling]``, of which the 1 multiplies the bias.
 """
