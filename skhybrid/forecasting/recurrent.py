@@ -71,7 +71,7 @@ class Space:
         self.own = [[step[:, :n] for step in layer] for layer in self.column]
         self.above = [[step[:, n + 1 : 2 * n + 1] for step in layer] for layer in self.column[1:]]
         self.gate = [whole.unbind() for whole in gates]
-        self.own_array = [[step.numpy() for step in layer] for layer in self.own]
+        self.column_array = [[step.numpy() for step in layer] for layer in self.column]
         self.gate_array, self.c_array, self.tanh_c_array = (
             [[step.numpy() for step in whole.unbind()] for whole in kept] for kept in (gates, c, tanh_c)
         )
@@ -188,12 +188,12 @@ class Decoded(torch.autograd.Function):
 def _advance(space: Space, turned: Tensor, layer: int, step: int) -> None:
     """One step of one layer: torch's documented RNN cell (tanh) or LSTM cell, gates in the order i, f, o, g."""
     torch.bmm(turned, space.column[layer][step], out=space.gate[layer][step])
-    gates, own = space.gate_array[layer][step], space.own_array[layer][step + 1]
+    gates, column = space.gate_array[layer][step], space.column_array[layer][step + 1]
     if space.shape.kind == "rnn":
-        rnn_forward(gates, own)
+        rnn_forward(gates, column)
     else:
         c = space.c_array[layer]
-        lstm_forward(gates, c[step], c[step + 1], space.tanh_c_array[layer][step], own)
+        lstm_forward(gates, c[step], c[step + 1], space.tanh_c_array[layer][step], column)
     if layer + 1 < space.shape.n_layers:
         space.above[layer][step].copy_(space.own[layer][step + 1])
 
