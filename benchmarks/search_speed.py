@@ -222,8 +222,8 @@ def main() -> None:
         COMMAND,
         {"Blocks": pd.DataFrame(rows).T.rename_axis("framework")},
         f"make_office, {N_DAYS} days by the hour.  Every size of paper 3.2 (36) for {chosen}.  Both search in two "
-        f"worker processes of one thread each, on batches of {TRAINING['batch_size']}, with the same validation block and "
-        f"early stopping (patience {PATIENCE}, not reached in so few epochs), and score every candidate once.  "
+        f"worker processes of one thread each, on batches of {TRAINING['batch_size']}, with the same validation block "
+        f"and early stopping (patience {PATIENCE}, not reached in so few epochs), and score every candidate once.  "
         f"GridSearchCV: Pipeline of windows and NeuralNetRegressor (torch's own layers, default DataLoader).  "
         f"{N_ROUNDS} rounds in which they take turns: ratios of medians, then the lowest and the highest of rounds.  "
         "The load of the machine at the end: {:.1f} {:.1f} {:.1f}.  No GPU was at hand; both ran on processors.".format(

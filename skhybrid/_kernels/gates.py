@@ -1,7 +1,7 @@
 """The cells of RNN and LSTM, element by element, and their gradients: one pass over memory for a step.
 
-Arrays are float32 of shape (n_members, n_rows, n_windows) and contiguous: a view, whose last stride numba could not know,
-would be computed number by number, six times slower.
+Arrays are float32 of shape (n_members, n_rows, n_windows) and contiguous: a view, whose last stride numba could not
+know, would be computed number by number, six times slower.
 """
 
 from __future__ import annotations

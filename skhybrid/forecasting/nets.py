@@ -62,6 +62,12 @@ class NetworkSpec(NamedTuple):
         """What members of a stack must share: all but the activation and the share of dropout."""
         return self._replace(activation="", dropout=0.0)
 
+    def decoding(self, n_members: int, n_windows: int) -> Shape:
+        """Shape of a run of a recurrent network."""
+        n_inputs = self.n_past_columns + self.reads_zeta
+        width = len(_live(self.hidden_size))
+        return Shape(self.kind, self.n_layers, n_members, width, n_inputs, self.n_past, self.n_leads, n_windows)
+
 
 class _Layer(NamedTuple):
     """Weights of one layer of one member."""
@@ -289,11 +295,8 @@ class NetworkStack(nn.Module):
 
     def _space(self, n_windows: int) -> Space:
         """Memory of a run over so many windows."""
-        spec = self.spec
         if n_windows not in self._spaces:
-            n_inputs = spec.n_past_columns + spec.reads_zeta
-            sizes = (spec.n_layers, len(self.flat), self._width, n_inputs, spec.n_past, spec.n_leads, n_windows)
-            self._spaces[n_windows] = Space(Shape(spec.kind, *sizes))
+            self._spaces[n_windows] = Space(self.spec.decoding(len(self.flat), n_windows))
         return self._spaces[n_windows]
 
 

@@ -41,6 +41,13 @@ class Shape(NamedTuple):
         """Rows of history and horizon."""
         return self.n_past + self.n_leads
 
+    @property
+    def n_numbers(self) -> int:
+        """How many numbers a run keeps."""
+        kept = self.width * (_GATES[self.kind] + (2 if self.kind == "lstm" else 0))
+        each = sum(self.rows(layer) + kept for layer in range(self.n_layers))
+        return self.n_members * self.n_windows * self.n_steps * each
+
     def rows(self, layer: int) -> int:
         """Length of a layer's column."""
         n = self.width + 1 + (self.width if layer else self.n_inputs)
