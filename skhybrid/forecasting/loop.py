@@ -254,4 +254,6 @@ def train_stack(
             net.partial_fit(train)
     except _InterruptedError:
         raise KeyboardInterrupt from None
+    finally:
+        stack.release()
     return fitted.results(stack)

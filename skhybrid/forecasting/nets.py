@@ -226,6 +226,10 @@ class NetworkStack(nn.Module):
         self._phi, self._spaces = Activations([one.activation for one in self.specs]), {}
         self.flat = nn.Parameter(self.flat.detach()[rows])
 
+    def release(self) -> None:
+        """Give back the memory of runs, which may be hundreds of megabytes; the next run takes it anew."""
+        self._spaces.clear()
+
     # ------------------------------------------------------------------------------------------------------- equations
     def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
         """Forecast (n_members, n_windows, n_leads)."""
