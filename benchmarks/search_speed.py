@@ -1,6 +1,7 @@
 """Candidates a minute: ``fit_many`` beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
 
-Writes ``results/search_speed.md`` (about ten minutes): ``python benchmarks/search_speed.py``.
+Writes ``results/search_speed.md`` (more than a quarter of an hour on two busy cores):
+``python benchmarks/search_speed.py``.
 """
 
 from __future__ import annotations
