@@ -99,7 +99,8 @@ class PlainNetwork(nn.Module):
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
         self.kind, n = spec.kind, spec.hidden_size
-        head = [nn.ReLU(), nn.Dropout(spec.dropout)]
+        phi = {"relu": nn.ReLU, "selu": nn.SELU, "gelu": nn.GELU}[spec.activation]
+        head = [phi(), nn.Dropout(spec.dropout)]
         if spec.kind == "mlp":
             widths = [spec.flat_width, *[n] * spec.n_layers]
             hidden = [[nn.Linear(a, b), *head] for a, b in pairwise(widths)]
@@ -108,11 +109,11 @@ class PlainNetwork(nn.Module):
             layers: list[nn.Module] = [nn.Unflatten(1, (1, spec.flat_width))]
             for i in range(spec.n_layers + 1):
                 layers.append(nn.Conv1d(spec.n_channels if i else 1, spec.n_channels, spec.filter_size, padding=3))
-                layers += [nn.MaxPool1d(spec.pool_size)] * (spec.pool_size > 1) + [nn.ReLU()]
+                layers += [nn.MaxPool1d(spec.pool_size)] * (spec.pool_size > 1) + [phi()]
             self.body = nn.Sequential(*layers, nn.Flatten(), nn.LazyLinear(n), *head, nn.Linear(n, N_LEADS))
         else:
             cell = nn.RNN if spec.kind == "rnn" else nn.LSTM
-            self.cell = cell(N_COLUMNS + 1, n, num_layers=spec.n_layers, batch_first=True)
+            self.cell = cell(spec.n_past_columns + 1, n, num_layers=spec.n_layers, batch_first=True)
             self.body = nn.Sequential(nn.Linear(n, n), *head, nn.Linear(n, 1))
 
     def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:

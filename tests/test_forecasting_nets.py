@@ -111,8 +111,9 @@ def test_the_cell_is_torch_s_own(kind):
         cell.bias_hh_l0.zero_()
         x = torch.cat([inputs["zeta"][0, :, :-1, None], inputs["past"][0].transpose(1, 2)], dim=2)
         theirs = cell(x)[1] if kind == "rnn" else cell(x)[1][0]
-        ours = stack._encode(stack.weights(), x.transpose(0, 1)[None])[0][0]
-    np.testing.assert_allclose(ours[0], theirs[0], atol=1e-6)
+        stack(**inputs)
+        ours = stack._spaces[len(x)].columns[0][spec.n_past][0, :4].T  # the state that the first step ahead reads
+    np.testing.assert_allclose(ours, theirs[0], atol=1e-6)
 
 
 _TORCH = {"relu": nn.ReLU(), "selu": nn.SELU(), "gelu": nn.GELU()}
@@ -272,3 +273,63 @@ def test_windows_are_runs_of_padded_rows():
     wanted = np.array([padded[i : i + 3].T for i in range(7)])
     np.testing.assert_array_equal(windows, wanted)
     np.testing.assert_array_equal(padded_windows(values[:, 0], 2, 1, 3), wanted[:, 0])
+
+
+# ----------------------------------------------------------------------------------------------- the written gradient
+@pytest.mark.parametrize("kind", ["rnn", "lstm"])
+@pytest.mark.parametrize("reads_zeta", [True, False])
+@pytest.mark.parametrize("activation", list(_TORCH))
+def test_the_written_gradient_of_decoding_is_the_automatic_one(kind, reads_zeta, activation):
+    spec = _spec(kind, reads_zeta=reads_zeta, activation=activation, dropout=0.3, hidden_size=4)
+    stack, inputs = NetworkStack(spec, _generators(1, 2)).train(), _inputs(spec)
+    aim = torch.randn(2, 7, spec.n_leads, generator=_generators(0)[0])
+    ((stack(**inputs) - aim) ** 2).sum().backward()
+    twin = NetworkStack(spec, _generators(1, 2)).train()
+    mask = twin._mask(spec.n_leads, 4, 7)
+    weights = twin.weights()
+    for member in range(2):
+        loss = 0.0
+        for w in range(7):
+            named = {
+                name: value[member, :, :4] if name == "out.weight" else value[member] for name, value in weights.items()
+            }
+            window = [inputs[name][member, w] for name in ("zeta", "past", "future", "base")]
+            found = _differentiable_loop(spec, named, mask[member, :, :, w], _TORCH[activation], *window)
+            loss = loss + ((found - aim[member, w]) ** 2).sum()
+        loss.backward(retain_graph=True)
+    assert twin.flat.grad.abs().max() > 0
+    torch.testing.assert_close(stack.flat.grad, twin.flat.grad, rtol=1e-4, atol=1e-5)
+
+
+def _differentiable_loop(spec, weights, mask, phi, zeta, past, future, base):
+    """The plain loop above in torch, with dropout."""
+    n = spec.hidden_size
+    h, c = [[torch.zeros(n)] * spec.n_layers for _ in range(2)]
+    outputs = []
+    for k in range(spec.n_past + spec.n_leads):
+        lead = k - spec.n_past
+        before = zeta[k] if lead <= 0 else outputs[-1]
+        columns = past[:, k] if lead < 0 else future[:, lead]
+        x = torch.cat([before[None], columns]) if spec.reads_zeta else columns
+        for i in range(spec.n_layers):
+            gates = torch.cat([x, h[i]]) @ weights[f"cell{i}.weight"] + weights[f"cell{i}.bias"]
+            if spec.kind == "rnn":
+                h[i] = torch.tanh(gates)
+            else:
+                i_gate, f_gate, o_gate, g = gates.split(n)
+                c[i] = torch.sigmoid(f_gate) * c[i] + torch.sigmoid(i_gate) * torch.tanh(g)
+                h[i] = torch.sigmoid(o_gate) * torch.tanh(c[i])
+            x = h[i]
+        if lead >= 0:
+            z = phi(x @ weights["hidden.weight"] + weights["hidden.bias"]) * mask[lead]
+            outputs.append(base[lead] + (z @ weights["out.weight"] + weights["out.bias"])[0])
+    return torch.stack(outputs)
+
+
+def test_a_gradient_of_a_run_that_was_overwritten_is_refused():
+    spec = _spec("rnn")
+    stack, inputs = NetworkStack(spec, _generators(1, 2)), _inputs(spec)
+    first = stack(**inputs).sum()
+    stack(**inputs)
+    with pytest.raises(RuntimeError, match="has run again"):
+        first.backward()

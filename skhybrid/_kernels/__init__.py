@@ -2,6 +2,7 @@
 
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretize import Discrete, discretize, divided_difference
+from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward, tanh32
 from .kalman import Smoothed, kalman_track, smooth_states
 from .leads import (
     LeadSensitivity,
@@ -45,11 +46,16 @@ __all__ = [
     "lead_errors",
     "lead_rows",
     "lead_sensitivities",
+    "lstm_backward",
+    "lstm_forward",
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
+    "rnn_backward",
+    "rnn_forward",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",
     "smooth_states",
+    "tanh32",
 ]

@@ -4,7 +4,8 @@ Importing this loads neither torch nor skorch; a network loads them when it is f
 """
 
 from .arx import ARXRegressor
+from .batch import fit_many
 from .cases import ModelCase, list_cases, list_sizes
 from .forecaster import DisturbanceForecaster
 
-__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "list_cases", "list_sizes"]
+__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "fit_many", "list_cases", "list_sizes"]

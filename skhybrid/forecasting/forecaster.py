@@ -22,7 +22,7 @@ from .rivals import LastWeek, LinearSchedule, Persistence, WeeklyProfile
 
 if TYPE_CHECKING:
     from .trained import TrainedNetwork
-    from .training import TrainedJob
+    from .training import TrainedJob, TrainingJob
 
 BASELINES: dict[str, Any] = {
     "profile": WeeklyProfile,
@@ -243,12 +243,21 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ValueError
             If a parameter, the table or the target is refused (design 9).
         """
+        job = self._begin(X, y, {})
+        if job is not None:
+            from .training import train_networks  # torch loads here
+
+            self._take(train_networks([job], self.verbose)[0])
+        return self
+
+    def _begin(self, X: Any, y: Any, shared: dict[Any, Any]) -> TrainingJob | None:
+        """All of ``fit`` but the training of networks, which is handed back as a job; None where there is none.
+
+        ``shared`` keeps what other forecasters of the same X and y need as well: the table and fitted baselines.
+        """
         self._check_parameters()
         self.case_ = resolve_case(self.case, self.model) if self._is_network else None
-        table = self._read(X, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing)
-        if "zeta" not in table.history:
-            table = table.replace(history={**table.history, "zeta": target})
+        table, target = self._training_rows(X, y, shared)
         self._check_spans(table.step)
         self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
         self.sampling_time_ = table.step
@@ -256,9 +265,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.n_epochs_, self.network_weight_ = 0, 0.0
         self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "used"])
         self._network: TrainedNetwork | None = None
-        seed = draw_seed(self.random_state)
+        seed, job = draw_seed(self.random_state), None
         if self._is_network:
-            self._fit_network(table, target, seed)
+            job = self._begin_network(table, target, seed, shared)
         elif isinstance(self.model, str):
             self._base = self._fit_baseline(self.model, table, target)
         else:
@@ -267,7 +276,16 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self._level = float(np.nanmean(target))
         days = max(8, self.case_.pattern_days + 1 if self.case_ is not None else 0)
         self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None))
-        return self
+        return job
+
+    def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
+        """The training table with its history ``zeta``, and the target; the same objects for all who share them."""
+        table = self._read(X, reset=True)
+        target = read_target(y, table, max_missing=self.max_missing)
+        if "zeta" not in table.history:
+            table = table.replace(history={**table.history, "zeta": target})
+        key = ("rows", repr(self.columns), repr(self.sampling_time), tuple(table.inputs))
+        return shared.setdefault(key, (table, target))
 
     @property
     def _is_network(self) -> bool:
@@ -313,18 +331,25 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             return LinearForecaster().fit(table, target, self._n_leads)
         return BASELINES[name]().fit(table, target)
 
-    def _fit_network(self, table: ZoneTable, target: np.ndarray, seed: int) -> None:
-        """Train on what a baseline of the earlier rows leaves over; then fit that baseline on all rows."""
-        from .training import TrainingJob, chronological_split, train_networks  # torch loads here
+    def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
+        """A network is trained on what a baseline of the earlier rows leaves over; it forecasts on that of all rows."""
+        from .training import TrainingJob as Job
+        from .training import chronological_split  # torch loads here
 
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
-        early = slice(0, split.train_end)
-        base = None
+        early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
-            base = self._fit_baseline(self.residual_of, table.rows(early), target[early])
-        job = TrainingJob(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
-        self._take(train_networks([job], self.verbose)[0])
-        self._base = base if self.residual_of is None else self._fit_baseline(self.residual_of, table, target)
+            base = self._shared_baseline(table, target, split.train_end, shared)
+        self._base = base if self.residual_of is None else self._shared_baseline(table, target, table.n_rows, shared)
+        return Job(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
+
+    def _shared_baseline(self, table: ZoneTable, target: np.ndarray, n_rows: int, shared: dict[Any, Any]) -> Any:
+        """The baseline of the first ``n_rows``, which ``shared`` may have."""
+        key = ("baseline", id(table), self.residual_of, self._n_leads, n_rows)
+        if key not in shared:
+            rows = slice(0, n_rows)
+            shared[key] = self._fit_baseline(str(self.residual_of), table.rows(rows), target[rows])
+        return shared[key]
 
     def _take(self, trained: TrainedJob) -> None:
         self._network, self.network_weight_ = trained.network, trained.weight

@@ -22,6 +22,8 @@ from .windows import Batch, Batches, Windows
 #: a validation error counts as lower when it is lower by this share (skorch's own default).
 _THRESHOLD = 1e-4
 _MAX_NORM = 1.0
+#: windows of an MLP that are validated at once.
+_VALIDATED = 1024
 
 
 @lru_cache(maxsize=1)
@@ -75,7 +77,9 @@ class StackNet(NeuralNet):
 
     def get_iterator(self, dataset: Windows, training: bool = False) -> Batches:
         """Shuffled batches in training, the plain order otherwise."""
-        return Batches(dataset, self.batch_size, self.module_, shuffled=training)
+        whole = not training and self.module_.spec.kind == "mlp"  # the others need much memory a window
+        size = max(self.batch_size, _VALIDATED) if whole else self.batch_size
+        return Batches(dataset, size, self.module_, shuffled=training)
 
     def fit_loop(self, *args: Any, **kwargs: Any) -> StackNet:
         """Skorch's loop, which lets a user's interruption through: early stopping is the only one that is meant."""
@@ -250,4 +254,6 @@ def train_stack(
             net.partial_fit(train)
     except _InterruptedError:
         raise KeyboardInterrupt from None
+    finally:
+        stack.release()
     return fitted.results(stack)

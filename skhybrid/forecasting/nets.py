@@ -16,14 +16,16 @@ changed, and a member is to the bit what it would be alone, as long as windows c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-_ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F.selu, "gelu": F.gelu}
+from .activations import Activations
+from .recurrent import Decoded, Shape, Space
+
 #: Windows of a batch come in multiples of this, two vector registers' worth of numbers: what is left over at the end of
 #: a tensor is computed one by one, with other last bits, so that no member may begin in the middle of a register.
 ALIGNMENT = 32
@@ -54,6 +56,17 @@ class NetworkSpec(NamedTuple):
     def flat_width(self) -> int:
         """Length of the one-dimensional input vector of MLP and CNN."""
         return self.n_past * (self.n_past_columns + self.reads_zeta) + self.n_leads * self.n_future_columns
+
+    @property
+    def shape(self) -> NetworkSpec:
+        """What members of a stack must share: all but the activation and the share of dropout."""
+        return self._replace(activation="", dropout=0.0)
+
+    def decoding(self, n_members: int, n_windows: int) -> Shape:
+        """Shape of a run of a recurrent network."""
+        n_inputs = self.n_past_columns + self.reads_zeta
+        width = len(_live(self.hidden_size))
+        return Shape(self.kind, self.n_layers, n_members, width, n_inputs, self.n_past, self.n_leads, n_windows)
 
 
 class _Layer(NamedTuple):
@@ -127,8 +140,8 @@ class NetworkStack(nn.Module):
 
     Parameters
     ----------
-    spec : NetworkSpec
-        Shape of every member.
+    specs : NetworkSpec or sequence of NetworkSpec
+        Of every member, or one a member: they may differ in activation and dropout.
     generators : sequence of torch.Generator
         One a member: source of its initial weights and, later, of its dropout and batches.
     corrects : bool, default False
@@ -142,13 +155,24 @@ class NetworkStack(nn.Module):
         The number of each row, which stays when others are taken out.
     """
 
-    def __init__(self, spec: NetworkSpec, generators: Sequence[torch.Generator], corrects: bool = False) -> None:
+    def __init__(
+        self,
+        specs: NetworkSpec | Sequence[NetworkSpec],
+        generators: Sequence[torch.Generator],
+        corrects: bool = False,
+    ) -> None:
         super().__init__()
-        if spec.kind in _GATES and spec.n_past_columns != spec.n_future_columns:
-            raise ValueError("a recurrent network needs the same columns in past and future.")
-        self.spec = spec
         self.generators = list(generators)
         self.members = list(range(len(self.generators)))
+        self.specs = [specs] * len(self.members) if isinstance(specs, NetworkSpec) else list(specs)
+        spec = self.specs[0]
+        if spec.kind in _GATES and spec.n_past_columns != spec.n_future_columns:
+            raise ValueError("a recurrent network needs the same columns in past and future.")
+        if any(one.shape != spec.shape for one in self.specs):
+            raise ValueError("members of a stack must be of one shape.")
+        self.spec = spec
+        self._phi = Activations([one.activation for one in self.specs])
+        self._spaces: dict[int, Space] = {}  # of recurrent networks, by the number of windows
         self.layers = _LAYERS[spec.kind](spec)
         self._width = len(_live(spec.hidden_size))
         self._sizes: list[int] = []  # of each weight and of what fills it up
@@ -198,7 +222,13 @@ class NetworkStack(nn.Module):
         """Take the other members out; ``flat`` is another parameter after it."""
         self.generators = [self.generators[row] for row in rows]
         self.members = [self.members[row] for row in rows]
+        self.specs = [self.specs[row] for row in rows]
+        self._phi, self._spaces = Activations([one.activation for one in self.specs]), {}
         self.flat = nn.Parameter(self.flat.detach()[rows])
+
+    def release(self) -> None:
+        """Give back the memory of runs, which may be hundreds of megabytes; the next run takes it anew."""
+        self._spaces.clear()
 
     # ------------------------------------------------------------------------------------------------------- equations
     def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
@@ -211,22 +241,20 @@ class NetworkStack(nn.Module):
         body = self._mlp if self.spec.kind == "mlp" else self._cnn
         return base + body(weights, psi)[..., : self.spec.n_leads]
 
-    def _phi(self, z: Tensor) -> Tensor:
-        return _ACTIVATIONS[self.spec.activation](z)
-
     def _mask(self, *shape: int) -> Tensor | None:
         """Factors of dropout (n_members, *shape), each member's from its own generator; None where nothing drops."""
-        share = self.spec.dropout
-        if not self.training or share == 0.0:
+        shares = [spec.dropout for spec in self.specs]
+        if not self.training or not any(shares):
             return None
-        draws = torch.empty(len(self.generators), *shape)
-        for member, generator in zip(draws, self.generators, strict=True):
-            member.uniform_(generator=generator)
-        return draws.ge_(share).div_(1.0 - share)
+        mask = torch.ones(len(shares), *shape)
+        for member, share, generator in zip(mask, shares, self.generators, strict=True):
+            if share:
+                member.uniform_(generator=generator).ge_(share).mul_(1.0 / (1.0 - share))
+        return mask
 
     def _hidden(self, weights: dict[str, Tensor], name: str, z: Tensor, mask: Tensor | None) -> Tensor:
         """``dropout(phi(W z + b))``."""
-        z = self._phi(_linear(weights, name, z))
+        z = self._phi.apply(_linear(weights, name, z))
         return z if mask is None else z * mask
 
     def _mlp(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
@@ -247,7 +275,7 @@ class NetworkStack(nn.Module):
                 z = F.conv1d(z, weight[member], bias[member], padding=self.spec.filter_size // 2)
                 if _pooled(z.shape[2], self.spec) != z.shape[2]:
                     z = F.max_pool1d(z, self.spec.pool_size)
-                z = self._phi(z)
+                z = self._phi.of(member)(z)
             flattened.append(z.flatten(1))
         z = torch.stack(flattened)
         return self._head(weights, z, self._mask(z.shape[1], self._width))
@@ -261,64 +289,21 @@ class NetworkStack(nn.Module):
 
         The past is run with the measured disturbance; over the horizon the network's own outputs stand in for it.
         """
-        reads, n_leads = self.spec.reads_zeta, base.shape[2]
-        states = self._encode(weights, _steps(zeta[..., :-1] if reads else None, past))
-        own = weights["cell0.weight"][:, :1], weights["cell0.weight"][:, -self._width :]
-        recur = torch.cat(own, dim=1) if reads else own[1]
-        driven = _sequence(_steps(None, future), weights["cell0.weight"][:, int(reads) :], weights["cell0.bias"])
-        mask = self._mask(n_leads, base.shape[1], self._width)
-        masks = [None] * n_leads if mask is None else mask.unbind(1)
-        previous, outputs = zeta[..., -1:], []
-        for lead, inputs in enumerate(driven):
-            fed = torch.cat([previous, states[0][0]], dim=2) if reads else states[0][0]
-            states[0] = self._cell(torch.baddbmm(inputs, fed, recur), states[0][1])
-            for i in range(1, self.spec.n_layers):
-                fed = torch.cat([states[i - 1][0], states[i][0]], dim=2)
-                states[i] = self._cell(_linear(weights, f"cell{i}", fed), states[i][1])
-            previous = base[..., lead : lead + 1] + self._head(weights, states[-1][0], masks[lead])[..., :1]
-            outputs.append(previous)
-        return torch.cat(outputs, dim=2)
+        n_windows, n_leads = base.shape[1:]
+        space = self._space(n_windows)
+        space.load(zeta if self.spec.reads_zeta else None, past, future)
+        mask = self._mask(n_leads, self._width, n_windows)
+        turned = None if mask is None else mask.transpose(0, 1)
+        arguments = (space, base.permute(2, 0, 1).contiguous(), self.spec.reads_zeta, turned, self._phi)
+        return Decoded.apply(*arguments, *weights.values()).permute(1, 2, 0)
 
-    def _encode(self, weights: dict[str, Tensor], steps: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """Each layer's (h, c) after the past, from inputs (n_members, n_steps, n_windows, width)."""
-        states = []
-        n_members, _, n_windows, _ = steps.shape
-        for i in range(self.spec.n_layers):
-            weight = weights[f"cell{i}.weight"]
-            recur = weight[:, -self._width :]
-            h = c = steps.new_zeros(n_members, n_windows, self._width)
-            path = []
-            for inputs in _sequence(steps, weight, weights[f"cell{i}.bias"]):
-                h, c = self._cell(torch.baddbmm(inputs, h, recur), c)
-                path.append(h)
-            states.append((h, c))
-            if i + 1 < self.spec.n_layers:
-                steps = torch.stack(path, dim=1)
-        return states
-
-    def _cell(self, gates: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
-        """(h, c) after a step: torch's documented RNN cell (tanh) or LSTM cell, gates in the order i, f, o, g."""
-        if self.spec.kind == "rnn":
-            return torch.tanh(gates), c
-        n = self._width
-        i, f, o = torch.sigmoid(gates[..., : 3 * n]).split(n, dim=2)
-        c = torch.addcmul(f * c, i, torch.tanh(gates[..., 3 * n :]))
-        return o * torch.tanh(c), c
+    def _space(self, n_windows: int) -> Space:
+        """Memory of a run over so many windows."""
+        if n_windows not in self._spaces:
+            self._spaces[n_windows] = Space(self.spec.decoding(len(self.flat), n_windows))
+        return self._spaces[n_windows]
 
 
 def _linear(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
     """``W z + b`` of every member, (n_members, n_windows, n_out)."""
     return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])
-
-
-def _steps(zeta: Tensor | None, columns: Tensor) -> Tensor:
-    """(n_members, n_steps, n_windows, width) from (n_members, n_windows, [n_columns,] n_steps)."""
-    steps = columns.permute(0, 3, 1, 2)
-    return steps if zeta is None else torch.cat([zeta.transpose(1, 2)[..., None], steps], dim=3)
-
-
-def _sequence(steps: Tensor, weight: Tensor, bias: Tensor) -> tuple[Tensor, ...]:
-    """What the known inputs add to the gates, one (n_members, n_windows, n_gates) a step: one product for all steps."""
-    known = steps.reshape(steps.shape[0], -1, steps.shape[3])
-    driven = torch.baddbmm(bias[:, None], known, weight[:, : steps.shape[3]])
-    return driven.unflatten(1, steps.shape[1:3]).unbind(1)

@@ -16,6 +16,8 @@ from .nets import NetworkSpec, NetworkStack
 from .windows import padded_windows
 
 _PREDICT_WINDOWS = 2048
+#: recurrent networks read a multiple of this many inputs a row: the hour of week (four), two of weather, zeta and 1.
+_INPUTS = 8
 
 
 class Scaler(NamedTuple):
@@ -88,7 +90,9 @@ class TrainedNetwork:
         """
         spec, scaler = self.spec, self.scaler
         n_rounds = -(-n_leads // spec.n_leads)
-        views = window_views(table, self, expected, after=(n_rounds + 1) * spec.n_leads)
+        columns = columns_of(table, self.case, spec.kind, self.encoding)
+        after = (n_rounds + 1) * spec.n_leads
+        views = scaled_windows(table, *columns, scaler, expected, spec.n_past, spec.n_leads, after)
         chosen = torch.from_numpy(np.asarray(origins, dtype=np.int64))
         stack = self._stack()
         zeta = views["zeta"][chosen].expand(len(stack.members), -1, -1)
@@ -132,45 +136,58 @@ def evaluate(stack: NetworkStack, zeta: Tensor, inputs: dict[str, Tensor]) -> Te
     return torch.cat(parts, dim=1)
 
 
-def window_views(table: ZoneTable, network: Any, expected: np.ndarray | None, after: int) -> dict[str, Tensor]:
-    """Windows ``zeta``, ``past``, ``future`` of a table; window i has row i as its origin.
+def scaled_windows(
+    table: ZoneTable,
+    past: np.ndarray,
+    future: np.ndarray,
+    scaler: Scaler,
+    expected: np.ndarray | None,
+    n_past: int,
+    n_leads: int,
+    after: int,
+) -> dict[str, Tensor]:
+    """Windows ``zeta``, ``past``, ``future`` of a table in z-scores; window i has row i as its origin.
 
     Parameters
     ----------
     table : ZoneTable
         The rows.
-    network : TrainedNetwork or plan of one
-        ``spec``, ``case``, ``encoding`` and ``scaler``.
+    past, future : ndarray of shape (n_rows, n_columns)
+        Their columns (:func:`columns_of`).
+    scaler : Scaler
+        The z-scores.
     expected : ndarray of shape (n_rows,) or None
         What stands in for a missing disturbance; None: its mean.
+    n_past, n_leads : int
+        Rows of history and of the horizon.
     after : int
         Rows that are padded behind the table's end.
     """
-    spec, scaler = network.spec, network.scaler
     zeta = zeta_of(table)
     filled = np.where(np.isfinite(zeta), zeta, scaler.zeta_mean if expected is None else expected)
-    past, future = columns_of(table, network.case, spec.kind, network.encoding)
     past = (past - scaler.past_mean) / scaler.past_std
     future = (future - scaler.future_mean) / scaler.future_std
     return {
-        "zeta": padded_windows((filled - scaler.zeta_mean) / scaler.zeta_std, spec.n_past, after, spec.n_past + 1),
-        "past": padded_windows(past, spec.n_past - 1, after, spec.n_past),
-        "future": padded_windows(future, 0, after, spec.n_leads)[1:],
+        "zeta": padded_windows((filled - scaler.zeta_mean) / scaler.zeta_std, n_past, after, n_past + 1),
+        "past": padded_windows(past, n_past - 1, after, n_past),
+        "future": padded_windows(future, 0, after, n_leads)[1:],
     }
 
 
 def columns_of(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> tuple[np.ndarray, np.ndarray]:
     """Columns of the past and of the future, (n_rows, n_columns) each, without ``zeta``.
 
-    A recurrent network reads the same columns in both: one that a part does not name is 0 there.
+    A recurrent network reads the same columns in both: one that a part does not name is 0 there.  Further columns of 0
+    make their number the same for all of the paper's cases, so that networks of several cases fit into one stack.
     """
     past, future = (tuple(f for f in part if f != "zeta") for part in (case.past, case.future))
     if kind not in RECURRENT:
         return row_features(table, past, encoding), row_features(table, future, encoding)
     both = [f for f in case.features if f != "zeta"]
     blocks = [row_features(table, (feature,), encoding) for feature in both]
-    empty = [np.empty((table.n_rows, 0))]
+    n_read = sum(block.shape[1] for block in blocks) + 2  # zeta and the 1 of the bias are read with them
+    empty = [np.zeros((table.n_rows, -n_read % _INPUTS))]
     return (
-        np.hstack(empty + [block * (feature in past) for feature, block in zip(both, blocks, strict=True)]),
-        np.hstack(empty + [block * (feature in future) for feature, block in zip(both, blocks, strict=True)]),
+        np.hstack([block * (feature in past) for feature, block in zip(both, blocks, strict=True)] + empty),
+        np.hstack([block * (feature in future) for feature, block in zip(both, blocks, strict=True)] + empty),
     )

@@ -6,7 +6,7 @@ The validation block is the end of the training table, with a gap of one horizon
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
@@ -14,17 +14,19 @@ import torch
 from torch import Tensor
 
 from .._contract import ZoneTable
-from .cases import ModelCase
+from .cases import RECURRENT, ModelCase
 from .features import rows_per_day
 from .loop import LoopSettings, Trained, train_stack
 from .nets import NetworkSpec, NetworkStack
-from .trained import Scaler, TrainedNetwork, columns_of, evaluate, window_views
+from .trained import Scaler, TrainedNetwork, columns_of, evaluate, scaled_windows
 from .windows import Windows, padded_windows
 
 #: epochs of a table that is too short for a validation block to say when to stop.
 _BLIND_EPOCHS = 20
 #: networks of a stack; more of them leave the cache and gain nothing (``benchmarks/networks.py``).
 _MOST_MEMBERS = 20
+#: numbers that a stack of recurrent networks keeps (256 MiB); one member of many layers and days may need it all.
+_MOST_NUMBERS = 2**26
 
 
 class Split(NamedTuple):
@@ -79,24 +81,28 @@ class TrainedJob(NamedTuple):
     repeats: pd.DataFrame  # one row a seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``used``
 
 
+class _Data(NamedTuple):
+    """Z-scores and windows of a case, which all jobs of the same rows, baseline and case share."""
+
+    scaler: Scaler
+    n_past: int
+    n_columns: tuple[int, int]  # of past and future
+    train: Windows
+    valid: Windows | None
+
+
 class _Plan(NamedTuple):
-    """A job made ready: shape, z-scores, windows."""
+    """A job made ready."""
 
     job: TrainingJob
     spec: NetworkSpec
-    case: ModelCase
-    encoding: str
-    scaler: Scaler
     loop: LoopSettings
-    views: dict[str, Tensor]
-    target: Tensor
-    train: Tensor  # numbers of the windows that train
-    valid: Tensor | None
+    data: _Data
 
     @property
     def shape(self) -> tuple[Any, ...]:
         """What plans must share to be trained as one stack: the same windows by number, the same loop over them."""
-        return (self.spec, self.loop, self.job.base is not None, self.job.table.n_rows, self.job.split)
+        return (self.spec.shape, self.loop, self.job.base is not None, self.job.table.n_rows, self.job.split)
 
 
 def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[TrainedJob]:
@@ -114,55 +120,106 @@ def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[Traine
     list of TrainedJob
         In the order of the jobs; each to the bit what it would be if it were trained alone.
     """
-    plans = [_plan(job) for job in jobs]
-    groups: dict[tuple[Any, ...], list[tuple[int, int]]] = {}
-    for i, plan in enumerate(plans):
-        groups.setdefault(plan.shape, []).extend((i, seed) for seed in plan.job.seeds)
+    found = try_networks(jobs, verbose)
+    for one in found:
+        if isinstance(one, Exception):
+            raise one
+    return cast(list[TrainedJob], found)
+
+
+def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[TrainedJob | Exception]:
+    """:func:`train_networks`, with the exception in the place of what could not be trained."""
+    plans: dict[int, _Plan] = {}
+    results: dict[int, TrainedJob | Exception] = {}
+    shared: dict[Any, _Data] = {}
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for i, job in enumerate(jobs):
+        try:
+            plans[i] = _plan(job, shared)
+        except Exception as error:
+            results[i] = error
+        else:
+            groups.setdefault(plans[i].shape, []).append(i)
+    for numbers in groups.values():
+        try:
+            results |= _train_group({i: plans[i] for i in numbers}, verbose)
+        except Exception as error:
+            results |= dict.fromkeys(numbers, error)
+    return [results[i] for i in range(len(jobs))]
+
+
+def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, TrainedJob | Exception]:
+    """Train plans of one shape in stacks of a size that suits the cache; neighbours are of one activation."""
+    ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
+    members = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], Trained] = {}
-    for members in groups.values():
-        for start in range(0, len(members), _MOST_MEMBERS):
-            part = members[start : start + _MOST_MEMBERS]
-            found.update(zip(part, _train(plans, part, verbose), strict=True))
-    return [_finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in enumerate(plans)]
+    most, first = _MOST_MEMBERS, plans[ordered[0]]
+    if first.spec.kind in RECURRENT:
+        most = min(most, max(1, _MOST_NUMBERS // first.spec.decoding(1, first.loop.batch_size).n_numbers))
+    n_stacks = -(-len(members) // most)
+    for part in np.array_split(np.arange(len(members)), n_stacks):
+        chosen = [members[k] for k in part]
+        found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
+    return {i: _finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in plans.items()}
 
 
-def _train(plans: Sequence[_Plan], members: Sequence[tuple[int, int]], verbose: int) -> list[Trained]:
+def _train(members: Sequence[tuple[_Plan, int]], verbose: int) -> list[Trained]:
     """Train (plan, seed) pairs of equal shape as one stack."""
-    mine = [plans[i] for i, _ in members]
-    shared = all(plan is mine[0] for plan in mine)
-    parts = mine[:1] if shared else mine
-    views, targets = [plan.views for plan in parts], [plan.target for plan in parts]
-    first = mine[0]
-    train = Windows(views, targets, first.train)
-    valid = None if first.valid is None else Windows(views, targets, first.valid)
+    plans = [plan for plan, _ in members]
+    first = plans[0]
+    train = Windows.of([plan.data.train for plan in plans])
+    validating = [plan.data.valid for plan in plans if plan.data.valid is not None]
+    valid = Windows.of(validating) if validating else None
     generators = [torch.Generator().manual_seed(seed) for _, seed in members]
-    stack = NetworkStack(first.spec, generators, corrects=first.job.base is not None)
+    stack = NetworkStack([plan.spec for plan in plans], generators, corrects=first.job.base is not None)
     return train_stack(stack, train, valid, first.loop, verbose)
 
 
 # ------------------------------------------------------------------------------------------------------- before, after
-def _plan(job: TrainingJob) -> _Plan:
+def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
+    """Shape and loop of a job, and its windows, which ``shared`` may have from a job before."""
+    settings, family = job.settings, job.settings.model in RECURRENT
+    key = (id(job.table), id(job.target), id(job.base), settings.case_, settings.time_encoding, family, job.split)
+    if (*key, job.n_leads) not in shared:
+        shared[*key, job.n_leads] = _data(job)
+    data = shared[*key, job.n_leads]
+    epochs = settings.max_epochs if data.valid is not None else min(settings.max_epochs, _BLIND_EPOCHS)
+    loop = LoopSettings(settings.learning_rate, settings.batch_size, epochs, settings.patience)
+    return _Plan(job, _spec_of(job, data), loop, data)
+
+
+def _data(job: TrainingJob) -> _Data:
     """Z-scores of the training block, and all windows by them."""
     settings, split, n_leads, n_rows = job.settings, job.split, job.n_leads, job.table.n_rows
     case: ModelCase = settings.case_
     past, future = columns_of(job.table, case, settings.model, settings.time_encoding)
     early = slice(0, split.train_end)
     scaler = Scaler.of(job.target[early], past[early], future[early])
-    spec = _spec_of(job, past.shape[1], future.shape[1])
+    n_past = int(case.pattern_days) * rows_per_day(job.table.step)
     # A window whose past is mostly padding teaches little: it is used only where windows are few.
-    first = min(spec.n_past - 1, split.train_end // 4)
-    valid, last, epochs = None, n_rows - 1, min(settings.max_epochs, _BLIND_EPOCHS)
-    if split.valid_start is not None:
-        valid = torch.arange(split.valid_start - 1, n_rows - n_leads)
-        last, epochs = split.train_end - n_leads, settings.max_epochs
-    loop = LoopSettings(settings.learning_rate, settings.batch_size, epochs, settings.patience)
-    train = torch.arange(first, max(last, first + 1))
-    plan = _Plan(job, spec, case, settings.time_encoding, scaler, loop, {}, torch.empty(0), train, valid)
+    first = min(n_past - 1, split.train_end // 4)
+    last = n_rows - 1 if split.valid_start is None else split.train_end - n_leads
     ahead = np.append((job.target - scaler.zeta_mean) / scaler.zeta_std, np.full(n_leads, np.nan))
-    return plan._replace(views=_views(plan), target=padded_windows(ahead[1:], 0, 0, n_leads))
+    expected = None if job.base is None else job.base.expected(job.table)
+    views = scaled_windows(job.table, past, future, scaler, expected, n_past, n_leads, after=n_leads)
+    views["base"] = _base_windows(job, scaler)
+    targets = padded_windows(ahead[1:], 0, 0, n_leads)
+    train = Windows([views], [targets], torch.arange(first, max(last, first + 1)))
+    valid = None
+    if split.valid_start is not None:
+        valid = train.choosing(torch.arange(split.valid_start - 1, n_rows - n_leads))
+    return _Data(scaler, n_past, (past.shape[1], future.shape[1]), train, valid)
 
 
-def _spec_of(job: TrainingJob, n_past_columns: int, n_future_columns: int) -> NetworkSpec:
+def _base_windows(job: TrainingJob, scaler: Scaler) -> Tensor:
+    """The baseline's forecast from every row, 0 where there is none."""
+    if job.base is None:
+        return torch.zeros(job.table.n_rows, job.n_leads)
+    forecast = job.base.forecast(job.table, np.arange(job.table.n_rows), job.n_leads)
+    return torch.from_numpy(((forecast - scaler.zeta_mean) / scaler.zeta_std).astype(np.float32))
+
+
+def _spec_of(job: TrainingJob, data: _Data) -> NetworkSpec:
     settings, case = job.settings, job.settings.case_
     sizes = {name: getattr(settings, name) for name in ("n_layers", "hidden_size", "activation", "dropout")}
     for name in ("n_channels", "filter_size", "pool_size"):
@@ -170,25 +227,13 @@ def _spec_of(job: TrainingJob, n_past_columns: int, n_future_columns: int) -> Ne
         sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
     return NetworkSpec(
         kind=settings.model,
-        n_past=int(case.pattern_days) * rows_per_day(job.table.step),
+        n_past=data.n_past,
         n_leads=job.n_leads,
-        n_past_columns=n_past_columns,
-        n_future_columns=n_future_columns,
+        n_past_columns=data.n_columns[0],
+        n_future_columns=data.n_columns[1],
         reads_zeta="zeta" in case.past,
         **sizes,
     )
-
-
-def _views(plan: _Plan) -> dict[str, Tensor]:
-    """Windows of the training table, with the baseline's forecast from every row."""
-    job, scaler, n_rows = plan.job, plan.scaler, plan.job.table.n_rows
-    expected = None if job.base is None else job.base.expected(job.table)
-    views = window_views(job.table, plan, expected, after=job.n_leads)
-    scaled = np.zeros((n_rows, job.n_leads))
-    if job.base is not None:
-        baseline = job.base.forecast(job.table, np.arange(n_rows), job.n_leads)
-        scaled = (baseline - scaler.zeta_mean) / scaler.zeta_std
-    return views | {"base": torch.from_numpy(scaled.astype(np.float32))}
 
 
 def _finish(plan: _Plan, found: Sequence[Trained]) -> TrainedJob:
@@ -198,10 +243,11 @@ def _finish(plan: _Plan, found: Sequence[Trained]) -> TrainedJob:
     used = list(range(len(found))) if plan.job.settings.repeats == "mean" else [best]
     weights = {name: torch.stack([found[i].weights[name] for i in used]) for name in found[0].weights}
     arrays = {name: value.numpy() for name, value in weights.items()}
-    network = TrainedNetwork(plan.spec, plan.case, plan.encoding, plan.scaler, arrays)
+    settings = plan.job.settings
+    network = TrainedNetwork(plan.spec, settings.case_, settings.time_encoding, plan.data.scaler, arrays)
     weight = 1.0
     if plan.job.base is not None:
-        weight = 0.0 if plan.valid is None else _correction_weight(plan, weights)
+        weight = 0.0 if plan.data.valid is None else _correction_weight(plan, weights)
     repeats = pd.DataFrame(
         {
             "seed": plan.job.seeds,
@@ -221,13 +267,13 @@ def _correction_weight(plan: _Plan, weights: dict[str, Tensor]) -> float:
     """
     n_members = len(next(iter(weights.values())))
     stack = NetworkStack(plan.spec, [torch.Generator() for _ in range(n_members)]).set_weights(weights).eval()
-    inputs = {name: view[plan.valid] for name, view in plan.views.items()}
+    inputs = cast(Windows, plan.data.valid).whole()
+    target, known = inputs.pop("target"), inputs.pop("known").bool()
     zeta = inputs.pop("zeta").expand(n_members, -1, -1)
-    target = plan.target[plan.valid]
     correction = evaluate(stack, zeta, inputs).mean(dim=0).double() - inputs["base"].double()
-    left = (target - inputs["base"]).double()
-    correction = torch.where(torch.isfinite(left), correction, 0.0)
-    cross = (correction * torch.nan_to_num(left)).sum(dim=1).numpy()
+    left = torch.where(known, (target - inputs["base"]).double(), 0.0)
+    correction = torch.where(known, correction, 0.0)
+    cross = (correction * left).sum(dim=1).numpy()
     power = (correction**2).sum(dim=1).numpy()
     return discounted_share(cross, power, n_blocks=max(2, len(target) // target.shape[1]))
 

@@ -46,6 +46,25 @@ class Windows(torch.utils.data.Dataset):
         ]
         self.chosen = chosen
 
+    @classmethod
+    def of(cls, each: Sequence[Windows]) -> Windows:
+        """One data set for a stack of which each member has its own; the same window numbers are chosen in all."""
+        shared = all(one is each[0] for one in each)
+        return each[0]._with([one.parts[0] for one in (each[:1] if shared else each)], each[0].chosen)
+
+    def choosing(self, chosen: Tensor) -> Windows:
+        """Other windows of the same table."""
+        return self._with(self.parts, chosen)
+
+    def _with(self, parts: list[dict[str, Tensor]], chosen: Tensor) -> Windows:
+        other = Windows.__new__(Windows)
+        other.parts, other.chosen = parts, chosen
+        return other
+
+    def whole(self) -> dict[str, Tensor]:
+        """All chosen windows of the first table, in order, with ``target`` and ``known``."""
+        return {name: view[self.chosen] for name, view in self.parts[0].items()}
+
     def __len__(self) -> int:
         return len(self.chosen)
 

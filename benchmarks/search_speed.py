@@ -1,0 +1,237 @@
+"""Candidates a minute: ``fit_many`` beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
+
+Writes ``results/search_speed.md`` (more than a quarter of an hour on two busy cores):
+``python benchmarks/search_speed.py``.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import psutil
+import torch
+from _network_loops import PlainNetwork
+from _report import write_table
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.model_selection import GridSearchCV, ParameterGrid
+from sklearn.pipeline import Pipeline
+from skorch import NeuralNetRegressor
+from skorch.callbacks import EarlyStopping
+
+from skhybrid.datasets import make_office
+from skhybrid.forecasting import DisturbanceForecaster, fit_many, list_sizes
+from skhybrid.forecasting.cases import resolve_case
+from skhybrid.forecasting.nets import NetworkSpec
+from skhybrid.forecasting.trained import columns_of
+from skhybrid.forecasting.training import chronological_split
+
+COMMAND = "python benchmarks/search_speed.py"
+#: cases of a block and its epochs: every size of paper 3.2 for each of them.
+BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 2)}
+N_DAYS, N_LEADS, PATIENCE, N_ROUNDS = 28, 24, 150, 3
+TRAINING = {"learning_rate": 0.003, "batch_size": 128, "validation_fraction": 0.2}
+
+
+def hourly_office() -> tuple[pd.DataFrame, pd.Series]:
+    """Four weeks of the paper's office by the hour, with its true heat gain as the disturbance."""
+    office = make_office(n_days=N_DAYS, random_state=0)
+    X = office.X[["T_oa", "q_sol"]].resample("1h").mean()
+    zeta = office.heat_gain.resample("1h").mean().rename("zeta")
+    return X.assign(zeta=zeta), zeta
+
+
+# --------------------------------------------------------------------------------------------------------------- plain
+class CaseWindows(TransformerMixin, BaseEstimator):
+    """The windows of a case as one flat row each: what a Pipeline computes again for every candidate."""
+
+    def __init__(self, model: str = "mlp", case: str = "case01") -> None:
+        self.model = model
+        self.case = case
+
+    def fit(self, X: Any, y: Any = None) -> CaseWindows:
+        """The table is given whole; which rows train, the split says."""
+        self.n_rows_ = len(X)
+        return self
+
+    def transform(self, X: Any) -> np.ndarray:
+        """(n_windows, zeta, past columns, future columns), z-scores."""
+        reader = DisturbanceForecaster(self.model, self.case)
+        reader.case_ = resolve_case(self.case, self.model)
+        past, future = (
+            _z_scores(c) for c in columns_of(reader._read(X, reset=True), reader.case_, self.model, "cyclic")
+        )
+        n_past = 24 * reader.case_.pattern_days
+        zeta = _z_scores(X["zeta"].to_numpy())
+        parts = [
+            _windows(zeta[:, None], n_past, 1, n_past + 1),
+            _windows(past, n_past - 1, 0, n_past),
+            _windows(future, 0, N_LEADS, N_LEADS)[1:],
+        ]
+        return np.hstack([part[: len(X)].reshape(len(X), -1) for part in parts]).astype(np.float32)
+
+
+def _z_scores(columns: np.ndarray) -> np.ndarray:
+    return (columns - columns.mean(axis=0)) / np.maximum(columns.std(axis=0), 1e-9)
+
+
+def _windows(values: np.ndarray, before: int, after: int, width: int) -> np.ndarray:
+    padded = np.pad(values, [(before, after), (0, 0)])
+    return np.lib.stride_tricks.sliding_window_view(padded, width, axis=0)
+
+
+class FlatNetwork(PlainNetwork):
+    """The network from torch's own layers, which cuts its inputs out of a flat row."""
+
+    def __init__(self, model: str, case: str, n_columns: int, n_layers: int, hidden_size: int, activation: str) -> None:
+        n_past = 24 * resolve_case(case, model).pattern_days
+        super().__init__(
+            NetworkSpec(
+                model, n_past, N_LEADS, n_columns, n_columns, True, n_layers, hidden_size, activation, 0.1, 0, 0, 0
+            )
+        )
+        self.n_past, self.n_columns = n_past, n_columns
+
+    def forward(self, rows: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        """Forecast (n_windows, n_leads)."""
+        sizes = [self.n_past + 1, self.n_columns * self.n_past, self.n_columns * N_LEADS]
+        zeta, past, future = rows.split(sizes, dim=1)
+        shape = (len(rows), self.n_columns, -1)
+        return super().forward(zeta, past.reshape(shape), future.reshape(shape), zeta)
+
+
+def _halves(dataset: Any, y: Any = None) -> tuple[Any, Any]:
+    """The windows that train and those that say when to stop, as ``DisturbanceForecaster`` cuts them."""
+    split = chronological_split(len(dataset), N_LEADS, TRAINING["validation_fraction"], 24)
+    train, valid = np.arange(23, split.train_end - N_LEADS), np.arange(split.valid_start - 1, len(dataset) - N_LEADS)
+    return torch.utils.data.Subset(dataset, train), torch.utils.data.Subset(dataset, valid)
+
+
+def plain_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
+    """``GridSearchCV`` of two processes over a Pipeline of windows and a skorch net."""
+    cases, n_epochs = BLOCKS[model]
+    net = NeuralNetRegressor(
+        FlatNetwork,
+        module__model=model,
+        optimizer=torch.optim.Adam,
+        lr=TRAINING["learning_rate"],
+        batch_size=TRAINING["batch_size"],
+        max_epochs=n_epochs,
+        train_split=_halves,
+        iterator_train__shuffle=True,
+        callbacks=[EarlyStopping(patience=PATIENCE, load_best=True)],
+        verbose=0,
+    )
+    pipeline = Pipeline([("windows", CaseWindows(model)), ("net", net)])
+    grid = []
+    for case in cases:
+        reader = DisturbanceForecaster(model, case)
+        reader.case_ = resolve_case(case, model)
+        n_columns = columns_of(reader._read(X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
+        fixed = {"windows__case": [case], "net__module__case": [case], "net__module__n_columns": [n_columns]}
+        grid.append(fixed | {f"net__module__{name}": values for name, values in list_sizes(model).items()})
+    targets = _windows(_z_scores(y.to_numpy())[:, None], 0, N_LEADS, N_LEADS)[1:, 0].astype(np.float32)
+    rows = np.arange(len(X))
+    search = GridSearchCV(
+        pipeline, grid, cv=[(rows, rows)], scoring="neg_mean_squared_error", n_jobs=2, refit=False, error_score="raise"
+    )
+    search.fit(X, targets)
+    assert len(search.cv_results_["params"]) == len(_candidates(model))
+
+
+# ---------------------------------------------------------------------------------------------------------------- ours
+def _candidates(model: str) -> list[DisturbanceForecaster]:
+    cases, n_epochs = BLOCKS[model]
+    settings = {"max_epochs": n_epochs, "patience": PATIENCE, "residual_of": None, "random_state": 0} | TRAINING
+    sizes = list(ParameterGrid(list_sizes(model)))
+    return [DisturbanceForecaster(model, case, **size, **settings) for case in cases for size in sizes]
+
+
+def _work(forecaster: DisturbanceForecaster) -> float:
+    """Grows as the time of a network does, so that the longest groups are begun first."""
+    return forecaster.n_layers * (forecaster.hidden_size + 20) ** 1.5
+
+
+def batched_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
+    """``fit_many`` in two processes; those of equal width and depth go to the same one, and each is scored."""
+    groups: dict[Any, list[DisturbanceForecaster]] = {}
+    for one in _candidates(model):
+        groups.setdefault((one.n_layers, one.hidden_size), []).append(one)
+    ordered = sorted(groups.values(), key=lambda group: -_work(group[0]))
+    Parallel(n_jobs=2, batch_size=1)(delayed(_fit_and_score)(group, X, y) for group in ordered)
+
+
+def _fit_and_score(group: list[DisturbanceForecaster], X: pd.DataFrame, y: pd.Series) -> list[float]:
+    return [one.score(X, y) for one in fit_many(group, X, y)]
+
+
+# ------------------------------------------------------------------------------------------------------------- measure
+def _processor_time() -> float:
+    processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+    return sum(sum(process.cpu_times()[:2]) for process in processes)
+
+
+def _timed(search: Callable[..., None], model: str, X: pd.DataFrame, y: pd.Series) -> tuple[float, float]:
+    begin, used = time.perf_counter(), _processor_time()
+    search(model, X, y)
+    return time.perf_counter() - begin, _processor_time() - used
+
+
+def measure(model: str, X: pd.DataFrame, y: pd.Series, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
+    """A row of the table: both searches take turns, after a first round that is not counted."""
+    searches = {"plain": plain_search, "ours": batched_search}
+    cases, n_epochs = BLOCKS[model]
+    BLOCKS[model] = (cases[:1], 1)
+    for search in searches.values():
+        search(model, X, y)  # imports, compiled kernels, warm processes
+    BLOCKS[model] = (cases, n_epochs)
+    times = {name: np.empty((n_rounds, 2)) for name in searches}
+    for i in range(n_rounds):
+        for name, search in searches.items():
+            times[name][i] = _timed(search, model, X, y)
+            print(model, name, times[name][i], flush=True)
+    n = len(_candidates(model))
+    wall, cpu = ({name: values[:, k] for name, values in times.items()} for k in (0, 1))
+    return {
+        "candidates": n,
+        "epochs": n_epochs,
+        "GridSearchCV [candidates/min]": 60.0 * n / float(np.median(wall["plain"])),
+        "fit_many [candidates/min]": 60.0 * n / float(np.median(wall["ours"])),
+        "ratio": _spread(wall["plain"], wall["ours"]),
+        "ratio of processor time": _spread(cpu["plain"], cpu["ours"]),
+    }
+
+
+def _spread(above: np.ndarray, below: np.ndarray) -> str:
+    ratios = above / below
+    return f"{np.median(above) / np.median(below):.1f} ({ratios.min():.1f}-{ratios.max():.1f})"
+
+
+def main() -> None:
+    """Measure both frameworks and write the table."""
+    X, y = hourly_office()
+    rows = {model: measure(model, X, y) for model in BLOCKS}
+    chosen = "; ".join(f"{model} {' and '.join(cases)}" for model, (cases, _) in BLOCKS.items())
+    write_table(
+        "search_speed",
+        "Candidates of the design matrix a minute",
+        COMMAND,
+        {"Blocks": pd.DataFrame(rows).T.rename_axis("framework")},
+        f"make_office, {N_DAYS} days by the hour.  Every size of paper 3.2 (36) for {chosen}.  Both search in two "
+        f"worker processes of one thread each, on batches of {TRAINING['batch_size']}, with the same validation block "
+        f"and early stopping (patience {PATIENCE}, not reached in so few epochs), and score every candidate once.  "
+        f"GridSearchCV: Pipeline of windows and NeuralNetRegressor (torch's own layers, default DataLoader).  "
+        f"{N_ROUNDS} rounds in which they take turns: ratios of medians, then the lowest and the highest of rounds.  "
+        "The load of the machine at the end: {:.1f} {:.1f} {:.1f}.  No GPU was at hand; both ran on processors.".format(
+            *os.getloadavg()
+        ),
+    )
+
+
+if __name__ == "__main__":
+    main()
