@@ -13,7 +13,7 @@ from sklearn.base import clone
 
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
-from ..forecasting import DisturbanceForecaster
+from ..forecasting import DisturbanceForecaster, fit_many
 from ..forecasting.features import rows_per_day
 from ..forecasting.forecaster import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
@@ -311,7 +311,9 @@ def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, column
 
 
 def fit_each(forecasters: Sequence[Any], X: pd.DataFrame, y: pd.Series) -> list[Any]:
-    """Fit several forecasters of one disturbance."""
+    """Fit several forecasters of one disturbance, networks of equal shape as one stack."""
+    if all(isinstance(forecaster, DisturbanceForecaster) for forecaster in forecasters):
+        return list(fit_many(forecasters, X, y))
     return [forecaster.fit(X, y) for forecaster in forecasters]
 
 
