@@ -24,8 +24,8 @@ from .tables import last_rows, one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
-#: share of yesterday's temperature at first, where the training was too short to try out what was learned
-_UNTRIED = 0.75
+#: share of yesterday's temperature where no errors are known: what was learned was tried on left-out days, or could not be
+_TRIED, _UNTRIED = 0.1, 0.75
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
 #: rows beside its leads that a live forecast looks back on, for the lags of the black box
@@ -76,17 +76,16 @@ class LinearScheme:
         self._physics = Physics(self.network, self.known, calendar=True)
         self._members: list[Member] = [self._physics.fit(self._known[0], target, n_leads)]
         fit = self._physics.fit_
-        # where no days could be left out nothing tells how far to trust what was learned
-        untried = not len(fit.blocks) or not fit.blocks.max()
-        others: list[Member] = [BlackBox(_LAGS), *([DayBefore()] if untried else [])]
+        others: list[Member] = [BlackBox(_LAGS), DayBefore()]
         self._members += [member.fit(self._known[0], target, n_leads) for member in others]
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         names = [name for m in self._members for name in m.names]
         ways = [len(m.names) for m in self._members]
         left_out = np.repeat(np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1), ways, axis=-1)
-        rule = _UNTRIED if untried else 0.0
-        believed = [0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule][: len(ways)]
-        prior = np.repeat(np.array(believed) / ways, ways)  # the ways of a member alike
+        # where no days could be left out nothing tells how far to trust what was learned
+        untried = not len(fit.blocks) or not fit.blocks.max()
+        rule = _UNTRIED if untried else _TRIED
+        prior = np.repeat(np.array([0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule]) / ways, ways)
         a_day = rows_per_day(table.step)
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
