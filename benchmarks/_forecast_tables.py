@@ -24,8 +24,8 @@ NOTE = (
     "measured temperature, within what the plant ever gave, against the heat delivered; origins 25 h apart.  *Alone*: "
     "no disturbance is forecast.  Bounds of gray boxes are the paper's, moved with the size of the plant.  *Oracle*: "
     "true network and state, hour-of-week mean of the true gains of the training weeks (with air: outdoor air by its "
-    "conductance, which the change of season does not spoil).  *Held*: buildings that were run once, with what was then "
-    "the default.  ``forecast.csv`` counts the seeds of each row.  Times are of one core."
+    "conductance, which the change of season does not spoil).  *Held*: buildings that were run once, with what was the "
+    "default then.  ``forecast.csv`` counts the seeds of each row.  Times are of one core."
 )
 Runs = dict[tuple[str, str], list[Run]]
 

@@ -24,7 +24,7 @@ from .tables import last_rows, one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
-#: share of yesterday's temperature where no errors are known: what was learned was tried on left-out days, or could not be
+#: share of the day before where no errors are known, as what was learned could be tried on left-out days or not
 _TRIED, _UNTRIED = 0.1, 0.75
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
