@@ -358,8 +358,8 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         ----------
         history : DataFrame or None
             Rows up to the origin, with ``T_za``; where it continues the training table, that is taken as its history.
-            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`; the published scheme goes
-            on from where its filter stands, the linear one goes through the known rows again.
+            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`; both schemes go on from
+            where they stand.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
         quantiles : sequence of float, optional
