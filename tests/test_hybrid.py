@@ -56,7 +56,7 @@ def test_nothing_given_learns_the_disturbance_through_the_network(office):
     asked = HybridPredictor(forecaster=DisturbanceForecaster("linear")).fit(office.X[rows], office.y[rows])
     assert model.gray_box is None
     assert model.forecaster is None
-    assert set(model.weights_.columns) == {"network", "ARX"}
+    assert set(model.weights_.columns) == {"network", "network, short memory", "ARX", "day before"}
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
     later = office.X[7 * DAY : 9 * DAY]
     np.testing.assert_array_equal(model.predict(later), asked.predict(later))
