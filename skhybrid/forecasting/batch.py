@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, overload
 
 from sklearn.base import clone
@@ -106,3 +106,10 @@ def _train(jobs: dict[int, Any], results: dict[int, Any], on_error: str, verbose
             results[i] = trained
         else:
             results[i]._take(trained)
+
+
+def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:
+    """Fit several forecasters of one disturbance, networks of equal shape as one stack; others need not be ours."""
+    if all(isinstance(forecaster, DisturbanceForecaster) for forecaster in forecasters):
+        return list(fit_many(forecasters, X, y))
+    return [forecaster.fit(X, y) for forecaster in forecasters]

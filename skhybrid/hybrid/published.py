@@ -13,7 +13,8 @@ from sklearn.base import clone
 
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
-from ..forecasting import DisturbanceForecaster, fit_many
+from ..forecasting import DisturbanceForecaster
+from ..forecasting.batch import fit_each
 from ..forecasting.features import rows_per_day
 from ..forecasting.forecaster import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
@@ -308,13 +309,6 @@ class PublishedScheme:
 def _fit_gray_box(gray_box: Any, frame: pd.DataFrame, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
     """Fit on a table by roles; a function of its own, so that ``memory`` can keep it."""
     return gray_box.set_params(columns=columns, sampling_time=None).fit(frame, target)
-
-
-def fit_each(forecasters: Sequence[Any], X: pd.DataFrame, y: pd.Series) -> list[Any]:
-    """Fit several forecasters of one disturbance, networks of equal shape as one stack."""
-    if all(isinstance(forecaster, DisturbanceForecaster) for forecaster in forecasters):
-        return list(fit_many(forecasters, X, y))
-    return [forecaster.fit(X, y) for forecaster in forecasters]
 
 
 def _memory(memory: Any) -> Memory:

@@ -17,7 +17,8 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
-from ..forecasting import DisturbanceForecaster, fit_many
+from ..forecasting import DisturbanceForecaster
+from ..forecasting.batch import fit_each
 from ..forecasting.cases import RECURRENT, resolve_case
 from ..hybrid import HybridPredictor
 from .fingerprint import as_plain
@@ -275,10 +276,8 @@ def evaluate(
 
 def _fit(given: Problem, fitted: Any, candidates: Sequence[Mapping[str, Any]], split: int) -> list[Any]:
     made = [given.candidate(params) for params in candidates]
-    if fitted is None and all(isinstance(one, DisturbanceForecaster) for one in made):
-        return list(fit_many(made, *given.rows(split, 0)))
     if fitted is None:
-        return [one.fit(*given.rows(split, 0)) for one in made]
+        return fit_each(made, *given.rows(split, 0))
     inner = [_hybrid(one) for one in made]
     models = _hybrid(fitted).with_forecasters([one.forecaster for one in inner], inner[0].disturbance)
     if not isinstance(fitted, Pipeline):

@@ -340,9 +340,7 @@ class Learner:
             path = simulate_path(M.A, _forcing(stream, ahead, coef)[:-1], stream.ahead @ own)[:, zone]
         else:  # nothing is known of what follows
             path = stream.here[[zone]] @ own
-        channels = ahead.channels
-        mine = channels.scheduled
-        planned = channels.series[:, mine] @ coef[: len(mine)][mine]
+        planned = ahead.channels.scheduled_heat(coef)
         return path[rows] + P @ held, planned[rows] + held[-1] * M.F[-1, -1] ** leads
 
 

@@ -80,13 +80,13 @@ class Channels(NamedTuple):
         """(J,) bool, irradiance."""
         return self._begin_with("q_sol")
 
-    @property
-    def equipment(self) -> np.ndarray:
-        """(J,) bool, stages of the plant."""
-        return self._begin_with("u_")
-
     def _begin_with(self, *prefixes: str) -> np.ndarray:
         return np.array([name.startswith(prefixes) for name in self.names])
+
+    def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
+        """(N,) heat of the schedules under coefficients that begin with the channels' (J,) [kW]."""
+        mine = self.scheduled
+        return self.series[:, mine] @ coef[: len(mine)][mine]
 
     def heat(self, coef: np.ndarray, n_nodes: int) -> np.ndarray:
         """(N, n_nodes) heat into every node under coefficients (J,) [kW]."""

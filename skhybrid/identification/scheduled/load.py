@@ -69,9 +69,7 @@ def _load_from(
     """The rows from an origin on, by what is known there."""
     M, coef, n = known.matrices, known.coef, stretch.n_rows
     plant = _plant(stretch.plan, coef, fit)
-    scheduled = stretch.channels.scheduled
-    zeta = stretch.channels.series[:, scheduled] @ coef[: len(scheduled)][scheduled]
-    zeta = zeta + known.tracked * M.F[-1, -1] ** np.arange(n)
+    zeta = stretch.channels.scheduled_heat(coef) + known.tracked * M.F[-1, -1] ** np.arange(n)
     A, forcing, effect = _augmented(fit, known, stretch, zeta)
     c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]

@@ -55,9 +55,7 @@ class ScheduledNetwork:
     def heat_at(self, table: ZoneTable) -> pd.Series:
         """Scheduled heat over the rows of a table [kW]."""
         channels = make_channels(self._fit.stretch.plan, table)
-        mine = channels.scheduled
-        heat = channels.series[:, mine] @ self._fit.point.solution.coef[: len(mine)][mine]
-        return pd.Series(heat, table.index, name="zeta")
+        return pd.Series(channels.scheduled_heat(self._fit.point.solution.coef), table.index, name="zeta")
 
 
 def _schedule(coef: pd.Series, plan: Plan) -> pd.DataFrame:

@@ -54,7 +54,6 @@ class Responses(NamedTuple):
 
     matrices: Matrices
     series: np.ndarray  # (N, J + 1)
-    origins: np.ndarray  # (n_origins,) increasing
     states: np.ndarray  # (n_origins, m, J + 1)
 
 
@@ -118,7 +117,7 @@ class Stream:
         S[:, J] = stretch.y - known.sum(axis=1)
         gains, self._variance = filter_gains_only(self.model, M, self._variance, stretch.seen)
         held, self._last, self._filtered = filter_series(M.F, gains, zone, S, origins, self._filtered)
-        return Responses(M, S, origins, held)
+        return Responses(M, S, held)
 
     @property
     def here(self) -> np.ndarray:
