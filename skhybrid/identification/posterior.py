@@ -151,7 +151,7 @@ def sample_posterior(
 
 def _collected(density: _Density, data: Any, chains: int, draws: int) -> Posterior:
     free = density.free(data.posterior["z"].to_numpy())
-    index = pd.MultiIndex.from_product([range(chains), range(draws)], names=["chain", "draw"])
+    index = draws_index(chains, draws)
     searched = density.problem.searched
     table = pd.DataFrame({p.name: _values(p, free[..., i]).ravel() for i, p in enumerate(searched)}, index=index)
     for name in table:
@@ -175,6 +175,11 @@ def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int |
         pm.Potential("log_density", log_density(pt.as_tensor_variable(z)))
     start = {"z": np.zeros(len(density.centre))}
     return draw_chains(model, start, draws=draws, tune=tune, chains=chains, random_state=seed, progressbar=progressbar)
+
+
+def draws_index(chains: int, draws: int) -> pd.MultiIndex:
+    """Index (``chain``, ``draw``) of a table of draws, one chain behind the other."""
+    return pd.MultiIndex.from_product([range(chains), range(draws)], names=["chain", "draw"])
 
 
 def check_chains(chains: int) -> None:

@@ -13,6 +13,7 @@ from ..forecasting import ModelCase
 from ..identification.posterior import (
     check_chains,
     draw_without_divergence,
+    draws_index,
     import_pymc,
     refuse_bad_chains,
     summarise_chains,
@@ -209,7 +210,7 @@ class PatternExpressiveness(BaseEstimator):
         data, n_divergent = draw_without_divergence(
             model, start, draws=self.draws, tune=self.tune, chains=self.chains, random_state=self.random_state
         )
-        index = pd.MultiIndex.from_product([range(self.chains), range(self.draws)], names=["chain", "draw"])
+        index = draws_index(self.chains, self.draws)
         drawn = {name: data.posterior[name].to_numpy().reshape(len(index), -1) for name in data.posterior}
         draws = pd.DataFrame(drawn["coefficients"][:, 1:] / scale.to_numpy(), index=index, columns=list(scale.index))
         draws["intercept"] = drawn["coefficients"][:, 0] + y_mean

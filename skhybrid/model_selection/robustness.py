@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator
 from ..identification.posterior import (
     check_chains,
     draw_without_divergence,
+    draws_index,
     import_pymc,
     refuse_bad_chains,
     summarise_chains,
@@ -173,7 +174,7 @@ class RobustnessComparison(BaseEstimator):
             # few sizes leave the spread a skewed posterior, which takes smaller steps
             accept=(0.8, 0.99) if spreads.n.min() >= _FEW else (0.97, 0.995),
         )
-        index = pd.MultiIndex.from_product([range(self.chains), range(self.draws)], names=["chain", "draw"])
+        index = draws_index(self.chains, self.draws)
         cases = spreads.medians.index
         drawn = {
             name: pd.DataFrame(data.posterior[name].to_numpy().reshape(len(index), -1), index=index, columns=cases)
