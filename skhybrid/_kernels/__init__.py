@@ -1,6 +1,7 @@
 """Numerical kernels: arrays in, NamedTuples out."""
 
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
+from .dense import ACTIVATIONS, AdamStep, DenseShape, DenseWindows, dense_epoch, dense_errors
 from .discretize import Discrete, discretize, divided_difference
 from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward, tanh32
 from .kalman import Smoothed, kalman_track, smooth_states
@@ -26,8 +27,12 @@ from .predictor import (
 from .recursion import iterate_lags
 
 __all__ = [
+    "ACTIVATIONS",
+    "AdamStep",
     "ChannelAdjoint",
     "ChannelFilter",
+    "DenseShape",
+    "DenseWindows",
     "Discrete",
     "LeadErrors",
     "LeadSensitivity",
@@ -35,6 +40,8 @@ __all__ = [
     "Prediction",
     "Sensitivity",
     "Smoothed",
+    "dense_epoch",
+    "dense_errors",
     "discretize",
     "divided_difference",
     "filter_channels",

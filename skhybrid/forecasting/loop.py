@@ -16,6 +16,7 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor
 from tqdm.auto import tqdm
 
+from .feedforward import DenseTables, train_epoch, validate
 from .nets import NetworkStack
 from .windows import Batch, Batches, Windows
 
@@ -118,6 +119,9 @@ class StackNet(NeuralNet):
         if iterator is None:
             return
         self.module_.train(training)
+        if self.module_.spec.kind == "mlp":
+            self.history.record(f"{prefix}_loss", self._compiled_epoch(iterator, training))
+            return
         losses, counts = [], []
         for batch in iterator:
             losses.append(step_fn(batch)["losses"])
@@ -125,6 +129,20 @@ class StackNet(NeuralNet):
         weights = torch.stack(counts)
         means = (torch.stack(losses) * weights).sum(dim=0) / weights.sum(dim=0).clamp(min=1.0)
         self.history.record(f"{prefix}_loss", means.tolist())
+
+    def _compiled_epoch(self, iterator: Batches, training: bool) -> list[float]:
+        """One pass of an MLP: its batches are cut by the kernel."""
+        stack, tables = self.module_, self._tables_of(iterator.windows)
+        if training:
+            return train_epoch(stack, tables, self.optimizer_, self.batch_size, _MAX_NORM)
+        return validate(stack, tables)
+
+    def _tables_of(self, windows: Windows) -> DenseTables:
+        """What the kernel reads of a data set; there are two of them, to train and to validate."""
+        kept = vars(self).setdefault("tables_", {})
+        if id(windows) not in kept:
+            kept[id(windows)] = DenseTables(windows, self.module_.spec.reads_zeta)
+        return kept[id(windows)]
 
 
 class MemberStopping(Callback):

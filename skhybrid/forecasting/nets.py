@@ -17,8 +17,10 @@ changed, and a member is to the bit what it would be alone, as long as windows c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -193,6 +195,13 @@ class NetworkStack(nn.Module):
             for part, where in (("weight", live), ("bias", layer.columns)):
                 for member, generator in zip(weights[f"{layer.name}.{part}"], self.generators, strict=True):
                     member.uniform_(-bound, bound, generator=generator).mul_(where)
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """Of dense layers: where a weight begins in a member's row, its inputs and outputs, where its bias begins."""
+        begins = np.cumsum([0, *self._sizes])[:-1:2]
+        shapes = [(layer.shape[0], layer.shape[-1]) for layer in self.layers]
+        return np.array([(w, *s, b) for w, s, b in zip(begins[::2], shapes, begins[1::2], strict=True)])
 
     def weights(self) -> dict[str, Tensor]:
         """Views of the weights by name.
