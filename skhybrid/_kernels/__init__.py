@@ -1,9 +1,9 @@
 """Numerical kernels: arrays in, NamedTuples out."""
 
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
-from .dense import ACTIVATIONS, AdamStep, DenseShape, DenseWindows, dense_epoch, dense_errors
+from .dense import ACTIVATIONS, AdamStep, DenseShape, DenseWindows, dense_epoch, dense_forecasts
 from .discretize import Discrete, discretize, divided_difference
-from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward, tanh32
+from .gates import tanh32
 from .kalman import Smoothed, kalman_track, smooth_states
 from .leads import (
     LeadSensitivity,
@@ -24,6 +24,7 @@ from .predictor import (
     simulate_inverse,
     simulate_path,
 )
+from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts
 from .recursion import iterate_lags
 
 __all__ = [
@@ -38,10 +39,12 @@ __all__ = [
     "LeadSensitivity",
     "Model",
     "Prediction",
+    "RecurrentShape",
+    "RecurrentWindows",
     "Sensitivity",
     "Smoothed",
     "dense_epoch",
-    "dense_errors",
+    "dense_forecasts",
     "discretize",
     "divided_difference",
     "filter_channels",
@@ -53,13 +56,11 @@ __all__ = [
     "lead_errors",
     "lead_rows",
     "lead_sensitivities",
-    "lstm_backward",
-    "lstm_forward",
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
-    "rnn_backward",
-    "rnn_forward",
+    "recurrent_epoch",
+    "recurrent_forecasts",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",

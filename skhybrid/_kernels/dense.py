@@ -7,7 +7,7 @@ Arrays are float32 and contiguous; the weights of a network are one row of numbe
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -27,13 +27,11 @@ _SQRT_HALF, _DENSITY = np.float32(0.7071067811865476), np.float32(0.398942280401
 _NEW, _OLD_SQUARE, _NEW_SQUARE, _EPS = np.float32(0.1), np.float32(0.999), np.float32(0.001), np.float32(1e-8)
 # Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26: erf to 1.5e-7
 _ERF_P = np.float32(0.3275911)
-_A1, _A2, _A3, _A4, _A5 = (
-    np.float32(a) for a in (0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
-)
+_A1, _A2, _A3, _A4, _A5 = (np.float32(a) for a in (0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429))
 
 
 @compiled_elements
-def exp32(x):  # type: ignore[no-untyped-def]
+def exp32(x: Any) -> Any:
     """``exp x`` in float32 of ``x <= 0``, without a branch or a call; NaN becomes 1."""
     x = max(x, _LEAST)
     moved = x * _LOG2_E + _MOVED  # so large that what is left of a fraction is rounded off: the last bits count
@@ -111,7 +109,8 @@ class AdamStep(NamedTuple):
 
 
 @compiled_elements
-def _matrix(numbers: ndarray, at: int, n_rows: int, n_columns: int) -> ndarray:
+def matrix(numbers: ndarray, at: int, n_rows: int, n_columns: int) -> ndarray:
+    """Numbers from ``at`` on as a matrix."""
     return numbers[at : at + n_rows * n_columns].reshape(n_rows, n_columns)
 
 
@@ -125,14 +124,14 @@ def _forward(
     h = psi
     for k in range(n_layers):
         at, n_in, n_out, bias_at = places[k]
-        slope, value = _matrix(slopes[k], 0, n, width), _matrix(hidden[k], 0, n, width)
-        np.dot(h, _matrix(row, at, n_in, n_out), slope)
+        slope, value = matrix(slopes[k], 0, n, width), matrix(hidden[k], 0, n, width)
+        np.dot(h, matrix(row, at, n_in, n_out), slope)
         activate(shape.kind, slope, row[bias_at : bias_at + n_out], value)
         if len(drawn):
             drop(shape.share, drawn[k], slope, value)
         h = value
     at, n_in, n_out, bias_at = places[n_layers]
-    np.dot(h, _matrix(row, at, n_in, n_out), out)
+    np.dot(h, matrix(row, at, n_in, n_out), out)
     for i in range(n):
         for j in range(n_out):
             out[i, j] += row[bias_at + j]
@@ -148,15 +147,15 @@ def _backward(
     n, width, d = len(psi), places[0, 2], d_out
     for k in range(n_layers, -1, -1):
         at, n_in, n_out, bias_at = places[k]
-        below = _matrix(hidden[k - 1], 0, n, width) if k else psi
-        np.dot(below.T, d, _matrix(gradient, at, n_in, n_out))
+        below = matrix(hidden[k - 1], 0, n, width) if k else psi
+        np.dot(below.T, d, matrix(gradient, at, n_in, n_out))
         gradient[bias_at : bias_at + n_out] = _ZERO
         for i in range(n):
             for j in range(n_out):
                 gradient[bias_at + j] += d[i, j]
         if k:
-            carried, slope = _matrix(spare[k % 2], 0, n, width), _matrix(slopes[k - 1], 0, n, width)
-            np.dot(d, _matrix(row, at, n_in, n_out).T, carried)
+            carried, slope = matrix(spare[k % 2], 0, n, width), matrix(slopes[k - 1], 0, n, width)
+            np.dot(d, matrix(row, at, n_in, n_out).T, carried)
             for i in range(n):
                 for j in range(width):
                     carried[i, j] *= slope[i, j]
@@ -164,7 +163,7 @@ def _backward(
 
 
 @compiled_elements
-def _adam(row: ndarray, moments: tuple[ndarray, ndarray], gradient: ndarray, adam: AdamStep, n_done: int) -> None:
+def adam_step(row: ndarray, moments: tuple[ndarray, ndarray], gradient: ndarray, adam: AdamStep, n_done: int) -> None:
     """A step down the clipped gradient."""
     norm = np.sqrt(np.dot(gradient, gradient))
     clip = np.float32(min(adam.max_norm / (norm + 1e-6), 1.0))
@@ -267,18 +266,18 @@ def dense_epoch(
         found = _error(room, out, d_out)
         total, count = total + found[0], count + found[1]
         _backward(row, shape, room.psi, slopes, hidden, d_out, spare, gradient)
-        _adam(row, moments, gradient, adam, n_done)
+        adam_step(row, moments, gradient, adam, n_done)
         n_done += 1
     return total, count
 
 
 @compiled_elements
-def dense_errors(row: ndarray, shape: DenseShape, windows: DenseWindows, chosen: ndarray) -> tuple[float, float]:
-    """Sum of squared errors of the known targets of ``chosen`` windows, and their number; nothing drops."""
-    n, n_layers, width = len(chosen), len(shape.places) - 1, shape.places[0, 2]
+def dense_forecasts(row: ndarray, shape: DenseShape, windows: DenseWindows, rows: ndarray) -> ndarray:
+    """Forecasts (n, n_leads) of the windows ``rows`` (n,); nothing drops."""
+    n, n_layers, width = len(rows), len(shape.places) - 1, shape.places[0, 2]
     slopes = np.empty((n_layers, n * width), dtype=np.float32)
     room = _room(n, windows)
-    _gather(windows, chosen, room)
+    _gather(windows, rows, room)
     out = np.empty((n, shape.places[n_layers, 2]), dtype=np.float32)
     _forward(row, shape, room.psi, np.empty((0, 0, 0), dtype=np.float32), slopes, np.empty_like(slopes), out)
-    return _error(room, out, np.zeros_like(out))
+    return room.base + out[:, : room.base.shape[1]]

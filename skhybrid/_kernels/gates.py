@@ -1,6 +1,6 @@
 """The cells of RNN and LSTM, element by element, and their gradients: one pass over memory for a step.
 
-Arrays are float32 of shape (n_members, n_rows, n_windows) and contiguous: a view, whose last stride numba could not
+Arrays are float32 of shape (n_rows, n_windows) and contiguous: a view, whose last stride numba could not
 know, would be computed number by number, six times slower.
 """
 
@@ -50,25 +50,27 @@ def tanh32(x: Any) -> Any:
 
 
 @compiled_elements
-def lstm_forward(gates: ndarray, c_before: ndarray, c: ndarray, tanh_c: ndarray, column: ndarray) -> None:
+def lstm_forward(
+    gates: ndarray, bias: ndarray, c_before: ndarray, c: ndarray, tanh_c: ndarray, column: ndarray, first: int
+) -> None:
     """One step of LSTM cells: gates i, f, o, g (rows in this order) are activated in place; the others are written.
 
-    ``c = f c_before + i g``; ``h = o tanh(c)`` becomes the first rows of ``column``.
+    ``c = f c_before + i g``; ``h = o tanh(c)`` becomes the rows of ``column`` from ``first`` on.
     """
-    n_members, n, n_windows = c.shape
-    for m in range(n_members):
-        for r in range(n):
-            gi, gf, go, gg = gates[m, r], gates[m, n + r], gates[m, 2 * n + r], gates[m, 3 * n + r]
-            before, now, tanh_now, out = c_before[m, r], c[m, r], tanh_c[m, r], column[m, r]
-            for w in range(n_windows):
-                i = _HALF + _HALF * tanh32(_HALF * gi[w])
-                f = _HALF + _HALF * tanh32(_HALF * gf[w])
-                o = _HALF + _HALF * tanh32(_HALF * go[w])
-                g = tanh32(gg[w])
-                value = f * before[w] + i * g
-                squashed = tanh32(value)
-                gi[w], gf[w], go[w], gg[w] = i, f, o, g
-                now[w], tanh_now[w], out[w] = value, squashed, o * squashed
+    n, n_windows = c.shape
+    for r in range(n):
+        gi, gf, go, gg = gates[r], gates[n + r], gates[2 * n + r], gates[3 * n + r]
+        bi, bf, bo, bg = bias[r], bias[n + r], bias[2 * n + r], bias[3 * n + r]
+        before, now, tanh_now, out = c_before[r], c[r], tanh_c[r], column[first + r]
+        for w in range(n_windows):
+            i = _HALF + _HALF * tanh32(_HALF * (gi[w] + bi))
+            f = _HALF + _HALF * tanh32(_HALF * (gf[w] + bf))
+            o = _HALF + _HALF * tanh32(_HALF * (go[w] + bo))
+            g = tanh32(gg[w] + bg)
+            value = f * before[w] + i * g
+            squashed = tanh32(value)
+            gi[w], gf[w], go[w], gg[w] = i, f, o, g
+            now[w], tanh_now[w], out[w] = value, squashed, o * squashed
 
 
 @compiled_elements
@@ -76,40 +78,37 @@ def lstm_backward(
     gates: ndarray, c_before: ndarray, tanh_c: ndarray, dh: ndarray, dc: ndarray, d_gates: ndarray
 ) -> None:
     """The gradient before the gates' sigmoid and tanh; ``dc`` becomes that of ``c_before``."""
-    n_members, n, n_windows = dc.shape
-    for m in range(n_members):
-        for r in range(n):
-            gi, gf, go, gg = gates[m, r], gates[m, n + r], gates[m, 2 * n + r], gates[m, 3 * n + r]
-            di, df, do, dg = d_gates[m, r], d_gates[m, n + r], d_gates[m, 2 * n + r], d_gates[m, 3 * n + r]
-            before, tanh_now, d_out, d_cell = c_before[m, r], tanh_c[m, r], dh[m, r], dc[m, r]
-            for w in range(n_windows):
-                i, f, o, g, u = gi[w], gf[w], go[w], gg[w], tanh_now[w]
-                d = d_cell[w] + d_out[w] * o * (_ONE - u * u)
-                do[w] = d_out[w] * u * o * (_ONE - o)
-                di[w] = d * g * i * (_ONE - i)
-                df[w] = d * before[w] * f * (_ONE - f)
-                dg[w] = d * i * (_ONE - g * g)
-                d_cell[w] = d * f
+    n, n_windows = dc.shape
+    for r in range(n):
+        gi, gf, go, gg = gates[r], gates[n + r], gates[2 * n + r], gates[3 * n + r]
+        di, df, do, dg = d_gates[r], d_gates[n + r], d_gates[2 * n + r], d_gates[3 * n + r]
+        before, tanh_now, d_out, d_cell = c_before[r], tanh_c[r], dh[r], dc[r]
+        for w in range(n_windows):
+            i, f, o, g, u = gi[w], gf[w], go[w], gg[w], tanh_now[w]
+            d = d_cell[w] + d_out[w] * o * (_ONE - u * u)
+            do[w] = d_out[w] * u * o * (_ONE - o)
+            di[w] = d * g * i * (_ONE - i)
+            df[w] = d * before[w] * f * (_ONE - f)
+            dg[w] = d * i * (_ONE - g * g)
+            d_cell[w] = d * f
 
 
 @compiled_elements
-def rnn_forward(gates: ndarray, column: ndarray) -> None:
-    """One step of RNN cells: ``h = tanh(gates)``, written to both ``gates`` and the first rows of ``column``."""
-    n_members, n, n_windows = gates.shape
-    for m in range(n_members):
-        for r in range(n):
-            inner, out = gates[m, r], column[m, r]
-            for w in range(n_windows):
-                value = tanh32(inner[w])
-                inner[w], out[w] = value, value
+def rnn_forward(gates: ndarray, bias: ndarray, column: ndarray, first: int) -> None:
+    """One step of RNN cells: ``h = tanh(gates + bias)``, in place and as the rows of ``column`` from ``first`` on."""
+    n, n_windows = gates.shape
+    for r in range(n):
+        inner, out, b = gates[r], column[first + r], bias[r]
+        for w in range(n_windows):
+            value = tanh32(inner[w] + b)
+            inner[w], out[w] = value, value
 
 
 @compiled_elements
 def rnn_backward(gates: ndarray, dh: ndarray, d_gates: ndarray) -> None:
     """The gradient before the tanh, from its values ``gates``."""
-    n_members, n, n_windows = gates.shape
-    for m in range(n_members):
-        for r in range(n):
-            value, d_out, d_inner = gates[m, r], dh[m, r], d_gates[m, r]
-            for w in range(n_windows):
-                d_inner[w] = d_out[w] * (_ONE - value[w] * value[w])
+    n, n_windows = gates.shape
+    for r in range(n):
+        value, d_out, d_inner = gates[r], dh[r], d_gates[r]
+        for w in range(n_windows):
+            d_inner[w] = d_out[w] * (_ONE - value[w] * value[w])

@@ -16,15 +16,13 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor
 from tqdm.auto import tqdm
 
-from .feedforward import DenseTables, train_epoch, validate
+from .compiled import COMPILED, Tables, train_epoch, validate
 from .nets import NetworkStack
 from .windows import Batch, Batches, Windows
 
 #: a validation error counts as lower when it is lower by this share (skorch's own default).
 _THRESHOLD = 1e-4
 _MAX_NORM = 1.0
-#: windows of an MLP that are validated at once.
-_VALIDATED = 1024
 
 
 @lru_cache(maxsize=1)
@@ -78,9 +76,12 @@ class StackNet(NeuralNet):
 
     def get_iterator(self, dataset: Windows, training: bool = False) -> Batches:
         """Shuffled batches in training, the plain order otherwise."""
-        whole = not training and self.module_.spec.kind == "mlp"  # the others need much memory a window
-        size = max(self.batch_size, _VALIDATED) if whole else self.batch_size
-        return Batches(dataset, size, self.module_, shuffled=training)
+        return Batches(dataset, self.batch_size, self.module_, shuffled=training)
+
+    def initialize(self) -> StackNet:
+        """Skorch's, and nothing is laid out yet."""
+        self.tables_: dict[int, Tables] = {}
+        return super().initialize()
 
     def fit_loop(self, *args: Any, **kwargs: Any) -> StackNet:
         """Skorch's loop, which lets a user's interruption through: early stopping is the only one that is meant."""
@@ -119,7 +120,7 @@ class StackNet(NeuralNet):
         if iterator is None:
             return
         self.module_.train(training)
-        if self.module_.spec.kind == "mlp":
+        if self.module_.spec.kind in COMPILED:
             self.history.record(f"{prefix}_loss", self._compiled_epoch(iterator, training))
             return
         losses, counts = [], []
@@ -131,18 +132,18 @@ class StackNet(NeuralNet):
         self.history.record(f"{prefix}_loss", means.tolist())
 
     def _compiled_epoch(self, iterator: Batches, training: bool) -> list[float]:
-        """One pass of an MLP: its batches are cut by the kernel."""
+        """One pass through the kernel, which cuts the batches itself."""
         stack, tables = self.module_, self._tables_of(iterator.windows)
         if training:
             return train_epoch(stack, tables, self.optimizer_, self.batch_size, _MAX_NORM)
         return validate(stack, tables)
 
-    def _tables_of(self, windows: Windows) -> DenseTables:
+    def _tables_of(self, windows: Windows) -> Tables:
         """What the kernel reads of a data set; there are two of them, to train and to validate."""
-        kept = vars(self).setdefault("tables_", {})
-        if id(windows) not in kept:
-            kept[id(windows)] = DenseTables(windows, self.module_.spec.reads_zeta)
-        return kept[id(windows)]
+        spec = self.module_.spec
+        if id(windows) not in self.tables_:
+            self.tables_[id(windows)] = Tables(windows, spec.kind, spec.reads_zeta)
+        return self.tables_[id(windows)]
 
 
 class MemberStopping(Callback):
@@ -272,6 +273,4 @@ def train_stack(
             net.partial_fit(train)
     except _InterruptedError:
         raise KeyboardInterrupt from None
-    finally:
-        stack.release()
     return fitted.results(stack)

@@ -25,8 +25,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from .._kernels import DenseShape, RecurrentShape
 from .activations import Activations
-from .recurrent import Decoded, Shape, Space
+from .recurrent import decode, decode_with_gradient, linear
 
 #: Windows of a batch come in multiples of this, two vector registers' worth of numbers: what is left over at the end of
 #: a tensor is computed one by one, with other last bits, so that no member may begin in the middle of a register.
@@ -63,12 +64,6 @@ class NetworkSpec(NamedTuple):
     def shape(self) -> NetworkSpec:
         """What members of a stack must share: all but the activation and the share of dropout."""
         return self._replace(activation="", dropout=0.0)
-
-    def decoding(self, n_members: int, n_windows: int) -> Shape:
-        """Shape of a run of a recurrent network."""
-        n_inputs = self.n_past_columns + self.reads_zeta
-        width = len(_live(self.hidden_size))
-        return Shape(self.kind, self.n_layers, n_members, width, n_inputs, self.n_past, self.n_leads, n_windows)
 
 
 class _Layer(NamedTuple):
@@ -174,7 +169,6 @@ class NetworkStack(nn.Module):
             raise ValueError("members of a stack must be of one shape.")
         self.spec = spec
         self._phi = Activations([one.activation for one in self.specs])
-        self._spaces: dict[int, Space] = {}  # of recurrent networks, by the number of windows
         self.layers = _LAYERS[spec.kind](spec)
         self._width = len(_live(spec.hidden_size))
         self._sizes: list[int] = []  # of each weight and of what fills it up
@@ -232,19 +226,15 @@ class NetworkStack(nn.Module):
         self.generators = [self.generators[row] for row in rows]
         self.members = [self.members[row] for row in rows]
         self.specs = [self.specs[row] for row in rows]
-        self._phi, self._spaces = Activations([one.activation for one in self.specs]), {}
+        self._phi = Activations([one.activation for one in self.specs])
         self.flat = nn.Parameter(self.flat.detach()[rows])
-
-    def release(self) -> None:
-        """Give back the memory of runs, which may be hundreds of megabytes; the next run takes it anew."""
-        self._spaces.clear()
 
     # ------------------------------------------------------------------------------------------------------- equations
     def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
         """Forecast (n_members, n_windows, n_leads)."""
-        weights = self.weights()
         if self.spec.kind in _GATES:
-            return self._decode(weights, zeta, past, future, base)
+            return self._decode(zeta, past, future, base)
+        weights = self.weights()
         parts = [zeta[..., 1:]] if self.spec.reads_zeta else []
         psi = torch.cat([*parts, past.flatten(2), future.flatten(2)], dim=2)
         body = self._mlp if self.spec.kind == "mlp" else self._cnn
@@ -263,7 +253,7 @@ class NetworkStack(nn.Module):
 
     def _hidden(self, weights: dict[str, Tensor], name: str, z: Tensor, mask: Tensor | None) -> Tensor:
         """``dropout(phi(W z + b))``."""
-        z = self._phi.apply(_linear(weights, name, z))
+        z = self._phi.apply(linear(weights, name, z))
         return z if mask is None else z * mask
 
     def _mlp(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
@@ -271,7 +261,7 @@ class NetworkStack(nn.Module):
         z = psi
         for i in range(self.spec.n_layers):
             z = self._hidden(weights, f"hidden{i}", z, self._mask(z.shape[1], self._width))
-        return _linear(weights, "out", z)
+        return linear(weights, "out", z)
 
     def _cnn(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
         """Eq. CNN.  Convolutions keep a core busy by themselves: members take turns."""
@@ -291,28 +281,23 @@ class NetworkStack(nn.Module):
 
     def _head(self, weights: dict[str, Tensor], z: Tensor, mask: Tensor | None) -> Tensor:
         """``W_xi dropout(phi(W z + b)) + b_xi``, with which CNN, RNN and LSTM end."""
-        return _linear(weights, "out", self._hidden(weights, "hidden", z, mask))
+        return linear(weights, "out", self._hidden(weights, "hidden", z, mask))
 
-    def _decode(self, weights: dict[str, Tensor], zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
-        """Eqs. RNN and LSTM: step k consumes zeta(k - 1) and the columns of row k.
+    def _decode(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
+        """Eqs. RNN and LSTM."""
+        if not torch.is_grad_enabled() and not self.training and self.flat.device.type == "cpu":
+            return decode(self.flat, self.recurrent_shapes(), zeta, past, future, base)
+        mask = self._mask(self.spec.n_leads, self._width, base.shape[1])
+        read = (self.spec.reads_zeta, self._phi.apply, mask, zeta, past, future, base)
+        return decode_with_gradient(self.weights(), self.spec.kind, *read)
 
-        The past is run with the measured disturbance; over the horizon the network's own outputs stand in for it.
-        """
-        n_windows, n_leads = base.shape[1:]
-        space = self._space(n_windows)
-        space.load(zeta if self.spec.reads_zeta else None, past, future)
-        mask = self._mask(n_leads, self._width, n_windows)
-        turned = None if mask is None else mask.transpose(0, 1)
-        arguments = (space, base.permute(2, 0, 1).contiguous(), self.spec.reads_zeta, turned, self._phi)
-        return Decoded.apply(*arguments, *weights.values()).permute(1, 2, 0)
+    def recurrent_shapes(self) -> list[RecurrentShape]:
+        """The members as their kernels know them."""
+        n_gates, reads = _GATES[self.spec.kind], self.spec.reads_zeta
+        each = zip(self._phi.codes, self.specs, strict=True)
+        return [RecurrentShape(self.places, n_gates, code, float(spec.dropout), reads) for code, spec in each]
 
-    def _space(self, n_windows: int) -> Space:
-        """Memory of a run over so many windows."""
-        if n_windows not in self._spaces:
-            self._spaces[n_windows] = Space(self.spec.decoding(len(self.flat), n_windows))
-        return self._spaces[n_windows]
-
-
-def _linear(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
-    """``W z + b`` of every member, (n_members, n_windows, n_out)."""
-    return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])
+    def dense_shapes(self) -> list[DenseShape]:
+        """MLPs as their kernels know them."""
+        each = zip(self._phi.codes, self.specs, strict=True)
+        return [DenseShape(self.places, code, float(spec.dropout)) for code, spec in each]

@@ -25,8 +25,6 @@ from .windows import Windows, padded_windows
 _BLIND_EPOCHS = 20
 #: networks of a stack; more of them leave the cache and gain nothing (``benchmarks/networks.py``).
 _MOST_MEMBERS = 20
-#: numbers that a stack of recurrent networks keeps (256 MiB); one member of many layers and days may need it all.
-_MOST_NUMBERS = 2**26
 
 
 class Split(NamedTuple):
@@ -153,10 +151,7 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, TrainedJob 
     ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
     members = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], Trained] = {}
-    most, first = _MOST_MEMBERS, plans[ordered[0]]
-    if first.spec.kind in RECURRENT:
-        most = min(most, max(1, _MOST_NUMBERS // first.spec.decoding(1, first.loop.batch_size).n_numbers))
-    n_stacks = -(-len(members) // most)
+    n_stacks = -(-len(members) // _MOST_MEMBERS)
     for part in np.array_split(np.arange(len(members)), n_stacks):
         chosen = [members[k] for k in part]
         found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
