@@ -53,8 +53,8 @@ def run(store: Path, hours: float, levels: list[int], climates: list[str], n_job
                 f"{n_done} since the start, {60 * n_done / elapsed:.1f} a minute",
                 flush=True,
             )
-    except KeyboardInterrupt as error:
-        print(f"stopped ({error or 'by hand'}); the same command goes on where it was", flush=True)
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on where it was", flush=True)
         return False
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
