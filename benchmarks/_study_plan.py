@@ -90,13 +90,17 @@ class Unit(NamedTuple):
         return DesignMatrix([MatrixBlock(self.framework, self.framework, cases, [self.disturbance], size)])
 
 
-def units(levels: Iterable[int] = (1, 2, 3), climates: Iterable[str] = tuple(CLIMATES)) -> Iterator[Unit]:
+def units(
+    levels: Iterable[int] = (1, 2, 3),
+    climates: Iterable[str] = tuple(CLIMATES),
+    frameworks: Iterable[str] = ORDER,
+) -> Iterator[Unit]:
     """All searches in the order in which they are run: size by size, disturbances and climates in turn."""
-    climates = list(climates)
+    climates, frameworks = list(climates), list(frameworks)
     for kind in KINDS:
         yield from (Unit(0, "baselines", 0, kind, climate) for climate in climates)
     for level in sorted(set(levels)):
-        for framework in ORDER:
+        for framework in frameworks:
             sizes = range(len(SIZES[framework]))[A_LEVEL * (level - 1) : A_LEVEL * level]
             for size in sizes:
                 for kind in KINDS:

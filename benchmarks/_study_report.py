@@ -45,7 +45,7 @@ NOTE = (
     "chosen is flattered; what the choice is worth shows in the other climate (same building and occupants, other "
     "weather), below.  P(reduces): probability that a term reduces the error.  *cases*: rows of a case share what no "
     "ingredient explains (this package's default in select_case); *rows*: each size an experiment of its own, as in "
-    "the paper."
+    "the paper; *cases, log*: effects on log(RMSE), on which a few very bad candidates weigh less."
 )
 
 
@@ -99,9 +99,9 @@ def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[
         tables[f"The choice, {climate}: {choice.name} ({kind})"] = rules.rename_axis("rule")
     if len(moved := transfer(results, found)):
         tables["What a choice is worth in the other climate"] = moved
-    tables["Ingredients [K]"] = effects(found.regressions, ["where", "grouping"])
+    tables["Ingredients [K, or of the logarithm]"] = effects(found.regressions, ["where", "grouping"])
     if found.sizes:
-        tables["Sizes [K], grouped by cases"] = effects(found.sizes, ["framework", "climate"])
+        tables["Sizes [K; hidden_size in tens], grouped by cases"] = effects(found.sizes, ["framework", "climate"])
     for climate in found.robustness:
         tables[f"Robustness, {climate}: the first forty"] = robustness_table(found, climate)
     return tables
@@ -168,7 +168,9 @@ def _sizes(found: Findings, path: Path) -> None:
     figure, axes = plt.subplots(len(frameworks), len(CLIMATES), figsize=size, layout="constrained", squeeze=False)
     for ax, key in zip(axes.ravel(), [(f, c) for f in frameworks for c in CLIMATES], strict=True):
         if key in found.sizes:
-            PosteriorDisplay.from_estimator(found.sizes[key], ax=ax, title=f"{key[0].upper()}, {key[1]}")
+            PosteriorDisplay.from_estimator(
+                found.sizes[key], ax=ax, title=f"{key[0].upper()}, {key[1]} (width in tens)"
+            )
         else:
             ax.set_axis_off()
     _save(figure, path)

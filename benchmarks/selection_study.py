@@ -12,11 +12,12 @@ import argparse
 import signal
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import _study_rivals
-from _study_plan import CHUNK, CLIMATES, Split, Unit, estimator, load, units
+from _study_plan import CHUNK, CLIMATES, ORDER, Split, Unit, estimator, load, units
 from _study_store import n_finished
 
 from skhybrid.model_selection import DesignMatrixSearchCV
@@ -32,16 +33,17 @@ def _stop(number: int, frame: Any) -> None:
     raise Stopped(signal.Signals(number).name)
 
 
-def run(store: Path, hours: float, levels: list[int], climates: list[str], n_jobs: int) -> bool:
+def run(
+    store: Path, hours: float, levels: list[int], climates: list[str], n_jobs: int, frameworks: Sequence[str] = ORDER
+) -> bool:
     """Train what is not in the store yet; whether that was finished."""
     store.mkdir(parents=True, exist_ok=True)
-    for number in (signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, _stop)
+    usual = {number: signal.signal(number, _stop) for number in (signal.SIGTERM, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_REAL, 3600.0 * hours)
     begun, n_done = time.monotonic(), 0
-    data = {climate: load(climate) for climate in climates}
-    todo = list(units(levels, climates))
+    todo = list(units(levels, climates, frameworks))
     try:
+        data = {climate: load(climate) for climate in climates}
         for climate in climates:
             _study_rivals.run(store, climate, data[climate])
         for i, unit in enumerate(todo, 1):
@@ -58,6 +60,8 @@ def run(store: Path, hours: float, levels: list[int], climates: list[str], n_job
         return False
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in usual.items():
+            signal.signal(number, handler)
     return True
 
 
@@ -89,10 +93,11 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--climates", nargs="+", default=list(CLIMATES), choices=list(CLIMATES))
+    parser.add_argument("--frameworks", nargs="+", default=list(ORDER), choices=list(ORDER), help="in this order")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     if given.what == "run":
-        run(given.store, given.hours, given.levels, given.climates, given.jobs)
+        run(given.store, given.hours, given.levels, given.climates, given.jobs, given.frameworks)
     else:
         from _study_report import report
 
