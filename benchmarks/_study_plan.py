@@ -94,17 +94,27 @@ def units(
     levels: Iterable[int] = (1, 2, 3),
     climates: Iterable[str] = tuple(CLIMATES),
     frameworks: Iterable[str] = ORDER,
+    by_size: bool = False,
 ) -> Iterator[Unit]:
-    """All searches in the order in which they are run: size by size, disturbances and climates in turn."""
+    """All searches in the order in which they are run, disturbances and climates in turn.
+
+    A level has all sizes of one framework, then those of the next; ``by_size``: the first size of all frameworks, then
+    the second.
+    """
     climates, frameworks = list(climates), list(frameworks)
     for kind in KINDS:
         yield from (Unit(0, "baselines", 0, kind, climate) for climate in climates)
     for level in sorted(set(levels)):
-        for framework in frameworks:
-            sizes = range(len(SIZES[framework]))[A_LEVEL * (level - 1) : A_LEVEL * level]
-            for size in sizes:
-                for kind in KINDS:
-                    yield from (Unit(level, framework, size, kind, climate) for climate in climates)
+        for framework, size in _turns(level, frameworks, by_size):
+            for kind in KINDS:
+                yield from (Unit(level, framework, size, kind, climate) for climate in climates)
+
+
+def _turns(level: int, frameworks: list[str], by_size: bool) -> list[tuple[str, int]]:
+    """Frameworks and sizes of a level in the order in which they are run."""
+    first = A_LEVEL * (level - 1)
+    found = [(name, size) for name in frameworks for size in range(len(SIZES[name]))[first : first + A_LEVEL]]
+    return sorted(found, key=lambda one: one[1]) if by_size else found
 
 
 class Split(NamedTuple):

@@ -12,7 +12,6 @@ import argparse
 import signal
 import time
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,15 +32,13 @@ def _stop(number: int, frame: Any) -> None:
     raise Stopped(signal.Signals(number).name)
 
 
-def run(
-    store: Path, hours: float, levels: list[int], climates: list[str], n_jobs: int, frameworks: Sequence[str] = ORDER
-) -> bool:
+def run(store: Path, hours: float, todo: list[Unit], n_jobs: int) -> bool:
     """Train what is not in the store yet; whether that was finished."""
     store.mkdir(parents=True, exist_ok=True)
     usual = {number: signal.signal(number, _stop) for number in (signal.SIGTERM, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_REAL, 3600.0 * hours)
     begun, n_done = time.monotonic(), 0
-    todo = list(units(levels, climates, frameworks))
+    climates = list(dict.fromkeys(unit.climate for unit in todo))
     try:
         data = {climate: load(climate) for climate in climates}
         for climate in climates:
@@ -94,10 +91,12 @@ def main() -> None:
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--climates", nargs="+", default=list(CLIMATES), choices=list(CLIMATES))
     parser.add_argument("--frameworks", nargs="+", default=list(ORDER), choices=list(ORDER), help="in this order")
+    parser.add_argument("--by-size", action="store_true", help="one size of all frameworks, then the next")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     if given.what == "run":
-        run(given.store, given.hours, given.levels, given.climates, given.jobs, given.frameworks)
+        todo = list(units(given.levels, given.climates, given.frameworks, given.by_size))
+        run(given.store, given.hours, todo, given.jobs)
     else:
         from _study_report import report
 

@@ -103,6 +103,14 @@ def test_climates_and_disturbances_take_turns_and_the_cheap_come_first():
         assert {(unit.disturbance, unit.climate) for unit in four} == set(product(KINDS, CLIMATES))
 
 
+def test_sizes_may_take_turns_too():
+    by_size = list(units([1, 2], by_size=True))
+    assert sorted(by_size) == sorted(units([1, 2]))
+    assert [(unit.framework, unit.size) for unit in by_size[4:36:4]] == [
+        (framework, size) for size in (0, 1) for framework in ("mlp", "rnn", "lstm", "cnn")
+    ]
+
+
 def test_a_later_level_starts_from_what_an_earlier_one_has_left(plan):
     first = planned([1])
     assert set(first["id"]) < set(plan["id"])
@@ -121,7 +129,7 @@ def test_the_time_limit_ends_a_run_between_and_within_searches(tmp_path, monkeyp
     monkeypatch.setattr(selection_study, "search", forever)
     before = signal.getsignal(signal.SIGTERM)
     begun = time.monotonic()
-    assert not selection_study.run(tmp_path, 0.2 / 3600.0, [1], list(CLIMATES), 1)
+    assert not selection_study.run(tmp_path, 0.2 / 3600.0, list(units([1])), 1)
     assert time.monotonic() - begun < 30.0
     assert len(seen) == 1
     assert signal.getsignal(signal.SIGTERM) is before
