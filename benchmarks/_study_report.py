@@ -99,11 +99,15 @@ def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[
         tables[f"The choice, {climate}: {choice.name} ({kind})"] = rules.rename_axis("rule")
     if len(moved := transfer(results, found)):
         tables["What a choice is worth in the other climate"] = moved
-    tables["Ingredients [K, or of the logarithm]"] = effects(found.regressions, ["where", "grouping"])
+    if found.regressions:
+        tables["Ingredients [K, or of the logarithm]"] = effects(found.regressions, ["where", "grouping"])
     if found.sizes:
         tables["Sizes [K; hidden_size in tens], grouped by cases"] = effects(found.sizes, ["framework", "climate"])
     for climate in found.robustness:
         tables[f"Robustness, {climate}: the first forty"] = robustness_table(found, climate)
+    if found.refused:
+        refused = pd.DataFrame({"why": found.refused}).rename_axis("what the package refused to tell")
+        tables["Refused, since chains were bad"] = refused
     return tables
 
 
@@ -150,6 +154,8 @@ def _ingredients(found: Findings, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     scopes = [scope for scope in (*CLIMATES, "both") if (scope, "rows") in found.regressions]
+    if not scopes:
+        return
     figure, axes = plt.subplots(1, len(scopes), figsize=(6.0 * len(scopes), 5.4), layout="constrained", squeeze=False)
     for ax, scope in zip(axes[0], scopes, strict=True):
         one = found.regressions.get((scope, "cases"), found.regressions[scope, "rows"])

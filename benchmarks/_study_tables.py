@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,39 +67,57 @@ class Findings(NamedTuple):
     sizes: dict[tuple[str, str], PatternExpressiveness]  # by framework and climate
     robustness: dict[str, RobustnessComparison]  # by climate
     choices: dict[str, CaseChoice]  # by climate
+    refused: dict[str, str]  # what the package would not tell, since chains were bad, and why
+
+    def add(self, kind: str, key: Any, make: Callable[[], Any]) -> None:
+        """Take in a finding, or why there is none."""
+        begun = time.monotonic()
+        try:
+            getattr(self, kind)[key] = make()
+        except RuntimeError as error:
+            self.refused[f"{kind}, {key if isinstance(key, str) else ' '.join(key)}"] = str(error)
+        print(f"{kind} {key}: {time.monotonic() - begun:.0f} s", flush=True)
 
 
 def find(results: pd.DataFrame) -> Findings:
     """Regress, compare and choose."""
-    part = even_part(results)
-    several = comparable(part)
-    found = Findings({}, {}, {}, {})
+    part, found = even_part(results), Findings({}, {}, {}, {}, {})
+    climates = list(dict.fromkeys(part["climate"]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for climate in part["climate"].unique():
+        for climate in climates:
             _regress(found, climate, part[part["climate"] == climate], list(INGREDIENTS))
-            here = several[several["climate"] == climate]
-            for framework in here["framework"].unique():
-                rows = here[here["framework"] == framework]
-                rows = rows.assign(hidden_size=rows["hidden_size"] / 10.0)  # one more is too little to see
-                found.sizes[framework, climate] = PatternExpressiveness("sizes", group=BY, random_state=0).fit(rows)
-            if here.groupby(list(BY)).ngroups > 1:
-                found.robustness[climate] = RobustnessComparison(by=BY, random_state=0).fit(here)
-                columns = [*IDENTITY, *SIZE_COLUMNS, "rmse"]
-                both = pd.concat([here[columns], simple_rivals(results, climate)[columns]], ignore_index=True)
-                found.choices[climate] = select_case(both, random_state=0)
-        if len(set(part["climate"])) > 1:
+        if len(climates) > 1:
             _regress(found, "both", part, [*INGREDIENTS, "climate"])
+        several = comparable(part)
+        for climate in climates:
+            here = several[several["climate"] == climate]
+            if here.groupby(list(BY)).ngroups > 1:
+                _compare(found, climate, here, simple_rivals(results, climate))
     return found
 
 
 def _regress(found: Findings, scope: str, part: pd.DataFrame, terms: list[str]) -> None:
     """By cases, whose rows share what no ingredient explains, also of log(rmse), and as the paper does, by rows."""
+    kinds: dict[str, dict[str, Any]] = {"rows": {}}
     if part.groupby(list(BY)).size().max() > 1:
-        found.regressions[scope, "cases"] = PatternExpressiveness(terms, group=BY, random_state=0).fit(part)
-        one = PatternExpressiveness(terms, group=BY, log=True, random_state=0)
-        found.regressions[scope, "cases, log"] = one.fit(part)
-    found.regressions[scope, "rows"] = PatternExpressiveness(terms, random_state=0).fit(part)
+        kinds = {"cases": {"group": BY}, "cases, log": {"group": BY, "log": True}} | kinds
+    for grouping, settings in kinds.items():
+        one = PatternExpressiveness(terms, random_state=0, **settings)
+        found.add("regressions", (scope, grouping), lambda one=one: one.fit(part))
+
+
+def _compare(found: Findings, climate: str, here: pd.DataFrame, rivals: pd.DataFrame) -> None:
+    """Sizes of each framework, robustness of all cases, and the choice."""
+    for framework in dict.fromkeys(here["framework"]):
+        rows = here[here["framework"] == framework]
+        rows = rows.assign(hidden_size=rows["hidden_size"] / 10.0)  # one more is too little to see
+        one = PatternExpressiveness("sizes", group=BY, random_state=0)
+        found.add("sizes", (framework, climate), lambda one=one, rows=rows: one.fit(rows))
+    found.add("robustness", climate, lambda: RobustnessComparison(by=BY, random_state=0).fit(here))
+    columns = [*IDENTITY, *SIZE_COLUMNS, "rmse"]
+    both = pd.concat([here[columns], rivals[columns]], ignore_index=True)
+    found.add("choices", climate, lambda: select_case(both, random_state=0))
 
 
 # ---------------------------------------------------------------------------------------------------------- as tables
