@@ -1,0 +1,196 @@
+"""Tables and figures of the study, from whatever part of it is in the store."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from _report import RESULTS, write_table
+from _study_claims import judge
+from _study_cost import costs
+from _study_plan import CLIMATES, SIZES, TEST_DAYS, TRAIN_DAYS
+from _study_tables import (
+    SIZE_COLUMNS,
+    Findings,
+    comparable,
+    effects,
+    even_part,
+    facts,
+    find,
+    load_results,
+    rivals_table,
+    robustness_table,
+    transfer,
+)
+
+from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
+
+_CSV = ["climate", "level", "framework", "case", "disturbance", "name", *SIZE_COLUMNS]
+_CSV += ["rmse", "fit_time", "score_time", "n_epochs", "error"]
+#: cases that the figure of robustness shows, of up to 152
+_SHOWN = 30
+NOTE = (
+    f"make_office in two climates: the first {TRAIN_DAYS} days, from 8 July, train, the {TEST_DAYS} days behind them "
+    "test; RMSE of the room temperature, an origin a day at midnight, every quarter of an hour of the day ahead.  Gray "
+    "box OutputDisturbanceID with known Q_h, identified once a climate.  Networks as DisturbanceForecaster.published, "
+    "but one seed in the place of ten repeats: up to 1000 epochs, patience 150, the last week of training validates.  "
+    "**The part**: all 21, 21, 17 and 17 cases of MLP, CNN, RNN and LSTM, ID and OD, both climates, in the same few "
+    "sizes each (benchmarks/_study_plan.py): MLP a Graeco-Latin square over layers, width and activation, RNN and LSTM "
+    "two thirds of such a square, CNN with **10 channels and pools of 4 only**, since more channels, or no pools, "
+    "over seven days cost minutes to hours a candidate.  Tables and figures use the sizes that are finished in every "
+    "case, disturbance and climate.  **The test months choose here, as in the paper**, so that the error of what is "
+    "chosen is flattered; what the choice is worth shows in the other climate (same building and occupants, other "
+    "weather), below.  P(reduces): probability that a term reduces the error.  *cases*: rows of a case share what no "
+    "ingredient explains (this package's default in select_case); *rows*: each size an experiment of its own, as in "
+    "the paper; *cases, log*: effects on log(RMSE), on which a few very bad candidates weigh less."
+)
+
+
+def report(store: Path, folder: Path = RESULTS) -> Path:
+    """Write ``selection_study.md``, ``.csv`` and three figures.
+
+    Raises
+    ------
+    ValueError
+        If no network is finished yet.
+    """
+    results = load_results(store)
+    part = even_part(results)
+    if part.empty:
+        raise ValueError(f"store {store} holds no finished network; run for longer.")
+    _write_csv(results, folder / "selection_study.csv")
+    found = find(results)
+    path = write_table(
+        "selection_study",
+        "The paper's method of selection on its office",
+        "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report "
+        "--store DIR",
+        _tables(results, part, found),
+        NOTE,
+        folder,
+    )
+    figures(found, folder)
+    return path
+
+
+def _write_csv(results: pd.DataFrame, path: Path) -> None:
+    """Every candidate that was finished, failed ones too."""
+    path.parent.mkdir(exist_ok=True)
+    done = results[results["rmse"].notna() | results["error"].notna()]
+    errors = done["error"].map(lambda text: str(text).strip().splitlines()[-1] if text else "")
+    hidden = path.with_suffix(".csv.part")
+    done.assign(error=errors)[_CSV].to_csv(hidden, index=False, float_format="%.6g")
+    hidden.replace(path)
+
+
+def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[str, pd.DataFrame]:
+    tables = {
+        "The paper's findings beside ours": judge(facts(results, found)),
+        "What ran, and what all of it would take": costs(results),
+        "Sizes that all tables below use": sizes_used(part),
+        "Models without a network, beside the choice": rivals_table(results, found),
+    }
+    for climate, choice in found.choices.items():
+        kind = {"input": "ID", "output": "OD"}[choice.disturbance]
+        rules = pd.DataFrame({"what the rule did": choice.reasons}, index=range(1, len(choice.reasons) + 1))
+        tables[f"The choice, {climate}: {choice.name} ({kind})"] = rules.rename_axis("rule")
+    if len(moved := transfer(results, found)):
+        tables["What a choice is worth in the other climate"] = moved
+    if found.regressions:
+        tables["Ingredients [K, or of the logarithm]"] = effects(found.regressions, ["where", "grouping"])
+    if found.sizes:
+        tables["Sizes [K; hidden_size in tens], grouped by cases"] = effects(found.sizes, ["framework", "climate"])
+    for climate in found.robustness:
+        tables[f"Robustness, {climate}: the first forty"] = robustness_table(found, climate)
+    if found.refused:
+        refused = pd.DataFrame({"why": found.refused}).rename_axis("what the package refused to tell")
+        tables["Refused, since chains were bad"] = refused
+    return tables
+
+
+def sizes_used(part: pd.DataFrame) -> pd.DataFrame:
+    """One row a framework: its sizes and how many candidates that makes; two sizes or more can be robust."""
+    rows = {}
+    for framework in SIZES:
+        here = part[part["framework"] == framework]
+        sizes = here[[c for c in SIZE_COLUMNS if here[c].notna().any()]].drop_duplicates()
+        said = ["-".join(_plain(v) for v in row) for row in sizes.itertuples(index=False)]
+        names = " - ".join(sizes.columns)
+        compared = "yes" if len(comparable(here)) else "no: it takes two sizes"
+        rows[framework] = {"candidates": len(here), "sizes": f"({names}) " + ", ".join(said), "robustness": compared}
+    return pd.DataFrame(rows).T.rename_axis("framework")
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else str(value)
+
+
+# ------------------------------------------------------------------------------------------------------------ figures
+def figures(found: Findings, folder: Path) -> None:
+    """Draw ingredients, sizes and robustness, each climate beside the other."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        _ingredients(found, folder / "selection_study_ingredients.png")
+        _sizes(found, folder / "selection_study_sizes.png")
+        _robustness(found, folder / "selection_study_robustness.png")
+
+
+def _save(figure: Any, path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    part = path.with_suffix(".part")
+    figure.savefig(part, format="png", dpi=110)
+    part.replace(path)
+    plt.close(figure)
+
+
+def _ingredients(found: Findings, path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    scopes = [scope for scope in (*CLIMATES, "both") if (scope, "rows") in found.regressions]
+    if not scopes:
+        return
+    figure, axes = plt.subplots(1, len(scopes), figsize=(6.0 * len(scopes), 5.4), layout="constrained", squeeze=False)
+    for ax, scope in zip(axes[0], scopes, strict=True):
+        one = found.regressions.get((scope, "cases"), found.regressions[scope, "rows"])
+        title = f"{scope}, {one.n_candidates_} candidates"
+        PosteriorDisplay.from_estimator(one, ax=ax, title=title)
+    _save(figure, path)
+
+
+def _sizes(found: Findings, path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    if not found.sizes:
+        return
+    frameworks = [name for name in SIZES if any(key[0] == name for key in found.sizes)]
+    size = (6.0 * len(CLIMATES), 3.2 * len(frameworks))
+    figure, axes = plt.subplots(len(frameworks), len(CLIMATES), figsize=size, layout="constrained", squeeze=False)
+    for ax, key in zip(axes.ravel(), [(f, c) for f in frameworks for c in CLIMATES], strict=True):
+        if key in found.sizes:
+            PosteriorDisplay.from_estimator(
+                found.sizes[key], ax=ax, title=f"{key[0].upper()}, {key[1]} (width in tens)"
+            )
+        else:
+            ax.set_axis_off()
+    _save(figure, path)
+
+
+def _robustness(found: Findings, path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    if not found.robustness:
+        return
+    n = len(found.robustness)
+    figure = plt.figure(figsize=(12.5, n * (1.6 + 0.22 * _SHOWN)), layout="constrained")
+    for part, (climate, one) in zip(np.ravel(figure.subfigures(n, 1)), found.robustness.items(), strict=True):
+        axes = part.subplots(1, 2)
+        title = f"{climate}: the {min(_SHOWN, len(one.median_))} lowest of {len(one.median_)} cases"
+        RobustnessDisplay.from_estimator(one, ax=axes, n_cases=_SHOWN, title=title)
+    _save(figure, path)
