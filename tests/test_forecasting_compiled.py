@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,8 @@ from torch import nn
 
 from skhybrid._kernels.dense import ACTIVATIONS, activate, exp32
 from skhybrid.forecasting import compiled
-from skhybrid.forecasting.compiled import COMPILED, Tables, train_epoch, validate
+from skhybrid.forecasting.cases import NETWORKS
+from skhybrid.forecasting.compiled import Tables, train_epoch, validate
 from skhybrid.forecasting.nets import NetworkSpec, NetworkStack
 from skhybrid.forecasting.windows import Windows
 
@@ -53,8 +56,11 @@ def _loss(stack, windows, rows, member):
     return (errors**2).sum() / known.sum(), float(known.sum())
 
 
-@pytest.mark.parametrize("kind", COMPILED)
-@pytest.mark.parametrize("settings", [{}, {"reads_zeta": False, "n_layers": 1}, {"activation": "gelu"}])
+_SETTINGS = [{}, {"reads_zeta": False, "n_layers": 1}, {"activation": "gelu"}]
+_CNN = [{"pool_size": 4, "filter_size": 6}, {"pool_size": 2, "n_channels": 5, "activation": "selu"}]
+
+
+@pytest.mark.parametrize(("kind", "settings"), [*product(NETWORKS, _SETTINGS), *product(["cnn"], _CNN)])
 def test_an_epoch_is_a_plain_loop_over_batches_with_torch_s_gradient_and_adam(kind, settings):
     windows, batch_size, max_norm = _windows(), 40, 0.2  # the last batch is smaller; gradients are clipped
     stack, _, losses = _epoch_of(kind, windows, batch_size, max_norm, **settings)
@@ -75,7 +81,7 @@ def test_an_epoch_is_a_plain_loop_over_batches_with_torch_s_gradient_and_adam(ki
         torch.testing.assert_close(stack.flat[member], twin.flat[0], rtol=1e-3, atol=2e-5)
 
 
-@pytest.mark.parametrize("kind", COMPILED)
+@pytest.mark.parametrize("kind", NETWORKS)
 @pytest.mark.parametrize("activation", list(ACTIVATIONS))
 def test_the_gradient_with_dropout_is_torch_s(kind, activation, monkeypatch):
     windows, share = _windows(), 0.3
@@ -85,29 +91,29 @@ def test_the_gradient_with_dropout_is_torch_s(kind, activation, monkeypatch):
     (generator,) = _generators(4)
     twin = NetworkStack(_spec(kind, **settings), [generator])
     order = torch.randperm(N, generator=generator)
-    shape = (2, N, 8) if kind == "mlp" else (N_LEADS, 8, N)
+    shape = {"mlp": (2, N, 8), "cnn": (1, N, 8)}.get(kind, (N_LEADS, 8, N))
     mask = (torch.empty(shape).uniform_(generator=generator) >= share) / (1.0 - share)
-    masks = iter(mask) if kind == "mlp" else iter([mask])
+    masks = iter(mask) if kind in ("mlp", "cnn") else iter([mask])
     monkeypatch.setattr(twin, "_mask", lambda *_: next(masks)[None])
     _loss(twin, windows, order, 0)[0].backward()
     assert gradient.abs().max() > 0
     torch.testing.assert_close(gradient, twin.flat.grad[0], rtol=1e-3, atol=2e-6)
 
 
-@pytest.mark.parametrize("kind", COMPILED)
+@pytest.mark.parametrize("kind", NETWORKS)
 def test_filling_stays_0_and_a_member_is_what_it_is_alone(kind):
     windows = _windows()
     stack, _, _ = _epoch_of(kind, windows, 32, seeds=(1, 2), dropout=0.2)
     alone, _, _ = _epoch_of(kind, windows, 32, seeds=(2,), dropout=0.2)
     assert torch.equal(stack.flat[1], alone.flat[0])
     named = stack.weights()
-    for layer in stack.layers:
+    for layer in (layer for layer in stack.layers if not layer.name.startswith("conv")):
         live = layer.rows[:, None] & layer.columns
         assert (named[f"{layer.name}.weight"][:, ~live] == 0).all()
         assert (named[f"{layer.name}.bias"][:, ~layer.columns] == 0).all()
 
 
-@pytest.mark.parametrize("kind", COMPILED)
+@pytest.mark.parametrize("kind", NETWORKS)
 def test_a_table_in_pieces_gives_the_same_numbers(kind, monkeypatch):
     windows = _windows()
     whole, _, losses = _epoch_of(kind, windows, 16, dropout=0.2)

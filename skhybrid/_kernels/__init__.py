@@ -1,6 +1,7 @@
 """Numerical kernels: arrays in, NamedTuples out."""
 
 from .channels import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
+from .convolution import ConvShape, conv_epoch, conv_forecasts
 from .dense import ACTIVATIONS, AdamStep, DenseShape, DenseWindows, dense_epoch, dense_forecasts
 from .discretize import Discrete, discretize, divided_difference
 from .gates import tanh32
@@ -32,6 +33,7 @@ __all__ = [
     "AdamStep",
     "ChannelAdjoint",
     "ChannelFilter",
+    "ConvShape",
     "DenseShape",
     "DenseWindows",
     "Discrete",
@@ -43,6 +45,8 @@ __all__ = [
     "RecurrentWindows",
     "Sensitivity",
     "Smoothed",
+    "conv_epoch",
+    "conv_forecasts",
     "dense_epoch",
     "dense_forecasts",
     "discretize",

@@ -70,13 +70,13 @@ def activate(kind: int, z: ndarray, bias: ndarray, out: ndarray) -> None:
 
 
 @compiled_elements
-def drop(share: float, uniform: ndarray, slope: ndarray, out: ndarray) -> None:
-    """Dropout of ``share``: what is drawn below it becomes 0, the rest is rescaled, value and slope alike."""
+def drop(share: float, uniform: ndarray, first: int, slope: ndarray, out: ndarray) -> None:
+    """Dropout: what is drawn below ``share``, in the rows from ``first`` on, becomes 0; the rest is rescaled."""
     keep = np.float32(1.0 / (1.0 - share))
     least = np.float32(share)
     n, width = out.shape
     for i in range(n):
-        drawn, value, d = uniform[i], out[i], slope[i]
+        drawn, value, d = uniform[first + i], out[i], slope[i]
         for j in range(width):
             factor = keep if drawn[j] >= least else _ZERO
             value[j] *= factor
@@ -115,9 +115,10 @@ def matrix(numbers: ndarray, at: int, n_rows: int, n_columns: int) -> ndarray:
 
 
 @compiled_elements
-def _forward(
-    row: ndarray, shape: DenseShape, psi: ndarray, drawn: ndarray, slopes: ndarray, hidden: ndarray, out: ndarray
-) -> None:
+def dense_forward(
+    row: ndarray, shape: DenseShape, psi: ndarray, drawn: ndarray, first: int, slopes: ndarray, hidden: ndarray,
+    out: ndarray,
+) -> None:  # fmt: skip
     """``W_xi h + b_xi``; derivatives and values of hidden layers are kept, dropout included."""
     places, n_layers = shape.places, len(shape.places) - 1
     n, width = len(psi), places[0, 2]
@@ -128,7 +129,7 @@ def _forward(
         np.dot(h, matrix(row, at, n_in, n_out), slope)
         activate(shape.kind, slope, row[bias_at : bias_at + n_out], value)
         if len(drawn):
-            drop(shape.share, drawn[k], slope, value)
+            drop(shape.share, drawn[k], first, slope, value)
         h = value
     at, n_in, n_out, bias_at = places[n_layers]
     np.dot(h, matrix(row, at, n_in, n_out), out)
@@ -138,11 +139,14 @@ def _forward(
 
 
 @compiled_elements
-def _backward(
+def dense_backward(
     row: ndarray, shape: DenseShape, psi: ndarray, slopes: ndarray, hidden: ndarray, d_out: ndarray, spare: ndarray,
     gradient: ndarray,
-) -> None:  # fmt: skip
-    """The gradient of the weights from that of the outputs; filling is left alone."""
+) -> ndarray:  # fmt: skip
+    """The gradient of the weights from that of the outputs; filling is left alone.
+
+    Returned is that of the lowest layer before its activation.
+    """
     places, n_layers = shape.places, len(shape.places) - 1
     n, width, d = len(psi), places[0, 2], d_out
     for k in range(n_layers, -1, -1):
@@ -160,6 +164,7 @@ def _backward(
                 for j in range(width):
                     carried[i, j] *= slope[i, j]
             d = carried
+    return d
 
 
 @compiled_elements
@@ -180,7 +185,8 @@ def adam_step(row: ndarray, moments: tuple[ndarray, ndarray], gradient: ndarray,
 
 
 @compiled_elements
-def _gather(windows: DenseWindows, rows: ndarray, room: DenseWindows) -> None:
+def gather(windows: DenseWindows, rows: ndarray, room: DenseWindows) -> None:
+    """Copy windows into ``room``."""
     for i in range(len(rows)):
         w = rows[i]
         room.psi[i], room.base[i] = windows.psi[w], windows.base[w]
@@ -188,7 +194,8 @@ def _gather(windows: DenseWindows, rows: ndarray, room: DenseWindows) -> None:
 
 
 @compiled_elements
-def _room(n: int, windows: DenseWindows) -> DenseWindows:
+def make_windows(n: int, windows: DenseWindows) -> DenseWindows:
+    """Room for ``n`` windows."""
     n_leads = windows.target.shape[1]
     psi = np.empty((n, windows.psi.shape[1]), dtype=np.float32)
     base, target, known = (
@@ -200,21 +207,17 @@ def _room(n: int, windows: DenseWindows) -> DenseWindows:
 
 
 @compiled_elements
-def _error(batch: DenseWindows, out: ndarray, d_out: ndarray) -> tuple[float, float]:
-    """Sum of squared errors of known targets, and how many; ``d_out`` is the gradient of their mean."""
+def square_errors(batch: DenseWindows, out: ndarray, n_known: float, d_out: ndarray) -> float:
+    """Sum of squared errors of known targets; ``d_out`` becomes the gradient of their mean over ``n_known``."""
     n, n_leads = batch.target.shape
-    total, count = 0.0, 0.0
+    total = 0.0
+    scale = np.float32(2.0 / max(n_known, 1.0))
     for i in range(n):
         for j in range(n_leads):
             e = (batch.base[i, j] + out[i, j] - batch.target[i, j]) * batch.known[i, j]
-            d_out[i, j] = e
+            d_out[i, j] = scale * e
             total += e * e
-            count += batch.known[i, j]
-    scale = np.float32(2.0 / max(count, 1.0))
-    for i in range(n):
-        for j in range(n_leads):
-            d_out[i, j] *= scale
-    return total, count
+    return total
 
 
 @compiled_elements
@@ -254,18 +257,19 @@ def dense_epoch(
     hidden, spare = np.empty_like(slopes), np.empty((2, most * width), dtype=np.float32)
     gradient = np.zeros_like(row)
     total, count, n_done = 0.0, 0.0, adam.n_done
-    room = _room(most, windows)
+    room = make_windows(most, windows)
     for start in range(0, n, most):
         rows = order[start : start + most]
         if len(rows) < most:
-            room = _room(len(rows), windows)
-        _gather(windows, rows, room)
+            room = make_windows(len(rows), windows)
+        gather(windows, rows, room)
         out = np.empty((len(rows), shape.places[n_layers, 2]), dtype=np.float32)
         d_out = np.zeros_like(out)
-        _forward(row, shape, room.psi, drawn[:, start : start + most], slopes, hidden, out)
-        found = _error(room, out, d_out)
-        total, count = total + found[0], count + found[1]
-        _backward(row, shape, room.psi, slopes, hidden, d_out, spare, gradient)
+        dense_forward(row, shape, room.psi, drawn, start, slopes, hidden, out)
+        n_known = room.known.sum()
+        total += square_errors(room, out, n_known, d_out)
+        count += n_known
+        dense_backward(row, shape, room.psi, slopes, hidden, d_out, spare, gradient)
         adam_step(row, moments, gradient, adam, n_done)
         n_done += 1
     return total, count
@@ -276,8 +280,8 @@ def dense_forecasts(row: ndarray, shape: DenseShape, windows: DenseWindows, rows
     """Forecasts (n, n_leads) of the windows ``rows`` (n,); nothing drops."""
     n, n_layers, width = len(rows), len(shape.places) - 1, shape.places[0, 2]
     slopes = np.empty((n_layers, n * width), dtype=np.float32)
-    room = _room(n, windows)
-    _gather(windows, rows, room)
+    room = make_windows(n, windows)
+    gather(windows, rows, room)
     out = np.empty((n, shape.places[n_layers, 2]), dtype=np.float32)
-    _forward(row, shape, room.psi, np.empty((0, 0, 0), dtype=np.float32), slopes, np.empty_like(slopes), out)
+    dense_forward(row, shape, room.psi, np.empty((0, 0, 0), dtype=np.float32), 0, slopes, np.empty_like(slopes), out)
     return room.base + out[:, : room.base.shape[1]]

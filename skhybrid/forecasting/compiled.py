@@ -15,20 +15,19 @@ from torch import Tensor
 
 from .._kernels import (
     AdamStep,
-    DenseShape,
     DenseWindows,
-    RecurrentShape,
     RecurrentWindows,
+    conv_epoch,
+    conv_forecasts,
     dense_epoch,
     dense_forecasts,
     recurrent_epoch,
     recurrent_forecasts,
 )
+from .cases import RECURRENT
 from .nets import NetworkStack
 from .windows import Windows
 
-#: networks that have kernels; the products of a CNN are convolutions, which torch does well.
-COMPILED = ("mlp", "rnn", "lstm")
 _INPUTS = ("zeta", "past", "future")
 _TARGETS = ("base", "target", "known")
 #: windows are laid out one behind the other up to this size [numbers]; of more, so many at a time.
@@ -44,7 +43,7 @@ class Tables:
     ----------
     windows : Windows
         Of one table for all members, or of one each.
-    kind : {"mlp", "rnn", "lstm"}
+    kind : {"mlp", "cnn", "rnn", "lstm"}
         The networks.
     reads_zeta : bool
         Whether they read the disturbance's history.
@@ -52,7 +51,7 @@ class Tables:
 
     def __init__(self, windows: Windows, kind: str, reads_zeta: bool) -> None:
         self.chosen = windows.chosen
-        self._parts, self._flat, self._reads_zeta = windows.parts, kind == "mlp", reads_zeta
+        self._parts, self._flat, self._reads_zeta = windows.parts, kind not in RECURRENT, reads_zeta
         self._tables: dict[int, DenseWindows | RecurrentWindows] = {}
 
     def pieces(self, member: int, order: Tensor, batch_size: int) -> Iterator[tuple[Any, np.ndarray]]:
@@ -79,10 +78,12 @@ class Tables:
         return DenseWindows(psi.numpy(), base, target, known)
 
 
-def _kernels(stack: NetworkStack) -> tuple[Any, Any, Sequence[DenseShape | RecurrentShape]]:
-    if stack.spec.kind == "mlp":
-        return dense_epoch, dense_forecasts, stack.dense_shapes()
-    return recurrent_epoch, recurrent_forecasts, stack.recurrent_shapes()
+def _kernels(stack: NetworkStack) -> tuple[Any, Any, Sequence[Any]]:
+    if stack.spec.kind in RECURRENT:
+        return recurrent_epoch, recurrent_forecasts, stack.recurrent_shapes()
+    if stack.spec.kind == "cnn":
+        return conv_epoch, conv_forecasts, stack.conv_shapes()
+    return dense_epoch, dense_forecasts, stack.dense_shapes()
 
 
 def train_epoch(
@@ -117,7 +118,7 @@ def train_epoch(
     n, means = len(tables.chosen), []
     for i, (shape, generator) in enumerate(zip(shapes, stack.generators, strict=True)):
         order = tables.chosen[torch.randperm(n, generator=generator)]
-        drawn = _draws(stack, shape.share, n, generator)
+        drawn = _draws(stack, stack.specs[i].dropout, n, generator)
         moments = (state["exp_avg"][i].numpy(), state["exp_avg_sq"][i].numpy())
         found, done = [], 0
         for table, rows in tables.pieces(stack.members[i], order, batch_size):
@@ -131,16 +132,21 @@ def train_epoch(
 
 
 def _draws(stack: NetworkStack, share: float, n: int, generator: torch.Generator) -> np.ndarray:
-    """Uniform draws for the dropout of an epoch, (n_layers, n, width) or (n_leads, width, n); none if nothing drops."""
+    """Uniform draws for the dropout of an epoch; none if nothing drops.
+
+    They are (n_layers, n, width), of a CNN's head one layer, and of a recurrent network (n_leads, width, n).
+    """
     spec, width = stack.spec, int(stack.places[-1, 1])
-    shape = (spec.n_layers, n, width) if spec.kind == "mlp" else (spec.n_leads, width, n)
+    shape = (1 if spec.kind == "cnn" else spec.n_layers, n, width)
+    if spec.kind in RECURRENT:
+        shape = (spec.n_leads, width, n)
     return torch.empty(shape if share else (0, 0, 0)).uniform_(generator=generator).numpy()
 
 
 def _of_windows(stack: NetworkStack, first: int, n: int) -> tuple[slice, ...]:
     """Which of the draws belong to these windows of an epoch."""
     these = slice(first, first + n)
-    return (slice(None), these) if stack.spec.kind == "mlp" else (slice(None), slice(None), these)
+    return (slice(None), slice(None), these) if stack.spec.kind in RECURRENT else (slice(None), these)
 
 
 def validate(stack: NetworkStack, tables: Tables) -> list[float]:

@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .._kernels import DenseShape, RecurrentShape
+from .._kernels import ConvShape, DenseShape, RecurrentShape
 from .activations import Activations
 from .recurrent import decode, decode_with_gradient, linear
 
@@ -298,6 +298,19 @@ class NetworkStack(nn.Module):
         return [RecurrentShape(self.places, n_gates, code, float(spec.dropout), reads) for code, spec in each]
 
     def dense_shapes(self) -> list[DenseShape]:
-        """MLPs as their kernels know them."""
+        """MLPs, or the heads of CNNs, as their kernels know them."""
+        n_layers = len([layer for layer in self.layers if not layer.name.startswith("conv")])
         each = zip(self._phi.codes, self.specs, strict=True)
-        return [DenseShape(self.places, code, float(spec.dropout)) for code, spec in each]
+        return [DenseShape(self.places[-n_layers:], code, float(spec.dropout)) for code, spec in each]
+
+    def conv_shapes(self) -> list[ConvShape]:
+        """CNNs as their kernels know them."""
+        spec, lengths, n_in = self.spec, [], self.spec.flat_width
+        for _ in range(spec.n_layers + 1):
+            n_out = n_in + 2 * (spec.filter_size // 2) - spec.filter_size + 1
+            lengths.append((n_in, n_out, _pooled(n_out, spec)))
+            n_in = lengths[-1][-1]
+        places = self.places[: len(lengths)].copy()
+        places[:, 1] = [layer.fan_in for layer in self.layers[: len(lengths)]]
+        places[:, 2] = spec.n_channels
+        return [ConvShape(places, np.array(lengths), spec.filter_size, head) for head in self.dense_shapes()]
