@@ -40,6 +40,7 @@ class ConvShape(NamedTuple):
     places: ndarray  # int, (n_conv, 4): begin of a filter, its numbers, channels out, begin of its bias
     lengths: ndarray  # int, (n_conv, 3): places of the input, of the convolution, and of what is pooled
     filter_size: int
+    pool_size: int  # of layers that shorten their input by pooling
     head: DenseShape
 
 
@@ -175,9 +176,8 @@ def _fold(columns: ndarray, size: int, x: ndarray) -> None:
 
 
 @compiled_elements
-def _pool(z: ndarray, out: ndarray, chosen: ndarray) -> None:
+def _pool(z: ndarray, size: int, out: ndarray, chosen: ndarray) -> None:
     """The greatest of each group of places, the first of equals; what is left over at the end is dropped."""
-    size = z.shape[1] // out.shape[1]
     for c in range(len(z)):
         for p in range(out.shape[1]):
             best, value = p * size, z[c, p * size]
@@ -207,7 +207,7 @@ def _forward(row: ndarray, shape: ConvShape, psi: ndarray, room: _Room) -> ndarr
                 _times(matrix(row, at, n_channels, n_numbers), columns, slope)
             else:
                 _times(matrix(row, at, n_channels, n_numbers), columns, z)
-                _pool(z, slope, matrix(room.chosen[k], w * size, n_channels, n_out))
+                _pool(z, shape.pool_size, slope, matrix(room.chosen[k], w * size, n_channels, n_out))
             for c in range(n_channels):
                 slope[c] += row[bias_at + c]
             activate(shape.head.kind, slope, room.none[:n_out], value)

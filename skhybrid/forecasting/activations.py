@@ -33,10 +33,6 @@ class Activations:
             self.runs.append((name, slice(start, stop)))
             start = stop
 
-    def of(self, member: int) -> Callable[[Tensor], Tensor]:
-        """``phi`` of one member."""
-        return _PHI[self.names[member]]
-
     def apply(self, z: Tensor) -> Tensor:
         """``phi(z)``, with torch's own gradient."""
         if len(self.runs) == 1:

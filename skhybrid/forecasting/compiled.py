@@ -1,12 +1,8 @@
-"""Epochs of stacks through compiled kernels (:mod:`skhybrid._kernels.dense`, ``recurrent``).
-
-A step of a small network is dozens of torch's operations, each of which takes longer to call than to compute.  Members
-take turns: what stands beside a member does not change its numbers.
-"""
+"""Forecasts of stacks through compiled kernels (:mod:`skhybrid._kernels.dense`, ``convolution``, ``recurrent``)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +10,6 @@ import torch
 from torch import Tensor
 
 from .._kernels import (
-    AdamStep,
     DenseWindows,
     RecurrentWindows,
     conv_epoch,
@@ -25,144 +20,59 @@ from .._kernels import (
     recurrent_forecasts,
 )
 from .cases import RECURRENT
-from .nets import NetworkStack
-from .windows import Windows
 
-_INPUTS = ("zeta", "past", "future")
-_TARGETS = ("base", "target", "known")
-#: windows are laid out one behind the other up to this size [numbers]; of more, so many at a time.
-_MOST_NUMBERS = 2**24
-#: windows that are validated at once, of a table that is not laid out whole.
-_VALIDATED = 1024
+#: the device that kernels run on; on others torch's own operators do.
+DEVICE = "cpu"
 
 
-class Tables:
-    """The windows of a data set as the kernels read them.
+def kernels_of(kind: str) -> tuple[Callable[..., Any], Callable[..., np.ndarray]]:
+    """The epoch of a kind of network, and its forecasts."""
+    if kind in RECURRENT:
+        return recurrent_epoch, recurrent_forecasts
+    return (conv_epoch, conv_forecasts) if kind == "cnn" else (dense_epoch, dense_forecasts)
+
+
+def table_of(kind: str, reads_zeta: bool, inputs: Sequence[Tensor], targets: Sequence[Tensor]) -> Any:
+    """Windows as the kernels of a network read them.
 
     Parameters
     ----------
-    windows : Windows
-        Of one table for all members, or of one each.
+    kind : {"mlp", "cnn", "rnn", "lstm"}
+        The network.
+    reads_zeta : bool
+        Whether it reads the disturbance's history.
+    inputs : sequence of Tensor
+        ``zeta``, ``past`` and ``future``, (n_windows, ...) each.
+    targets : sequence of Tensor
+        ``base``, ``target`` and ``known``, (n_windows, n_leads) each.
+    """
+    zeta, past, future = inputs
+    of_leads = [tensor.contiguous().numpy() for tensor in targets]
+    if kind in RECURRENT:
+        return RecurrentWindows(*(tensor.contiguous().numpy() for tensor in inputs), *of_leads)
+    pieces = [zeta[:, 1:]] if reads_zeta else []
+    return DenseWindows(torch.cat([*pieces, past.flatten(1), future.flatten(1)], dim=1).numpy(), *of_leads)
+
+
+def forecast_members(flat: Tensor, kind: str, reads_zeta: bool, shapes: Sequence[Any], *inputs: Tensor) -> Tensor:
+    """Forecasts (n_members, n_windows, n_leads); nothing drops.
+
+    Parameters
+    ----------
+    flat : Tensor of shape (n_members, n_weights)
+        Weights.
     kind : {"mlp", "cnn", "rnn", "lstm"}
         The networks.
     reads_zeta : bool
         Whether they read the disturbance's history.
+    shapes : sequence of NamedTuple
+        The members as their kernels know them.
+    *inputs : Tensor
+        ``zeta``, ``past``, ``future`` and ``base``, each (n_members, n_windows, ...).
     """
-
-    def __init__(self, windows: Windows, kind: str, reads_zeta: bool) -> None:
-        self.chosen = windows.chosen
-        self._parts, self._flat, self._reads_zeta = windows.parts, kind not in RECURRENT, reads_zeta
-        self._tables: dict[int, DenseWindows | RecurrentWindows] = {}
-
-    def pieces(self, member: int, order: Tensor, batch_size: int) -> Iterator[tuple[Any, np.ndarray]]:
-        """Tables and the rows of them that are next: one whole, or, where that were too large, some batches each."""
-        number = member if len(self._parts) > 1 else 0
-        part = self._parts[number]
-        width = sum(part[name][0].numel() for name in _INPUTS)
-        if len(part["target"]) * width <= _MOST_NUMBERS:
-            if number not in self._tables:
-                self._tables[number] = self._table(part, torch.arange(len(part["target"])))
-            yield self._tables[number], order.numpy()
-            return
-        for rows in order.split(batch_size * max(1, _MOST_NUMBERS // (batch_size * width))):
-            yield self._table(part, rows), np.arange(len(rows))
-
-    def _table(self, part: dict[str, Tensor], rows: Tensor) -> DenseWindows | RecurrentWindows:
-        inputs, targets = ([part[name].index_select(0, rows) for name in names] for names in (_INPUTS, _TARGETS))
-        base, target, known = (tensor.numpy() for tensor in targets)
-        if not self._flat:
-            zeta, past, future = (tensor.numpy() for tensor in inputs)
-            return RecurrentWindows(zeta, past, future, base, target, known)
-        pieces = [inputs[0][:, 1:]] if self._reads_zeta else []
-        psi = torch.cat([*pieces, inputs[1].flatten(1), inputs[2].flatten(1)], dim=1)
-        return DenseWindows(psi.numpy(), base, target, known)
-
-
-def _kernels(stack: NetworkStack) -> tuple[Any, Any, Sequence[Any]]:
-    if stack.spec.kind in RECURRENT:
-        return recurrent_epoch, recurrent_forecasts, stack.recurrent_shapes()
-    if stack.spec.kind == "cnn":
-        return conv_epoch, conv_forecasts, stack.conv_shapes()
-    return dense_epoch, dense_forecasts, stack.dense_shapes()
-
-
-def train_epoch(
-    stack: NetworkStack, tables: Tables, optimizer: torch.optim.Adam, batch_size: int, max_norm: float
-) -> list[float]:
-    """One shuffled epoch of every member; Adam's state stays with ``optimizer``.
-
-    Parameters
-    ----------
-    stack : NetworkStack
-        Its members.
-    tables : Tables
-        What they learn from.
-    optimizer : torch.optim.Adam
-        Of ``stack.flat``.
-    batch_size : int
-        Windows of a batch.
-    max_norm : float
-        To which a member's gradient is clipped.
-
-    Returns
-    -------
-    list of float
-        Mean squared error of each member, before the steps.
-    """
-    flat = stack.flat.detach()
-    state = optimizer.state[stack.flat]
-    if not state:
-        state |= {"step": torch.tensor(0.0), "exp_avg": torch.zeros_like(flat), "exp_avg_sq": torch.zeros_like(flat)}
-    rate, n_done = optimizer.param_groups[0]["lr"], int(state["step"])
-    epoch, _, shapes = _kernels(stack)
-    n, means = len(tables.chosen), []
-    for i, (shape, generator) in enumerate(zip(shapes, stack.generators, strict=True)):
-        order = tables.chosen[torch.randperm(n, generator=generator)]
-        drawn = _draws(stack, stack.specs[i].dropout, n, generator)
-        moments = (state["exp_avg"][i].numpy(), state["exp_avg_sq"][i].numpy())
-        found, done = [], 0
-        for table, rows in tables.pieces(stack.members[i], order, batch_size):
-            adam = AdamStep(rate, n_done + done // batch_size, max_norm)
-            part = drawn if len(rows) == n else np.ascontiguousarray(drawn[_of_windows(stack, done, len(rows))])
-            found.append(epoch(flat[i].numpy(), moments, shape, table, rows, part, batch_size, adam))
-            done += len(rows)
-        means.append(_mean(found))
-    state["step"] += -(-n // batch_size)
-    return means
-
-
-def _draws(stack: NetworkStack, share: float, n: int, generator: torch.Generator) -> np.ndarray:
-    """Uniform draws for the dropout of an epoch; none if nothing drops.
-
-    They are (n_layers, n, width), of a CNN's head one layer, and of a recurrent network (n_leads, width, n).
-    """
-    spec, width = stack.spec, int(stack.places[-1, 1])
-    shape = (1 if spec.kind == "cnn" else spec.n_layers, n, width)
-    if spec.kind in RECURRENT:
-        shape = (spec.n_leads, width, n)
-    return torch.empty(shape if share else (0, 0, 0)).uniform_(generator=generator).numpy()
-
-
-def _of_windows(stack: NetworkStack, first: int, n: int) -> tuple[slice, ...]:
-    """Which of the draws belong to these windows of an epoch."""
-    these = slice(first, first + n)
-    return (slice(None), slice(None), these) if stack.spec.kind in RECURRENT else (slice(None), these)
-
-
-def validate(stack: NetworkStack, tables: Tables) -> list[float]:
-    """Mean squared error of each member over the chosen windows, without dropout."""
-    _, forecast, shapes = _kernels(stack)
-    means = []
-    for i, shape in enumerate(shapes):
-        row, found = stack.flat[i].detach().numpy(), []
-        for table, rows in tables.pieces(stack.members[i], tables.chosen, _VALIDATED):
-            known = table.known[rows]
-            errors = (forecast(row, shape, table, rows) - table.target[rows]) * known
-            found.append((float(np.vdot(errors, errors)), float(known.sum())))
-        means.append(_mean(found))
-    return means
-
-
-def _mean(found: Sequence[tuple[float, float]]) -> float:
-    total, count = np.sum(found, axis=0)
-    return float(total / max(count, 1.0))
+    _, forecast = kernels_of(kind)
+    found = []
+    for row, shape, *of, base in zip(flat.detach(), shapes, *inputs, strict=True):
+        table = table_of(kind, reads_zeta, of, (base, base, base))
+        found.append(torch.from_numpy(forecast(row.numpy(), shape, table, np.arange(len(base)))))
+    return torch.stack(found)

@@ -103,6 +103,10 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     repeats : {"best", "mean"}, default "best"
         What becomes of several: the one with the lowest validation error forecasts (paper 4.4, which chooses by the
         test error), or the mean of all.
+    device : str, default "cpu"
+        Where networks are trained: ``"cpu"``, by compiled kernels; ``"cuda"`` or another device of torch's, by torch's
+        own operators, worth while for large networks or very many at once (:func:`~skhybrid.forecasting.fit_many`);
+        ``"auto"``, a GPU where torch finds one.  Forecasts are computed on the CPU.
 
     Attributes
     ----------
@@ -158,6 +162,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         max_missing: float = 0.5,
         n_repeats: int = 1,
         repeats: str = "best",
+        device: str = "cpu",
     ) -> None:
         self.model = model
         self.case = case
@@ -184,6 +189,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.max_missing = max_missing
         self.n_repeats = n_repeats
         self.repeats = repeats
+        self.device = device
 
     _tail: ZoneTable
 

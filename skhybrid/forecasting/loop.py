@@ -16,7 +16,8 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor
 from tqdm.auto import tqdm
 
-from .compiled import Tables, train_epoch, validate
+from .compiled import DEVICE
+from .epochs import Tables, train_epoch, validate
 from .nets import NetworkStack
 from .windows import Batch, Batches, Windows
 
@@ -49,6 +50,7 @@ class LoopSettings(NamedTuple):
     batch_size: int
     max_epochs: int
     patience: int
+    device: str = "cpu"
 
 
 class Trained(NamedTuple):
@@ -120,7 +122,7 @@ class StackNet(NeuralNet):
         if iterator is None:
             return
         self.module_.train(training)
-        if True:
+        if self.module_.flat.device.type == DEVICE:
             self.history.record(f"{prefix}_loss", self._compiled_epoch(iterator, training))
             return
         losses, counts = [], []
@@ -188,7 +190,9 @@ class MemberStopping(Callback):
 
     def results(self, stack: NetworkStack) -> list[Trained]:
         """What each member became, from a stack of its shape."""
-        named = [{n: v[0].detach().clone() for n, v in _holding(stack, row).weights().items()} for row in self.flat_]
+        named = [
+            {n: v[0].detach().clone() for n, v in _holding(stack, row).weights().items()} for row in self.flat_.cpu()
+        ]
         best = np.where(np.isfinite(self.best_), self.best_, np.nan)
         return [Trained(*found) for found in zip(named, self.histories_, best.tolist(), strict=True)]
 
@@ -249,6 +253,7 @@ def train_stack(
     list of Trained
         One a member, in order; to the bit what each would be if it were trained alone.
     """
+    train, valid = train.to(settings.device), None if valid is None else valid.to(settings.device)
     stopping = MemberStopping(None if valid is None else settings.patience)
     callbacks: list[Any] = [("stop", stopping)] if not verbose else [("bar", EpochBar()), ("stop", stopping)]
     net = StackNet(
@@ -264,6 +269,7 @@ def train_stack(
         callbacks__train_loss=None,
         callbacks__valid_loss=None,
         callbacks__print_log=None,
+        device=settings.device,
         verbose=0,
     )
     net.initialize()
@@ -273,4 +279,4 @@ def train_stack(
             net.partial_fit(train)
     except _InterruptedError:
         raise KeyboardInterrupt from None
-    return fitted.results(stack)
+    return fitted.results(stack.cpu())

@@ -11,14 +11,15 @@ base   (n_members, n_windows, n_leads)            baseline forecast that is corr
 ====== ======================================== =====================================================
 
 Initial weights and dropout of a member are drawn from its own generator: torch's global state is neither read nor
-changed, and a member is to the bit what it would be alone, as long as windows come in multiples of ``ALIGNMENT``.
+changed.  On the CPU compiled kernels train and forecast, member after member, so that each is to the bit what it would
+be alone; torch's own operators, here, serve other devices, and hold the kernels to account in tests.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -27,13 +28,13 @@ from torch.nn import functional as F
 
 from .._kernels import ConvShape, DenseShape, RecurrentShape
 from .activations import Activations
-from .recurrent import decode, decode_with_gradient, linear
+from .compiled import DEVICE, forecast_members
+from .recurrent import decode, linear
 
-#: Windows of a batch come in multiples of this, two vector registers' worth of numbers: what is left over at the end of
-#: a tensor is computed one by one, with other last bits, so that no member may begin in the middle of a register.
-ALIGNMENT = 32
-#: Hidden and output widths are stored in multiples of this.  BLAS gives other last bits where a member's product begins
-#: at an odd address, or has a single column.  The weights of the filling are 0, and so are their gradients.
+#: Weights of a layer begin at a multiple of this, four vector registers' worth of numbers.
+_ALIGNMENT = 32
+#: Hidden and output widths are stored in multiples of this.  The weights of the filling are 0, and so are their
+#: gradients.
 _FILLED = 4
 _GATES = {"rnn": 1, "lstm": 4}
 
@@ -161,6 +162,7 @@ class NetworkStack(nn.Module):
         super().__init__()
         self.generators = list(generators)
         self.members = list(range(len(self.generators)))
+        self._elsewhere: dict[int, torch.Generator] = {}
         self.specs = [specs] * len(self.members) if isinstance(specs, NetworkSpec) else list(specs)
         spec = self.specs[0]
         if spec.kind in _GATES and spec.n_past_columns != spec.n_future_columns:
@@ -174,7 +176,7 @@ class NetworkStack(nn.Module):
         self._sizes: list[int] = []  # of each weight and of what fills it up
         for layer in self.layers:
             for size in (torch.Size(layer.shape).numel(), len(layer.columns)):
-                self._sizes += [size, -size % ALIGNMENT]
+                self._sizes += [size, -size % _ALIGNMENT]
         self.flat = nn.Parameter(torch.zeros(len(self.generators), sum(self._sizes)))
         self._initialise(corrects)
 
@@ -232,24 +234,40 @@ class NetworkStack(nn.Module):
     # ------------------------------------------------------------------------------------------------------- equations
     def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
         """Forecast (n_members, n_windows, n_leads)."""
-        if self.spec.kind in _GATES:
-            return self._decode(zeta, past, future, base)
+        spec = self.spec
+        if not (torch.is_grad_enabled() or self.training) and self.flat.device.type == DEVICE:
+            members = (self.flat, spec.kind, spec.reads_zeta, self.shapes())
+            return forecast_members(*members, zeta, past, future, base)
         weights = self.weights()
-        parts = [zeta[..., 1:]] if self.spec.reads_zeta else []
+        if spec.kind in _GATES:
+            mask = self._mask(spec.n_leads, self._width, base.shape[1])
+            return decode(weights, spec.kind, spec.reads_zeta, self._phi.apply, mask, zeta, past, future, base)
+        parts = [zeta[..., 1:]] if spec.reads_zeta else []
         psi = torch.cat([*parts, past.flatten(2), future.flatten(2)], dim=2)
-        body = self._mlp if self.spec.kind == "mlp" else self._cnn
-        return base + body(weights, psi)[..., : self.spec.n_leads]
+        body = self._mlp if spec.kind == "mlp" else self._cnn
+        return base + body(weights, psi)[..., : spec.n_leads]
 
     def _mask(self, *shape: int) -> Tensor | None:
         """Factors of dropout (n_members, *shape), each member's from its own generator; None where nothing drops."""
         shares = [spec.dropout for spec in self.specs]
         if not self.training or not any(shares):
             return None
-        mask = torch.ones(len(shares), *shape)
-        for member, share, generator in zip(mask, shares, self.generators, strict=True):
+        mask = torch.ones(len(shares), *shape, device=self.flat.device)
+        for member, share, generator in zip(mask, shares, self._droppers(), strict=True):
             if share:
                 member.uniform_(generator=generator).ge_(share).mul_(1.0 / (1.0 - share))
         return mask
+
+    def _droppers(self) -> list[torch.Generator]:
+        """Generators of dropout: the members' own, or on another device one that each of them has seeded."""
+        device = self.flat.device
+        if device.type == "cpu":
+            return self.generators
+        for member, own in zip(self.members, self.generators, strict=True):
+            if member not in self._elsewhere:
+                seed = int(torch.randint(2**62, (), generator=own))
+                self._elsewhere[member] = torch.Generator(device).manual_seed(seed)
+        return [self._elsewhere[member] for member in self.members]
 
     def _hidden(self, weights: dict[str, Tensor], name: str, z: Tensor, mask: Tensor | None) -> Tensor:
         """``dropout(phi(W z + b))``."""
@@ -264,47 +282,39 @@ class NetworkStack(nn.Module):
         return linear(weights, "out", z)
 
     def _cnn(self, weights: dict[str, Tensor], psi: Tensor) -> Tensor:
-        """Eq. CNN.  Convolutions keep a core busy by themselves: members take turns."""
-        names = [layer.name for layer in self.layers if layer.name.startswith("conv")]
-        filters = [(weights[f"{name}.weight"].unbind(), weights[f"{name}.bias"].unbind()) for name in names]
-        flattened = []
-        for member, vector in enumerate(psi.unbind()):
-            z = vector[:, None]
-            for weight, bias in filters:
-                z = F.conv1d(z, weight[member], bias[member], padding=self.spec.filter_size // 2)
-                if _pooled(z.shape[2], self.spec) != z.shape[2]:
-                    z = F.max_pool1d(z, self.spec.pool_size)
-                z = self._phi.of(member)(z)
-            flattened.append(z.flatten(1))
-        z = torch.stack(flattened)
+        """Eq. CNN: members are groups of one convolution."""
+        n_members, z = len(psi), psi.transpose(0, 1)
+        for name in [layer.name for layer in self.layers if layer.name.startswith("conv")]:
+            weight, bias = weights[f"{name}.weight"].flatten(0, 1), weights[f"{name}.bias"].flatten()
+            z = F.conv1d(z, weight, bias, padding=self.spec.filter_size // 2, groups=n_members)
+            if _pooled(z.shape[2], self.spec) != z.shape[2]:
+                z = F.max_pool1d(z, self.spec.pool_size)
+            z = self._phi.apply(z.unflatten(1, (n_members, -1)).transpose(0, 1)).transpose(0, 1).flatten(1, 2)
+        z = z.unflatten(1, (n_members, -1)).transpose(0, 1).flatten(2)
         return self._head(weights, z, self._mask(z.shape[1], self._width))
 
     def _head(self, weights: dict[str, Tensor], z: Tensor, mask: Tensor | None) -> Tensor:
         """``W_xi dropout(phi(W z + b)) + b_xi``, with which CNN, RNN and LSTM end."""
         return linear(weights, "out", self._hidden(weights, "hidden", z, mask))
 
-    def _decode(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
-        """Eqs. RNN and LSTM."""
-        if not torch.is_grad_enabled() and not self.training and self.flat.device.type == "cpu":
-            return decode(self.flat, self.recurrent_shapes(), zeta, past, future, base)
-        mask = self._mask(self.spec.n_leads, self._width, base.shape[1])
-        read = (self.spec.reads_zeta, self._phi.apply, mask, zeta, past, future, base)
-        return decode_with_gradient(self.weights(), self.spec.kind, *read)
-
-    def recurrent_shapes(self) -> list[RecurrentShape]:
+    def shapes(self) -> list[Any]:
         """The members as their kernels know them."""
+        if self.spec.kind in _GATES:
+            return self._recurrent_shapes()
+        return self._conv_shapes() if self.spec.kind == "cnn" else self._dense_shapes()
+
+    def _recurrent_shapes(self) -> list[RecurrentShape]:
         n_gates, reads = _GATES[self.spec.kind], self.spec.reads_zeta
         each = zip(self._phi.codes, self.specs, strict=True)
         return [RecurrentShape(self.places, n_gates, code, float(spec.dropout), reads) for code, spec in each]
 
-    def dense_shapes(self) -> list[DenseShape]:
+    def _dense_shapes(self) -> list[DenseShape]:
         """MLPs, or the heads of CNNs, as their kernels know them."""
         n_layers = len([layer for layer in self.layers if not layer.name.startswith("conv")])
         each = zip(self._phi.codes, self.specs, strict=True)
         return [DenseShape(self.places[-n_layers:], code, float(spec.dropout)) for code, spec in each]
 
-    def conv_shapes(self) -> list[ConvShape]:
-        """CNNs as their kernels know them."""
+    def _conv_shapes(self) -> list[ConvShape]:
         spec, lengths, n_in = self.spec, [], self.spec.flat_width
         for _ in range(spec.n_layers + 1):
             n_out = n_in + 2 * (spec.filter_size // 2) - spec.filter_size + 1
@@ -313,4 +323,5 @@ class NetworkStack(nn.Module):
         places = self.places[: len(lengths)].copy()
         places[:, 1] = [layer.fan_in for layer in self.layers[: len(lengths)]]
         places[:, 2] = spec.n_channels
-        return [ConvShape(places, np.array(lengths), spec.filter_size, head) for head in self.dense_shapes()]
+        sizes = (spec.filter_size, spec.pool_size)
+        return [ConvShape(places, np.array(lengths), *sizes, head) for head in self._dense_shapes()]

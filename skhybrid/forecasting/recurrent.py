@@ -1,42 +1,18 @@
-"""Decoding by RNN and LSTM stacks (paper Eqs. RNN and LSTM): step k consumes zeta(k - 1) and the columns of row k.
+"""Decoding by RNN and LSTM stacks from torch's operators (paper Eqs. RNN and LSTM).
 
-The past is run with the measured disturbance; over the horizon the network's own outputs stand in for it.  Written
-twice: compiled, without a gradient of its own (:func:`decode`; epochs are in :mod:`skhybrid._kernels.recurrent`), and
-from torch's operators, whose automatic gradient serves where no kernel does (:func:`decode_with_gradient`).
+Step k consumes zeta(k - 1) and the columns of row k.  The past is run with the measured disturbance; over the horizon
+the network's own outputs stand in for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from .._kernels import RecurrentShape, RecurrentWindows, recurrent_forecasts
 
-
-def decode(flat: Tensor, shapes: list[RecurrentShape], *inputs: Tensor) -> Tensor:
-    """Forecasts (n_members, n_windows, n_leads).
-
-    Parameters
-    ----------
-    flat : Tensor of shape (n_members, n_weights)
-        Weights.
-    shapes : list of RecurrentShape
-        Of the members.
-    *inputs : Tensor
-        ``zeta``, ``past``, ``future`` and ``base``, each (n_members, n_windows, ...).
-    """
-    found = []
-    for row, shape, *of in zip(flat.detach(), shapes, *inputs, strict=True):
-        zeta, past, future, base = (tensor.contiguous().numpy() for tensor in of)
-        windows = RecurrentWindows(zeta, past, future, base, base, base)
-        found.append(torch.from_numpy(recurrent_forecasts(row.numpy(), shape, windows, np.arange(len(base)))))
-    return torch.stack(found)
-
-
-def decode_with_gradient(
+def decode(
     weights: dict[str, Tensor],
     kind: str,
     reads_zeta: bool,

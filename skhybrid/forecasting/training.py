@@ -15,6 +15,7 @@ from torch import Tensor
 
 from .._contract import ZoneTable
 from .cases import RECURRENT, ModelCase
+from .compiled import DEVICE
 from .features import rows_per_day
 from .loop import LoopSettings, Trained, train_stack
 from .nets import NetworkSpec, NetworkStack
@@ -23,8 +24,8 @@ from .windows import Windows, padded_windows
 
 #: epochs of a table that is too short for a validation block to say when to stop.
 _BLIND_EPOCHS = 20
-#: networks of a stack; more of them leave the cache and gain nothing (``benchmarks/networks.py``).
-_MOST_MEMBERS = 20
+#: networks of a stack: members take turns in the kernels; a GPU is busy only with many.
+_MOST_MEMBERS, _MOST_MEMBERS_ELSEWHERE = 20, 256
 
 
 class Split(NamedTuple):
@@ -151,7 +152,8 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, TrainedJob 
     ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
     members = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], Trained] = {}
-    n_stacks = -(-len(members) // _MOST_MEMBERS)
+    on_kernels = plans[ordered[0]].loop.device == DEVICE
+    n_stacks = -(-len(members) // (_MOST_MEMBERS if on_kernels else _MOST_MEMBERS_ELSEWHERE))
     for part in np.array_split(np.arange(len(members)), n_stacks):
         chosen = [members[k] for k in part]
         found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
@@ -171,6 +173,32 @@ def _train(members: Sequence[tuple[_Plan, int]], verbose: int) -> list[Trained]:
 
 
 # ------------------------------------------------------------------------------------------------------- before, after
+def device_of(device: str) -> str:
+    """The device that is meant: ``"auto"`` is a GPU where torch finds one.
+
+    Parameters
+    ----------
+    device : str
+        ``"cpu"``, ``"auto"``, or a name of torch's, such as ``"cuda"``.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        If torch does not know the device or cannot use it here.
+    """
+    if device == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:  # torch raises the second where it was built without a GPU
+        raise ValueError(f"device={device!r} is not to be had: {str(error).splitlines()[0]}") from None
+    return device
+
+
 def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
     """Shape and loop of a job, and its windows, which ``shared`` may have from a job before."""
     settings, family = job.settings, job.settings.model in RECURRENT
@@ -179,7 +207,8 @@ def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
         shared[*key, job.n_leads] = _data(job)
     data = shared[*key, job.n_leads]
     epochs = settings.max_epochs if data.valid is not None else min(settings.max_epochs, _BLIND_EPOCHS)
-    loop = LoopSettings(settings.learning_rate, settings.batch_size, epochs, settings.patience)
+    device = device_of(settings.device)
+    loop = LoopSettings(settings.learning_rate, settings.batch_size, epochs, settings.patience, device)
     return _Plan(job, _spec_of(job, data), loop, data)
 
 

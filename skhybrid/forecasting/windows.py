@@ -10,7 +10,7 @@ import torch
 from numpy.lib.stride_tricks import sliding_window_view
 from torch import Tensor
 
-from .nets import ALIGNMENT, NetworkStack
+from .nets import NetworkStack
 
 #: windows to train on are laid out in memory up to this size [numbers], which slices faster; more of them stay views.
 _LAID_OUT = 2**24
@@ -21,7 +21,7 @@ class Batch(NamedTuple):
 
     inputs: dict[str, Tensor]  # (n_members, n_windows, ...)
     target: Tensor  # (n_members, n_windows, n_leads), 0 where unknown
-    known: Tensor  # the same shape: 1 where the target is known and the window no filling
+    known: Tensor  # the same shape: 1 where the target is known, else 0
     n_known: Tensor  # (n_members,)
 
 
@@ -61,6 +61,11 @@ class Windows(torch.utils.data.Dataset):
         other.parts, other.chosen = parts, chosen
         return other
 
+    def to(self, device: str | torch.device) -> Windows:
+        """The same windows on a device."""
+        parts = [{name: view.to(device) for name, view in part.items()} for part in self.parts]
+        return self._with(parts, self.chosen.to(device))
+
     def whole(self) -> dict[str, Tensor]:
         """All chosen windows of the first table, in order, with ``target`` and ``known``."""
         return {name: view[self.chosen] for name, view in self.parts[0].items()}
@@ -69,9 +74,8 @@ class Windows(torch.utils.data.Dataset):
         return len(self.chosen)
 
     def take(self, order: Tensor, members: Sequence[int]) -> Batch:
-        """The windows ``order`` (n_members, n_windows) of the members, filled up to whole vector registers."""
-        n = order.shape[1]
-        rows = self.chosen[torch.nn.functional.pad(order, (0, -n % ALIGNMENT), value=0)]
+        """The windows ``order`` (n_members, n_windows) of the members."""
+        rows = self.chosen[order]
         if len(self.parts) == 1:
             flat = rows.flatten()
             taken = {k: v.index_select(0, flat).unflatten(0, rows.shape) for k, v in self.parts[0].items()}
@@ -79,7 +83,6 @@ class Windows(torch.utils.data.Dataset):
             each = [(self.parts[member], row) for member, row in zip(members, rows, strict=True)]
             taken = {k: torch.stack([part[k].index_select(0, row) for part, row in each]) for k in self.parts[0]}
         target, known = taken.pop("target"), taken.pop("known")
-        known[:, n:] = 0.0
         return Batch(taken, target, known, known.flatten(1).sum(dim=1))
 
 
@@ -103,11 +106,15 @@ class Batches:
     def __iter__(self) -> Iterator[Batch]:
         n, generators = len(self.windows), self.stack.generators
         if self.shuffled:
-            yield from self._slices(torch.stack([torch.randperm(n, generator=g) for g in generators]))
+            order = torch.stack([torch.randperm(n, generator=g) for g in generators])
+            yield from self._slices(order.to(self.windows.chosen.device))
             return
         if self._plain[0] != self.stack.members:
-            self._plain = (self.stack.members, list(self._slices(torch.arange(n).expand(len(generators), n))))
+            self._plain = (self.stack.members, list(self._slices(self._in_order(n, len(generators)))))
         yield from self._plain[1]
+
+    def _in_order(self, n: int, n_members: int) -> Tensor:
+        return torch.arange(n, device=self.windows.chosen.device).expand(n_members, n)
 
     def _slices(self, order: Tensor) -> Iterator[Batch]:
         for rows in order.split(self.size, dim=1):

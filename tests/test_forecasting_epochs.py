@@ -10,9 +10,10 @@ import torch
 from torch import nn
 
 from skhybrid._kernels.dense import ACTIVATIONS, activate, exp32
-from skhybrid.forecasting import compiled
+from skhybrid.forecasting import epochs, loop, nets, training
 from skhybrid.forecasting.cases import NETWORKS
-from skhybrid.forecasting.compiled import Tables, train_epoch, validate
+from skhybrid.forecasting.epochs import Tables, train_epoch, validate
+from skhybrid.forecasting.loop import LoopSettings, train_stack
 from skhybrid.forecasting.nets import NetworkSpec, NetworkStack
 from skhybrid.forecasting.windows import Windows
 
@@ -57,7 +58,10 @@ def _loss(stack, windows, rows, member):
 
 
 _SETTINGS = [{}, {"reads_zeta": False, "n_layers": 1}, {"activation": "gelu"}]
-_CNN = [{"pool_size": 4, "filter_size": 6}, {"pool_size": 2, "n_channels": 5, "activation": "selu"}]
+_CNN = [
+    {"pool_size": 4, "filter_size": 6, "reads_zeta": False},
+    {"pool_size": 3, "n_channels": 5, "activation": "selu"},
+]
 
 
 @pytest.mark.parametrize(("kind", "settings"), [*product(NETWORKS, _SETTINGS), *product(["cnn"], _CNN)])
@@ -117,8 +121,8 @@ def test_filling_stays_0_and_a_member_is_what_it_is_alone(kind):
 def test_a_table_in_pieces_gives_the_same_numbers(kind, monkeypatch):
     windows = _windows()
     whole, _, losses = _epoch_of(kind, windows, 16, dropout=0.2)
-    monkeypatch.setattr(compiled, "_MOST_NUMBERS", 40 * 16)
-    monkeypatch.setattr(compiled, "_VALIDATED", 30)
+    monkeypatch.setattr(epochs, "_MOST_NUMBERS", 40 * 16)
+    monkeypatch.setattr(epochs, "_VALIDATED", 30)
     pieces = Tables(windows, kind, True)
     assert len(list(pieces.pieces(0, windows.chosen, 16))) > 3
     cut, _, again = _epoch_of(kind, windows, 16, dropout=0.2)
@@ -127,6 +131,38 @@ def test_a_table_in_pieces_gives_the_same_numbers(kind, monkeypatch):
     with torch.no_grad():
         wanted = [float(_loss(whole.eval(), windows, torch.arange(N), member)[0]) for member in range(2)]
     assert validate(cut, pieces) == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", NETWORKS)
+def test_other_devices_are_trained_by_the_same_loop_of_torch_s_operators(kind, monkeypatch):
+    """The loop that a GPU runs, here on the CPU: members leave it when they stop, as they leave the compiled one."""
+    train = _windows()
+    valid = train.choosing(torch.arange(N + 3, N + 10))
+    settings = LoopSettings(0.03, 40, 40, 3)
+
+    def found():
+        return train_stack(NetworkStack(_spec(kind), _generators(1, 2, 3)), train, valid, settings)
+
+    compiled = found()
+    assert len({len(one.history) for one in compiled}) > 1
+    for module in (loop, nets):
+        monkeypatch.setattr(module, "DEVICE", "another")
+    for one, other in zip(compiled, found(), strict=True):
+        assert len(one.history) == len(other.history)
+        for name in ("train_loss", "valid_loss"):
+            losses = [[epoch[name] for epoch in trained.history] for trained in (one, other)]
+            np.testing.assert_allclose(*losses, rtol=2e-3)
+        assert one.valid_loss == pytest.approx(other.valid_loss, rel=2e-3)
+
+
+def test_a_device_that_is_not_there_is_named():
+    assert training.device_of("cpu") == "cpu"
+    assert training.device_of("auto") == ("cuda" if torch.cuda.is_available() else "cpu")
+    with pytest.raises(ValueError, match="device='abacus' is not to be had"):
+        training.device_of("abacus")
+    if not torch.cuda.is_available():
+        with pytest.raises(ValueError, match="device='cuda' is not to be had"):
+            training.device_of("cuda")
 
 
 def test_exponential_and_activations_are_exact_to_single_precision():
