@@ -148,7 +148,7 @@ def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[TrainedJ
 
 
 def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, TrainedJob | Exception]:
-    """Train plans of one shape in stacks of a size that suits the cache; neighbours are of one activation."""
+    """Train plans of one shape in stacks; neighbours are of one activation."""
     ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
     members = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], Trained] = {}
