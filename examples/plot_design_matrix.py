@@ -10,7 +10,7 @@ told from the best.  Here are a few candidates of its 13032 on a synthetic offic
 # sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 
-from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, select_case
@@ -27,14 +27,15 @@ print(matrix)
 # %%
 # Each candidate is trained in the place of the forecaster; the network of a split is identified once.  With ``store=``
 # a search that is stopped goes on where it was.  Twenty epochs keep this page quick; the paper's settings are 1000
-# with patience 150.
+# with patience 150.  Rivals that are no forecasters of the disturbance, such as ARX, are named beside the matrix.
 
 estimator = HybridPredictor(
     OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=4, random_state=0),
     DisturbanceForecaster(max_epochs=20, residual_of=None, random_state=0),
     random_state=0,
 )
-search = DesignMatrixSearchCV(estimator, matrix, cv=RollingOriginSplit(train="28D", test="7D", n_splits=2))
+cv = RollingOriginSplit(train="28D", test="7D", n_splits=2)
+search = DesignMatrixSearchCV(estimator, matrix, cv=cv, rivals={"arx": ARXRegressor()})
 search.fit(office.X, office.y)
 results = search.results_
 print(results.sort_values("rmse")[["name", "n_layers", "hidden_size", "rmse"]].head(8).to_string())

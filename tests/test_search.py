@@ -14,7 +14,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, evaluation, runner
@@ -342,6 +342,26 @@ def test_what_trains_as_one_stack_is_handed_over_together():
     ]
     changes = sum(one != other for one, other in pairwise(shapes))
     assert changes + 1 == len(set(shapes)) == 4 * 3 * 4  # histories, layers, widths
+
+
+def test_rivals_of_one_s_own_stand_beside_the_matrix_on_the_same_splits(office, estimator, tmp_path):
+    matrix = design_matrix(["ridge", "profile"], disturbance="input")
+    rivals = {"arx": ARXRegressor(), "broken": Breaks()}
+    settings = {"cv": CV, "verbose": 0, "store": tmp_path / "store.sqlite"}
+    with pytest.warns(FitFailedWarning, match="1 of 4 candidates failed"):
+        search = DesignMatrixSearchCV(estimator, matrix, rivals=rivals, **settings).fit(office.X, office.y)
+    results = search.results_
+    assert results["framework"].tolist() == results["name"].tolist() == ["ridge", "profile", "arx", "broken"]
+    assert results["disturbance"].tolist() == ["input", "input", None, None]
+    assert results["case"].isna().all()
+    for i, (train, test) in enumerate(CV.split(office.X)):
+        model = ARXRegressor().fit(office.X.iloc[train], office.y.iloc[train])
+        error = model.predict(office.X.iloc[test]) - office.y.iloc[test]
+        assert results.loc[2, f"split{i}_rmse"] == pytest.approx(float(np.sqrt((error**2).mean())), rel=1e-9)
+    assert "no luck" in results.loc[3, "error"]
+    assert len(search.cv_results_["params"]) == 2
+    alone = DesignMatrixSearchCV(estimator, matrix, **settings).fit(office.X, office.y)
+    pd.testing.assert_frame_equal(alone.results_.drop(columns="error"), results[:2].drop(columns="error"))
 
 
 def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):

@@ -29,6 +29,8 @@ try:
 except ImportError:  # before 1.6, joblib brought its own
     from joblib.externals import cloudpickle
 
+#: the parameter of a candidate that is an estimator of its own, fitted and scored beside those of the matrix.
+RIVAL = "rival"
 #: unpacked things that a worker keeps at most: the data, and the networks of the splits that it works on
 _KEPT = 32
 _unpacked: OrderedDict[str, Any] = OrderedDict()
@@ -85,6 +87,8 @@ class Problem(NamedTuple):
 
     def candidate(self, params: Mapping[str, Any]) -> Any:
         """The estimator with parameters set; those that are estimators are cloned, as scikit-learn's searches do."""
+        if RIVAL in params:
+            return clone(params[RIVAL])
         return clone(self.estimator).set_params(**clone(dict(params), safe=False))
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 from joblib import Parallel, delayed, effective_n_jobs
 from tqdm.auto import tqdm
 
-from .evaluation import Problem, Shared, evaluate, identify, outside_params, shares_network, stack_of
+from .evaluation import RIVAL, Problem, Shared, evaluate, identify, outside_params, shares_network, stack_of
 from .fingerprint import as_plain, candidate_id
 from .store import Result, ResultStore, Task
 
@@ -140,6 +140,8 @@ class Runner:
 
     def _base_of(self, params: Mapping[str, Any]) -> str | None:
         """The name of a candidate's network, or None where it is fitted whole."""
+        if RIVAL in params:
+            return None
         outside, model = outside_params(self._problem.estimator, params)
         key = as_plain([outside, model])
         if key not in self._shares:

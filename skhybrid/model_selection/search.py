@@ -17,8 +17,8 @@ from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
 from ..forecasting.cases import NETWORKS
-from .design_matrix import DesignMatrix
-from .evaluation import MeasuredRmse, Problem, forecaster_prefix
+from .design_matrix import IDENTITY, DesignMatrix
+from .evaluation import RIVAL, MeasuredRmse, Problem, forecaster_prefix
 from .fingerprint import settings_of
 from .halving import Halving, Outcome, run_all
 from .runner import Runner, Workers
@@ -59,6 +59,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Stop hopeless networks early: all are trained for so many epochs, the best third by RMSE (or 1 / the second
         number) for thrice as many, and so on up to ``max_epochs``.  See ``halving_``; a warning says how many were
         stopped, and none of those can be the best.
+    rivals : mapping of str to regressor, optional
+        Estimators of one's own beside the matrix, such as ``{"arx": ARXRegressor()}``: fitted and scored on the same
+        splits, they are rows of ``results_`` without a case, which :func:`select_case` ranks with the others.  They
+        are no candidates: ``cv_results_`` does not hold them, and none can be the best.
     retry_failed : bool, default False
         Whether candidates that failed in an earlier run of the store are tried again.
     chunk_size : int, default 12
@@ -71,8 +75,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
     cv_results_ : dict
         As of ``GridSearchCV``; with ``halving`` also ``stopped_at``.
     results_ : DataFrame
-        One row a candidate: the columns of the design matrix, ``rmse`` [K] (mean over splits), ``split0_rmse`` ...,
-        ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving stopped it, else NaN) and
+        One row a candidate, then one a rival: the columns of the design matrix, ``rmse`` [K] (mean over splits),
+        ``split0_rmse`` ..., ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving stopped it, else NaN) and
         ``error`` (of a split that failed, else None).
     halving_ : DataFrame
         One row a rung: ``max_epochs``, ``n_candidates``, ``n_stopped`` and ``worst_kept`` RMSE [K]; empty without.
@@ -103,6 +107,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         refit: Any = True,
         error_score: Any = np.nan,
         halving: Any = None,
+        rivals: Any = None,
         retry_failed: bool = False,
         chunk_size: int = 12,
         verbose: int = 1,
@@ -120,6 +125,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.matrix = matrix
         self.store = store
         self.halving = halving
+        self.rivals = rivals
         self.retry_failed = retry_failed
         self.chunk_size = chunk_size
 
@@ -149,8 +155,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         values = [value for params in (self.estimator.get_params(), *candidates) for value in params.values()]
         trains = any(isinstance(value, str) and value in NETWORKS for value in values)
         problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, trains)
-        outcome = self._run(problem, candidates)
-        self._assemble(candidates, outcome)
+        outcome, beside = self._run(problem, candidates)
+        self._assemble(candidates, outcome, beside)
         if callable(self.scoring) and self.multimetric_:
             self._check_refit_for_multimetric(dict.fromkeys(self._metrics(outcome)))
             metric = self.refit
@@ -188,7 +194,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
             raise ValueError("the parameter grid is empty; give at least one candidate.")
         return found
 
-    def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> Outcome:
+    def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
+        """What became of the candidates, and of the rivals."""
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
         halving = None if self.halving is None else Halving(*np.atleast_1d(self.halving).tolist())
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
@@ -196,9 +203,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
                 store.forget_failed()
             careful = not (isinstance(self.error_score, str) and self.error_score == "raise")
             runner = Runner(problem, store, workers, self.chunk_size, careful, self.verbose > 0)
+            beside = run_all(runner.run, [{RIVAL: rival} for rival in self.rivals.values()]) if self.rivals else None
             if halving is None:
-                return run_all(runner.run, candidates)
-            return halving.run(runner.run, problem.estimator, candidates)
+                return run_all(runner.run, candidates), beside
+            return halving.run(runner.run, problem.estimator, candidates), beside
 
     # ------------------------------------------------------------------------------------------------------ results
     @staticmethod
@@ -209,7 +217,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
             raise ValueError(f"every candidate failed, the first with\n{outcome.results[0][0].error}")
         return list(good.scores)
 
-    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome) -> None:
+    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, beside: Outcome | None) -> None:
         """``cv_results_``, ``results_`` and ``halving_``, and what a user must be told of them."""
         names = self._metrics(outcome)
         self.multimetric_ = names != ["score"]
@@ -220,7 +228,15 @@ class DesignMatrixSearchCV(BaseSearchCV):
             out.append({"fit_time": one.fit_time, "score_time": one.score_time, "test_scores": test_scores})
         self.cv_results_ = self._format_results(candidates, self.n_splits_, out)
         self.halving_ = outcome.rungs
-        self.results_ = self._table(candidates, outcome)
+        tables = [self._table(self._identity(candidates), outcome)]
+        if beside is not None:
+            names = list(self.rivals)
+            tables.append(self._table(pd.DataFrame({"framework": names, "name": names}), beside))
+        self.results_ = pd.concat(tables, ignore_index=True) if len(tables) > 1 else tables[0]
+        for name in IDENTITY[1:3]:  # a rival has neither case nor kind of disturbance
+            if name in self.results_:
+                column = self.results_[name].astype(object)
+                self.results_[name] = column.where(column.notna(), None)
         failed = self.results_["error"].notna()
         if failed.any():
             first = str(self.results_["error"][failed].iloc[0]).strip().splitlines()[-1]
@@ -232,14 +248,19 @@ class DesignMatrixSearchCV(BaseSearchCV):
         if len(outcome.rungs):
             self._rank_stopped_last(outcome.stopped_at)
 
-    def _table(self, candidates: list[dict[str, Any]], outcome: Outcome) -> pd.DataFrame:
+    def _identity(self, candidates: list[dict[str, Any]]) -> pd.DataFrame:
+        """Which candidate a row is."""
         if isinstance(self.matrix, DesignMatrix):
             table = self.matrix.table
             if forecaster_prefix(self.estimator) == "":  # a forecaster itself knows no kind of disturbance
                 table = table[~table.drop(columns="disturbance").duplicated()].assign(disturbance=None)
-        else:
-            names = dict.fromkeys(name for candidate in candidates for name in candidate)
-            table = pd.DataFrame([{name: c.get(name, np.nan) for name in names} for c in candidates])
+            return table
+        names = dict.fromkeys(name for candidate in candidates for name in candidate)
+        return pd.DataFrame([{name: c.get(name, np.nan) for name in names} for c in candidates])
+
+    @staticmethod
+    def _table(table: pd.DataFrame, outcome: Outcome) -> pd.DataFrame:
+        """Rows with what became of them."""
         rmse = np.array([[one.rmse for one in row] for row in outcome.results])
         epochs = [[np.nan if one.n_epochs is None else one.n_epochs for one in row] for row in outcome.results]
         errors = [next((one.error for one in row if one.error is not None), None) for row in outcome.results]
@@ -247,7 +268,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
             rmse=rmse.mean(axis=1),
             **{f"split{i}_rmse": column for i, column in enumerate(rmse.T)},
             n_epochs=np.mean(epochs, axis=1),
-            fit_time=self.cv_results_["mean_fit_time"],
+            fit_time=[float(np.mean([one.fit_time for one in row])) for row in outcome.results],
             stopped_at=outcome.stopped_at,
             error=pd.Series(errors, dtype=object),
         )
