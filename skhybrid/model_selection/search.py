@@ -76,8 +76,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         As of ``GridSearchCV``; with ``halving`` also ``stopped_at``.
     results_ : DataFrame
         One row a candidate, then one a rival: the columns of the design matrix, ``rmse`` [K] (mean over splits),
-        ``split0_rmse`` ..., ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving stopped it, else NaN) and
-        ``error`` (of a split that failed, else None).
+        ``split0_rmse`` ..., ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving
+        stopped it, else NaN) and ``error`` (of a split that failed, else None).
     halving_ : DataFrame
         One row a rung: ``max_epochs``, ``n_candidates``, ``n_stopped`` and ``worst_kept`` RMSE [K]; empty without.
     best_estimator_, best_params_, best_score_, best_index_, scorer_, n_splits_, refit_time_, multimetric_
