@@ -139,7 +139,7 @@ def main(parts: list[str]) -> None:
             "processor time of one thread, median of five rounds in which the loops take turns; ratios of medians "
             "(lowest to highest of the rounds).  *Bare loop*: the same module, a shuffled index, slices of tensors, "
             "Adam, the validation error; no clipping, no record.  *torch's layers*: that loop over nn.Linear, "
-            "nn.Conv1d, nn.RNN, nn.LSTM.  *Ten at once*: ten repeats as one stack, time of each.",
+            "nn.Conv1d, nn.RNN, nn.LSTM.  *Ten at once*: ten repeats together, time of each.",
         )
     if "error" in parts:
         write_table(
