@@ -232,11 +232,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         if beside is not None:
             names = list(self.rivals)
             tables.append(self._table(pd.DataFrame({"framework": names, "name": names}), beside))
-        self.results_ = pd.concat(tables, ignore_index=True) if len(tables) > 1 else tables[0]
-        for name in IDENTITY[1:3]:  # a rival has neither case nor kind of disturbance
-            if name in self.results_:
-                column = self.results_[name].astype(object)
-                self.results_[name] = column.where(column.notna(), None)
+        self.results_ = tables[0] if len(tables) == 1 else _one_table(tables)
         failed = self.results_["error"].notna()
         if failed.any():
             first = str(self.results_["error"][failed].iloc[0]).strip().splitlines()[-1]
@@ -301,3 +297,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.refit_time_ = time.perf_counter() - started
         if hasattr(self.best_estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.best_estimator_.feature_names_in_
+
+
+def _one_table(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Candidates and rivals, which have neither case nor kind of disturbance."""
+    table = pd.concat(tables, ignore_index=True)
+    without = {name: table[name].astype(object) for name in IDENTITY[1:3] if name in table}
+    return table.assign(**{name: column.where(column.notna(), None) for name, column in without.items()})
