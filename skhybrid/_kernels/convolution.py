@@ -19,6 +19,7 @@ from .dense import (
     DenseWindows,
     activate,
     adam_step,
+    count_known,
     dense_backward,
     dense_forward,
     gather,
@@ -267,13 +268,11 @@ def conv_epoch(
     slopes, hidden = np.empty((1, _BLOCK * width), dtype=np.float32), np.empty((1, _BLOCK * width), dtype=np.float32)
     spare, of_flat = np.empty((2, _BLOCK * width), dtype=np.float32), np.empty(_BLOCK * n_inputs, dtype=np.float32)
     gradient, of_head = np.empty_like(row), np.zeros_like(row)
-    head = row[shape.head.places[0, 0] : shape.head.places[0, 0] + n_inputs * width].reshape(n_inputs, width)
+    head = matrix(row, shape.head.places[0, 0], n_inputs, width)
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
         end = min((batch + 1) * batch_size, len(order))
-        n_known = 0.0
-        for w in order[batch * batch_size : end]:
-            n_known += windows.known[w].sum()
+        n_known = count_known(windows.known, order[batch * batch_size : end])
         gradient[:] = _ZERO
         for start in range(batch * batch_size, end, _BLOCK):
             n = min(_BLOCK, end - start)

@@ -207,6 +207,16 @@ def make_windows(n: int, windows: DenseWindows) -> DenseWindows:
 
 
 @compiled_elements
+def count_known(known: ndarray, rows: ndarray) -> float:
+    """How many targets of the windows ``rows`` are known."""
+    count = 0.0
+    for w in rows:
+        for lead in range(known.shape[1]):
+            count += known[w, lead]
+    return count
+
+
+@compiled_elements
 def square_errors(batch: DenseWindows, out: ndarray, n_known: float, d_out: ndarray) -> float:
     """Sum of squared errors of known targets; ``d_out`` becomes the gradient of their mean over ``n_known``."""
     n, n_leads = batch.target.shape
@@ -266,7 +276,7 @@ def dense_epoch(
         out = np.empty((len(rows), shape.places[n_layers, 2]), dtype=np.float32)
         d_out = np.zeros_like(out)
         dense_forward(row, shape, room.psi, drawn, start, slopes, hidden, out)
-        n_known = room.known.sum()
+        n_known = count_known(windows.known, rows)
         total += square_errors(room, out, n_known, d_out)
         count += n_known
         dense_backward(row, shape, room.psi, slopes, hidden, d_out, spare, gradient)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from ._compile import compiled_elements
-from .dense import AdamStep, activate, adam_step, matrix
+from .dense import AdamStep, activate, adam_step, count_known, matrix
 from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward
 
 _ZERO = np.float32(0.0)
@@ -36,9 +36,7 @@ class RecurrentWindows(NamedTuple):
 class RecurrentShape(NamedTuple):
     """A network: where its layers lie in its row of weights, and what they are."""
 
-    places: (
-        ndarray  # int, (n_layers + 2, 4): begin of a weight, inputs, outputs, begin of its bias; the head's two last
-    )
+    places: ndarray  # int, (n_layers + 2, 4), as those of DenseShape; the head's two stand last
     n_gates: int  # 1 an RNN, 4 an LSTM
     kind: int  # activation of the head
     share: float  # dropout
@@ -238,15 +236,6 @@ def _errors(windows: RecurrentWindows, rows: ndarray, outputs: ndarray, scale: f
 
 
 @compiled_elements
-def _n_known(windows: RecurrentWindows, rows: ndarray) -> float:
-    count = 0.0
-    for w in rows:
-        for lead in range(windows.known.shape[1]):
-            count += windows.known[w, lead]
-    return count
-
-
-@compiled_elements
 def recurrent_epoch(
     row: ndarray, moments: tuple[ndarray, ndarray], shape: RecurrentShape, windows: RecurrentWindows, order: ndarray,
     drawn: ndarray, batch_size: int, adam: AdamStep,
@@ -261,7 +250,7 @@ def recurrent_epoch(
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
         rows = order[batch * batch_size : (batch + 1) * batch_size]
-        n_known = _n_known(windows, rows)
+        n_known = count_known(windows.known, rows)
         gradient[:] = _ZERO
         start = 0
         while start < len(rows):

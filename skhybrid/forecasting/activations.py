@@ -24,7 +24,6 @@ class Activations:
     """
 
     def __init__(self, names: Sequence[str]) -> None:
-        self.names = list(names)
         self.codes = [ACTIVATIONS[name] for name in names]  # as kernels know them
         self.runs: list[tuple[str, slice]] = []
         start = 0

@@ -105,15 +105,24 @@ def _pooled(length: int, spec: NetworkSpec) -> int:
     return length // spec.pool_size if 1 < spec.pool_size <= length else length
 
 
+def _conv_lengths(spec: NetworkSpec) -> list[tuple[int, int, int]]:
+    """Of each of the ``n_layers + 1`` convolutions: places of its input, of its output, and of what is pooled."""
+    lengths, n_in = [], spec.flat_width
+    for _ in range(spec.n_layers + 1):
+        n_out = n_in + 2 * (spec.filter_size // 2) - spec.filter_size + 1
+        lengths.append((n_in, n_out, _pooled(n_out, spec)))
+        n_in = lengths[-1][-1]
+    return lengths
+
+
 def _cnn_layers(spec: NetworkSpec) -> list[_Layer]:
     """``n_layers + 1`` convolutions over the one-dimensional input vector, as in Eq. CNN, then the head."""
-    layers, length, channels = [], spec.flat_width, 1
-    for i in range(spec.n_layers + 1):
+    layers, lengths, channels = [], _conv_lengths(spec), 1
+    for i in range(len(lengths)):
         shape = (spec.n_channels, channels, spec.filter_size)
         layers.append(_Layer(f"conv{i}", shape, channels * spec.filter_size, _every(0), _every(spec.n_channels)))
-        length = _pooled(length + 2 * (spec.filter_size // 2) - spec.filter_size + 1, spec)
         channels = spec.n_channels
-    return layers + _head_layers(_every(length * channels), spec.n_leads, spec)
+    return layers + _head_layers(_every(lengths[-1][-1] * channels), spec.n_leads, spec)
 
 
 def _recurrent_layers(spec: NetworkSpec) -> list[_Layer]:
@@ -315,11 +324,7 @@ class NetworkStack(nn.Module):
         return [DenseShape(self.places[-n_layers:], code, float(spec.dropout)) for code, spec in each]
 
     def _conv_shapes(self) -> list[ConvShape]:
-        spec, lengths, n_in = self.spec, [], self.spec.flat_width
-        for _ in range(spec.n_layers + 1):
-            n_out = n_in + 2 * (spec.filter_size // 2) - spec.filter_size + 1
-            lengths.append((n_in, n_out, _pooled(n_out, spec)))
-            n_in = lengths[-1][-1]
+        spec, lengths = self.spec, _conv_lengths(self.spec)
         places = self.places[: len(lengths)].copy()
         places[:, 1] = [layer.fan_in for layer in self.layers[: len(lengths)]]
         places[:, 2] = spec.n_channels
