@@ -1,7 +1,7 @@
-"""The cells of RNN and LSTM, element by element, and their gradients: one pass over memory for a step.
+"""The cells of RNN and LSTM, element by element, and their gradients.
 
-Arrays are float32 of shape (n_rows, n_windows) and contiguous: a view, whose last stride numba could not
-know, would be computed number by number, six times slower.
+Arrays are float32 runs of memory, as many numbers as there are units and windows together: loops over short rows would
+cost as much again, and a view, whose stride numba could not know, six times as much.
 """
 
 from __future__ import annotations
@@ -50,65 +50,56 @@ def tanh32(x: Any) -> Any:
 
 
 @compiled_elements
-def lstm_forward(
-    gates: ndarray, bias: ndarray, c_before: ndarray, c: ndarray, tanh_c: ndarray, column: ndarray, first: int
-) -> None:
-    """One step of LSTM cells: gates i, f, o, g (rows in this order) are activated in place; the others are written.
+def lstm_forward(gates: ndarray, c_before: ndarray, c: ndarray, tanh_c: ndarray, h: ndarray) -> None:
+    """One step of LSTM cells: the runs of gates i, f, o, g, one behind the other, are activated in place.
 
-    ``c = f c_before + i g``; ``h = o tanh(c)`` becomes the rows of ``column`` from ``first`` on.
+    ``c = f c_before + i g``; ``h = o tanh(c)``.
     """
-    n, n_windows = c.shape
-    for r in range(n):
-        gi, gf, go, gg = gates[r], gates[n + r], gates[2 * n + r], gates[3 * n + r]
-        bi, bf, bo, bg = bias[r], bias[n + r], bias[2 * n + r], bias[3 * n + r]
-        before, now, tanh_now, out = c_before[r], c[r], tanh_c[r], column[first + r]
-        for w in range(n_windows):
-            i = _HALF + _HALF * tanh32(_HALF * (gi[w] + bi))
-            f = _HALF + _HALF * tanh32(_HALF * (gf[w] + bf))
-            o = _HALF + _HALF * tanh32(_HALF * (go[w] + bo))
-            g = tanh32(gg[w] + bg)
-            value = f * before[w] + i * g
-            squashed = tanh32(value)
-            gi[w], gf[w], go[w], gg[w] = i, f, o, g
-            now[w], tanh_now[w], out[w] = value, squashed, o * squashed
+    n = len(c)
+    for j in range(3 * n):
+        gates[j] = _HALF + _HALF * tanh32(_HALF * gates[j])
+    g = gates[3 * n :]
+    for j in range(n):
+        g[j] = tanh32(g[j])
+    i, f, o = gates[:n], gates[n : 2 * n], gates[2 * n : 3 * n]
+    for j in range(n):
+        value = f[j] * c_before[j] + i[j] * g[j]
+        squashed = tanh32(value)
+        c[j], tanh_c[j], h[j] = value, squashed, o[j] * squashed
 
 
 @compiled_elements
 def lstm_backward(
-    gates: ndarray, c_before: ndarray, tanh_c: ndarray, dh: ndarray, dc: ndarray, d_gates: ndarray
+    gates: ndarray, c_before: ndarray, tanh_c: ndarray, later: ndarray, above: ndarray, dc: ndarray, d_gates: ndarray
 ) -> None:
-    """The gradient before the gates' sigmoid and tanh; ``dc`` becomes that of ``c_before``."""
-    n, n_windows = dc.shape
-    for r in range(n):
-        gi, gf, go, gg = gates[r], gates[n + r], gates[2 * n + r], gates[3 * n + r]
-        di, df, do, dg = d_gates[r], d_gates[n + r], d_gates[2 * n + r], d_gates[3 * n + r]
-        before, tanh_now, d_out, d_cell = c_before[r], tanh_c[r], dh[r], dc[r]
-        for w in range(n_windows):
-            i, f, o, g, u = gi[w], gf[w], go[w], gg[w], tanh_now[w]
-            d = d_cell[w] + d_out[w] * o * (_ONE - u * u)
-            do[w] = d_out[w] * u * o * (_ONE - o)
-            di[w] = d * g * i * (_ONE - i)
-            df[w] = d * before[w] * f * (_ONE - f)
-            dg[w] = d * i * (_ONE - g * g)
-            d_cell[w] = d * f
+    """The gradient before the gates' sigmoid and tanh; ``dc`` becomes that of ``c_before``.
+
+    That of ``h`` is what comes from the step behind, ``later``, and from the layer above.
+    """
+    n = len(dc)
+    gi, gf, go, gg = gates[:n], gates[n : 2 * n], gates[2 * n : 3 * n], gates[3 * n :]
+    di, df, do, dg = d_gates[:n], d_gates[n : 2 * n], d_gates[2 * n : 3 * n], d_gates[3 * n :]
+    for j in range(n):
+        i, f, o, g, u = gi[j], gf[j], go[j], gg[j], tanh_c[j]
+        dh = later[j] + above[j]
+        d = dc[j] + dh * o * (_ONE - u * u)
+        do[j] = dh * u * o * (_ONE - o)
+        di[j] = d * g * i * (_ONE - i)
+        df[j] = d * c_before[j] * f * (_ONE - f)
+        dg[j] = d * i * (_ONE - g * g)
+        dc[j] = d * f
 
 
 @compiled_elements
-def rnn_forward(gates: ndarray, bias: ndarray, column: ndarray, first: int) -> None:
-    """One step of RNN cells: ``h = tanh(gates + bias)``, in place and as the rows of ``column`` from ``first`` on."""
-    n, n_windows = gates.shape
-    for r in range(n):
-        inner, out, b = gates[r], column[first + r], bias[r]
-        for w in range(n_windows):
-            value = tanh32(inner[w] + b)
-            inner[w], out[w] = value, value
+def rnn_forward(gates: ndarray, h: ndarray) -> None:
+    """One step of RNN cells: ``h = tanh(gates)``, also in place."""
+    for j in range(len(h)):
+        value = tanh32(gates[j])
+        gates[j], h[j] = value, value
 
 
 @compiled_elements
-def rnn_backward(gates: ndarray, dh: ndarray, d_gates: ndarray) -> None:
+def rnn_backward(gates: ndarray, later: ndarray, above: ndarray, d_gates: ndarray) -> None:
     """The gradient before the tanh, from its values ``gates``."""
-    n, n_windows = gates.shape
-    for r in range(n):
-        value, d_out, d_inner = gates[r], dh[r], d_gates[r]
-        for w in range(n_windows):
-            d_inner[w] = d_out[w] * (_ONE - value[w] * value[w])
+    for j in range(len(gates)):
+        d_gates[j] = (later[j] + above[j]) * (_ONE - gates[j] * gates[j])

@@ -1,9 +1,9 @@
 """An epoch of an RNN or LSTM (paper Eqs. RNN and LSTM) in one call, its gradient written out.
 
 Step k reads a column for every layer: of the lowest the disturbance before k and the features of row k, of another what
-the layer below has just put out; then the layer's own state.  Windows lie last in memory, so that every row of a column
-and every gate is one run of numbers, and go through in blocks that stay in the cache.  The weights of a network are one
-row of numbers, read where they lie.
+the layer below has just put out; then the layer's own state, and a 1 that the bias is multiplied with.  Windows lie
+last in memory, so that every gate is one run of numbers, and go through in blocks.  The weights of a network are one
+row of numbers; forward they are read from a copy for each batch, turned, the bias beside them.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from .dense import AdamStep, activate, adam_step, count_known, matrix
 from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward
 
 _ZERO = np.float32(0.0)
-#: windows of a block, and of a last one that has no more than the smaller.
-_BLOCK, _SMALL_BLOCK = 64, 32
+#: windows of a block; the last one of a batch may have fewer.  Fewer would stay in a nearer cache, but the sums of
+#: gradients would then be gone through more often: an LSTM of 4 x 60 takes 14 % longer with 64.
+_BLOCK = 128
 
 
 class RecurrentWindows(NamedTuple):
@@ -43,42 +44,97 @@ class RecurrentShape(NamedTuple):
     reads_zeta: bool
 
 
+class _Weights(NamedTuple):
+    """The weights of cells and of the head's hidden layer as a batch reads them, and room for their gradient."""
+
+    begins: ndarray  # int, (n_layers + 1,): where a layer begins in the other two
+    turned: ndarray  # (n_out, n_in + 1) a layer: the bias is the last column
+    gradient: ndarray  # (n_in + 1, n_out) a layer
+    product: ndarray  # as many numbers as the largest layer has
+
+
 class _Room(NamedTuple):
     """What a block keeps from forward to back; ``columns`` of the lowest layer apart, for it has other rows."""
 
-    lowest: ndarray  # (n_steps + 1, n_inputs + n, n_block)
-    columns: ndarray  # (n_layers - 1, n_steps + 1, 2 n, n_block)
-    gates: ndarray  # (n_layers, n_steps, n_gates n, n_block)
-    c: ndarray  # (n_layers, n_steps + 1, n, n_block), LSTM
-    tanh_c: ndarray  # (n_layers, n_steps, n, n_block), LSTM
+    lowest: ndarray  # (n_steps + 1, n_inputs + n + 1, n_block)
+    columns: ndarray  # (n_layers - 1, n_steps + 1, 2 n + 1, n_block)
+    gates: ndarray  # (n_layers, n_steps, n_gates n n_block)
+    c: ndarray  # (n_layers, n_steps + 1, n n_block), LSTM
+    tanh_c: ndarray  # (n_layers, n_steps, n n_block), LSTM
     slopes: ndarray  # (n_leads, n, n_block), of the head
     hidden: ndarray  # (n_leads, n, n_block)
     outputs: ndarray  # (n_leads, n_block)
 
 
 @compiled_elements
+def _make_weights(places: ndarray) -> _Weights:
+    sizes = (places[:-1, 1] + 1) * places[:-1, 2]
+    begins = np.zeros(len(sizes), dtype=np.int64)
+    begins[1:] = np.cumsum(sizes)[:-1]
+    turned = np.empty(sizes.sum(), dtype=np.float32)
+    return _Weights(begins, turned, np.empty_like(turned), np.empty(sizes.max(), dtype=np.float32))
+
+
+@compiled_elements
+def _turn(row: ndarray, places: ndarray, weights: _Weights) -> None:
+    """Copy the weights of a batch, and begin their gradient at 0."""
+    weights.gradient[:] = _ZERO
+    for k in range(len(places) - 1):
+        at, n_in, n_out, bias_at = places[k]
+        turned, weight = matrix(weights.turned, weights.begins[k], n_out, n_in + 1), matrix(row, at, n_in, n_out)
+        for j in range(n_out):
+            for i in range(n_in):
+                turned[j, i] = weight[i, j]
+            turned[j, n_in] = row[bias_at + j]
+
+
+@compiled_elements
+def _put_back(weights: _Weights, places: ndarray, gradient: ndarray) -> None:
+    """The gradients of weights and biases go where these lie."""
+    for k in range(len(places) - 1):
+        at, n_in, n_out, bias_at = places[k]
+        n_weights, begin = n_in * n_out, weights.begins[k]
+        gradient[at : at + n_weights] = weights.gradient[begin : begin + n_weights]
+        gradient[bias_at : bias_at + n_out] = weights.gradient[begin + n_weights : begin + n_weights + n_out]
+
+
+@compiled_elements
+def _add_outer(column: ndarray, d: ndarray, weights: _Weights, layer: int) -> None:
+    """Add the gradient of a layer's weight and bias, whose inputs were ``column`` and whose outputs have ``d``."""
+    n = len(column) * len(d)
+    product, begin = weights.product[:n], weights.begins[layer]
+    np.dot(column, d.T, product.reshape(len(column), len(d)))
+    whole = weights.gradient[begin : begin + n]
+    for i in range(n):
+        whole[i] += product[i]
+
+
+@compiled_elements
 def _make_room(shape: RecurrentShape, n_past: int, n_leads: int, n_block: int) -> _Room:
     n_layers, n_steps, n = len(shape.places) - 2, n_past + n_leads, shape.places[-1, 1]
-    n_kept = n_layers if shape.n_gates == 4 else 0
-    return _Room(
-        np.zeros((n_steps + 1, shape.places[0, 1], n_block), dtype=np.float32),
-        np.zeros((n_layers - 1, n_steps + 1, 2 * n, n_block), dtype=np.float32),
-        np.empty((n_layers, n_steps, shape.n_gates * n, n_block), dtype=np.float32),
-        np.zeros((n_kept, n_steps + 1, n, n_block), dtype=np.float32),
-        np.empty((n_kept, n_steps, n, n_block), dtype=np.float32),
+    n_kept, one = n_layers if shape.n_gates == 4 else 0, np.float32(1.0)
+    room = _Room(
+        np.zeros((n_steps + 1, shape.places[0, 1] + 1, n_block), dtype=np.float32),
+        np.zeros((n_layers - 1, n_steps + 1, 2 * n + 1, n_block), dtype=np.float32),
+        np.empty((n_layers, n_steps, shape.n_gates * n * n_block), dtype=np.float32),
+        np.zeros((n_kept, n_steps + 1, n * n_block), dtype=np.float32),
+        np.empty((n_kept, n_steps, n * n_block), dtype=np.float32),
         np.empty((n_leads, n, n_block), dtype=np.float32),
         np.empty((n_leads, n, n_block), dtype=np.float32),
         np.empty((n_leads, n_block), dtype=np.float32),
     )
+    room.lowest[:, -1] = one
+    room.columns[:, :, -1] = one
+    return room
 
 
 @compiled_elements
 def _load(windows: RecurrentWindows, rows: ndarray, shape: RecurrentShape, room: _Room) -> None:
-    """Lay out the inputs of the lowest layer; a block that is not full repeats its first window."""
+    """Lay out the inputs of the lowest layer."""
     n_past, n_columns = windows.past.shape[2], windows.past.shape[1]
     n_steps, first = len(room.lowest) - 1, int(shape.reads_zeta)
-    for i in range(room.lowest.shape[2]):
-        w = rows[i] if i < len(rows) else rows[0]
+    for i in range(len(rows)):
+        w = rows[i]
         if shape.reads_zeta:
             for s in range(n_past + 1):
                 room.lowest[s, 0, i] = windows.zeta[w, s]
@@ -90,19 +146,19 @@ def _load(windows: RecurrentWindows, rows: ndarray, shape: RecurrentShape, room:
 
 
 @compiled_elements
-def _last_rows(column: ndarray, n: int) -> ndarray:
-    """The last ``n`` rows, as one run of memory."""
-    first = (column.shape[0] - n) * column.shape[1]
-    return column.reshape(column.size)[first:].reshape(n, column.shape[1])
+def _run(column: ndarray, first: int, n: int) -> ndarray:
+    """Rows of a column as one run of memory."""
+    width = column.shape[1]
+    return column.reshape(column.size)[first * width : (first + n) * width]
 
 
 @compiled_elements
-def _drop(share: float, drawn: ndarray, first: int, n_live: int, slope: ndarray, out: ndarray) -> None:
+def _drop(share: float, drawn: ndarray, first: int, slope: ndarray, out: ndarray) -> None:
     """Dropout: what is drawn below ``share`` becomes 0, the rest is rescaled; windows lie last."""
     keep, least = np.float32(1.0 / (1.0 - share)), np.float32(share)
     for r in range(len(out)):
         draws, value, d = drawn[r], out[r], slope[r]
-        for i in range(n_live):
+        for i in range(len(value)):
             factor = keep if draws[first + i] >= least else _ZERO
             value[i] *= factor
             d[i] *= factor
@@ -110,122 +166,119 @@ def _drop(share: float, drawn: ndarray, first: int, n_live: int, slope: ndarray,
 
 @compiled_elements
 def _forward(
-    row: ndarray, shape: RecurrentShape, windows: RecurrentWindows, rows: ndarray, drawn: ndarray, first: int,
-    room: _Room,
+    row: ndarray, weights: _Weights, shape: RecurrentShape, windows: RecurrentWindows, rows: ndarray, drawn: ndarray,
+    first: int, room: _Room,
 ) -> None:  # fmt: skip
     """Run the past, then the horizon, over which the network's own outputs stand in for ``zeta``."""
-    n_layers, n = len(shape.places) - 2, shape.places[-1, 1]
-    n_past, n_steps, n_block = windows.past.shape[2], len(room.lowest) - 1, room.lowest.shape[2]
-    none = np.zeros(n_block, dtype=np.float32)
-    hidden_at, _, _, hidden_bias = shape.places[n_layers]
-    out_at, _, n_out, out_bias = shape.places[n_layers + 1]
-    out_weight = matrix(row, out_at, n, n_out)[:, 0].copy()
+    n_layers, n, n_block = len(shape.places) - 2, shape.places[-1, 1], len(rows)
+    n_past, n_steps = windows.past.shape[2], len(room.lowest) - 1
     for s in range(n_steps):
         after = room.lowest[s + 1]
         for k in range(n_layers):
-            at, n_in, n_all, bias_at = shape.places[k]
-            column, gates, bias = room.lowest[s], room.gates[k, s], row[bias_at : bias_at + n_all]
+            n_in, n_all = shape.places[k, 1], shape.places[k, 2]
+            column, gates = room.lowest[s], room.gates[k, s]
             if k:
                 column, after = room.columns[k - 1, s], room.columns[k - 1, s + 1]
-            np.dot(matrix(row, at, n_in, n_all).T, column, gates)
+            turned = matrix(weights.turned, weights.begins[k], n_all, n_in + 1)
+            np.dot(turned, column, gates.reshape(n_all, n_block))
+            h = _run(after, n_in - n, n)
             if shape.n_gates == 4:
-                lstm_forward(gates, bias, room.c[k, s], room.c[k, s + 1], room.tanh_c[k, s], after, n_in - n)
+                lstm_forward(gates, room.c[k, s], room.c[k, s + 1], room.tanh_c[k, s], h)
             else:
-                rnn_forward(gates, bias, after, n_in - n)
+                rnn_forward(gates, h)
             if k + 1 < n_layers:
-                for r in range(n):
-                    room.columns[k, s, r] = after[n_in - n + r]
+                _run(room.columns[k, s], 0, n)[:] = h
         lead = s - n_past
-        if lead < 0:
-            continue
-        z, value = room.slopes[lead], room.hidden[lead]
-        np.dot(matrix(row, hidden_at, n, n).T, _last_rows(after, n), z)
-        for r in range(n):
-            z[r] += row[hidden_bias + r]
-        activate(shape.kind, z, none, value)
-        if len(drawn):
-            _drop(shape.share, drawn[lead], first, len(rows), z, value)
-        forecast = room.outputs[lead]
-        np.dot(out_weight, value, forecast)
-        for i in range(n_block):
-            w = rows[i] if i < len(rows) else rows[0]
-            forecast[i] += row[out_bias] + windows.base[w, lead]
-        if shape.reads_zeta:
-            room.lowest[s + 1, 0] = forecast
+        if lead >= 0:
+            _head(row, weights, shape, windows, rows, _run(after, len(after) - n - 1, n + 1), drawn, first, lead, room)
+            if shape.reads_zeta:
+                room.lowest[s + 1, 0] = room.outputs[lead]
 
 
 @compiled_elements
-def _add_outer(column: ndarray, d: ndarray, ones: ndarray, spare: ndarray, gradient: ndarray, place: ndarray) -> None:
-    """Add the gradient of a layer's weight and bias, whose inputs were ``column`` and whose outputs have ``d``."""
-    at, n_in, n_out, bias_at = place
-    product = matrix(spare, 0, n_in, n_out)
-    np.dot(column, d.T, product)
-    whole = matrix(gradient, at, n_in, n_out)
-    for i in range(n_in):
-        for j in range(n_out):
-            whole[i, j] += product[i, j]
-    gradient[bias_at : bias_at + n_out] += np.dot(d, ones)
+def _head(
+    row: ndarray, weights: _Weights, shape: RecurrentShape, windows: RecurrentWindows, rows: ndarray, state: ndarray,
+    drawn: ndarray, first: int, lead: int, room: _Room,
+) -> None:  # fmt: skip
+    """The forecast of a lead, from the state of the highest layer and a 1."""
+    n, n_block = shape.places[-1, 1], len(rows)
+    z, value, forecast = room.slopes[lead], room.hidden[lead], room.outputs[lead]
+    turned = matrix(weights.turned, weights.begins[len(shape.places) - 2], n, n + 1)
+    np.dot(turned, state.reshape(n + 1, n_block), z)
+    activate(shape.kind, z, np.zeros(n_block, dtype=np.float32), value)
+    if len(drawn):
+        _drop(shape.share, drawn[lead], first, z, value)
+    at, _, n_out, bias_at = shape.places[-1]
+    np.dot(matrix(row, at, n, n_out)[:, 0].copy(), value, forecast)
+    for i in range(n_block):
+        forecast[i] += row[bias_at] + windows.base[rows[i], lead]
 
 
 @compiled_elements
-def _backward(row: ndarray, shape: RecurrentShape, d_out: ndarray, room: _Room, gradient: ndarray) -> None:
+def _backward(
+    row: ndarray, weights: _Weights, shape: RecurrentShape, d_out: ndarray, room: _Room, gradient: ndarray
+) -> None:
     """Add the gradient of the weights, from that of the forecasts (n_leads, n_block), last step to first."""
     n_layers, n = len(shape.places) - 2, shape.places[-1, 1]
     n_leads, n_block = d_out.shape
-    n_steps, most = len(room.lowest) - 1, max(room.lowest.shape[1], 2 * n)
+    n_steps, n_run = len(room.lowest) - 1, n * n_block
     n_past = n_steps - n_leads
-    dh = np.zeros((n_layers, n, n_block), dtype=np.float32)
-    dc, dz = np.zeros_like(dh), np.empty((n, n_block), dtype=np.float32)
-    d_gates = np.empty((shape.n_gates * n, n_block), dtype=np.float32)
-    d_column, spare = np.empty(most * n_block, dtype=np.float32), np.empty(most * n * 4, dtype=np.float32)
-    ones, given = np.ones(n_block, dtype=np.float32), np.empty(n_block, dtype=np.float32)
-    of_zeta = np.zeros(n_block, dtype=np.float32)
-    hidden_at = shape.places[n_layers, 0]
-    out_at, _, n_out, out_bias = shape.places[n_layers + 1]
+    # of a layer's inputs: those from below first, its state last
+    below = np.zeros((n_layers, 2 * n_run), dtype=np.float32)
+    dc, d_top = np.zeros((n_layers, n_run), dtype=np.float32), np.zeros(n_run, dtype=np.float32)
+    d_gates, of_zeta = np.empty(shape.n_gates * n_run, dtype=np.float32), np.zeros(n_block, dtype=np.float32)
     for s in range(n_steps - 1, -1, -1):
         lead = s - n_past
         if lead >= 0:
-            for i in range(n_block):
-                given[i] = d_out[lead, i] + of_zeta[i]
-            of_weight = np.dot(room.hidden[lead], given)
-            for r in range(n):
-                weight = row[out_at + r * n_out]
-                gradient[out_at + r * n_out] += of_weight[r]
-                for i in range(n_block):
-                    dz[r, i] = weight * given[i] * room.slopes[lead, r, i]
-            gradient[out_bias] += np.dot(given, ones)
             top = room.columns[n_layers - 2, s + 1] if n_layers > 1 else room.lowest[s + 1]
-            _add_outer(_last_rows(top, n), dz, ones, spare, gradient, shape.places[n_layers])
-            dh[n_layers - 1] += np.dot(matrix(row, hidden_at, n, n), dz)
+            _head_backward(row, weights, shape, d_out[lead] + of_zeta, top, lead, room, d_top, gradient)
+        else:
+            d_top[:] = _ZERO
         for k in range(n_layers - 1, -1, -1):
             at, n_in, n_all, _ = shape.places[k]
-            column = room.columns[k - 1, s] if k else room.lowest[s]
+            column, above = room.columns[k - 1, s] if k else room.lowest[s], d_top
+            if k + 1 < n_layers:
+                above = below[k + 1, :n_run]
+            later = below[k, n_run:]
             if shape.n_gates == 4:
-                lstm_backward(room.gates[k, s], room.c[k, s], room.tanh_c[k, s], dh[k], dc[k], d_gates)
+                lstm_backward(room.gates[k, s], room.c[k, s], room.tanh_c[k, s], later, above, dc[k], d_gates)
             else:
-                rnn_backward(room.gates[k, s], dh[k], d_gates)
-            _add_outer(column, d_gates, ones, spare, gradient, shape.places[k])
-            below = matrix(d_column, 0, n_in, n_block)
-            np.dot(matrix(row, at, n_in, n_all), d_gates, below)
-            for r in range(n):
-                dh[k, r] = below[n_in - n + r]
+                rnn_backward(room.gates[k, s], later, above, d_gates)
+            d = d_gates.reshape(n_all, n_block)
+            _add_outer(column, d, weights, k)
+            weight = matrix(row, at, n_in, n_all)
             if k:
-                for r in range(n):
-                    dh[k - 1, r] += below[r]
-        if shape.reads_zeta:
-            of_zeta[:] = d_column[:n_block]
+                np.dot(weight, d, below[k].reshape(2 * n, n_block))
+                continue
+            np.dot(weight[n_in - n :], d, later.reshape(n, n_block))  # nobody asks for the features'
+            if shape.reads_zeta and lead > 0:
+                np.dot(weight[0], d, of_zeta)
 
 
 @compiled_elements
-def _block_of(n_left: int) -> int:
-    return _BLOCK if n_left > _SMALL_BLOCK else _SMALL_BLOCK
+def _head_backward(
+    row: ndarray, weights: _Weights, shape: RecurrentShape, given: ndarray, top: ndarray, lead: int, room: _Room,
+    d_top: ndarray, gradient: ndarray,
+) -> None:  # fmt: skip
+    """Add the gradient of the head from that of a lead's forecast; ``d_top`` becomes that of the highest layer."""
+    n, n_block = shape.places[-1, 1], len(given)
+    hidden_at, (out_at, _, n_out, out_bias) = shape.places[-2, 0], shape.places[-1]
+    of_weight, dz = np.dot(room.hidden[lead], given), np.empty((n, n_block), dtype=np.float32)
+    for r in range(n):
+        weight = row[out_at + r * n_out]
+        gradient[out_at + r * n_out] += of_weight[r]
+        slope, d = room.slopes[lead, r], dz[r]
+        for i in range(n_block):
+            d[i] = weight * given[i] * slope[i]
+    gradient[out_bias] += given.sum()
+    _add_outer(_run(top, len(top) - n - 1, n + 1).reshape(n + 1, n_block), dz, weights, len(shape.places) - 2)
+    np.dot(matrix(row, hidden_at, n, n), dz, d_top.reshape(n, n_block))
 
 
 @compiled_elements
 def _errors(windows: RecurrentWindows, rows: ndarray, outputs: ndarray, scale: float, d_out: ndarray) -> float:
     """Sum of squared errors of known targets; ``d_out`` becomes its gradient times ``scale``."""
     total = 0.0
-    d_out[:] = _ZERO
     for i in range(len(rows)):
         w = rows[i]
         for lead in range(len(outputs)):
@@ -245,23 +298,26 @@ def recurrent_epoch(
     ``drawn`` is (n_leads, n, n_windows of the order), empty where nothing drops.
     """
     n_past, n_leads = windows.past.shape[2], windows.future.shape[2]
-    large, small = _make_room(shape, n_past, n_leads, _BLOCK), _make_room(shape, n_past, n_leads, _SMALL_BLOCK)
-    gradient = np.empty_like(row)
+    weights, gradient = _make_weights(shape.places), np.zeros_like(row)
+    room = _make_room(shape, n_past, n_leads, min(_BLOCK, batch_size, len(order)))
+    out_at, n, n_out, out_bias = shape.places[-1]
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
         rows = order[batch * batch_size : (batch + 1) * batch_size]
         n_known = count_known(windows.known, rows)
-        gradient[:] = _ZERO
-        start = 0
-        while start < len(rows):
-            n_block = _block_of(len(rows) - start)
-            room, part = large if n_block == _BLOCK else small, rows[start : start + n_block]
-            d_out = np.empty((n_leads, n_block), dtype=np.float32)
+        _turn(row, shape.places, weights)
+        gradient[out_at : out_at + n * n_out] = _ZERO
+        gradient[out_bias] = _ZERO
+        for start in range(0, len(rows), _BLOCK):
+            part = rows[start : start + _BLOCK]
+            if len(part) != room.lowest.shape[2]:
+                room = _make_room(shape, n_past, n_leads, len(part))
+            d_out = np.empty((n_leads, len(part)), dtype=np.float32)
             _load(windows, part, shape, room)
-            _forward(row, shape, windows, part, drawn, batch * batch_size + start, room)
+            _forward(row, weights, shape, windows, part, drawn, batch * batch_size + start, room)
             total += _errors(windows, part, room.outputs, 1.0 / max(n_known, 1.0), d_out)
-            _backward(row, shape, d_out, room, gradient)
-            start += n_block
+            _backward(row, weights, shape, d_out, room, gradient)
+        _put_back(weights, shape.places, gradient)
         adam_step(row, moments, gradient, adam, adam.n_done + batch)
         count += n_known
     return total, count
@@ -273,16 +329,15 @@ def recurrent_forecasts(row: ndarray, shape: RecurrentShape, windows: RecurrentW
     n_past, n_leads = windows.past.shape[2], windows.future.shape[2]
     found = np.empty((len(rows), n_leads), dtype=np.float32)
     nothing = np.empty((0, 0, 0), dtype=np.float32)
-    room = _make_room(shape, n_past, n_leads, _block_of(len(rows)))
-    start = 0
-    while start < len(rows):
-        n_block = _block_of(len(rows) - start)
-        if n_block != room.lowest.shape[2]:
-            room = _make_room(shape, n_past, n_leads, n_block)
-        part = rows[start : start + n_block]
+    weights = _make_weights(shape.places)
+    _turn(row, shape.places, weights)
+    room = _make_room(shape, n_past, n_leads, min(_BLOCK, len(rows)))
+    for start in range(0, len(rows), _BLOCK):
+        part = rows[start : start + _BLOCK]
+        if len(part) != room.lowest.shape[2]:
+            room = _make_room(shape, n_past, n_leads, len(part))
         _load(windows, part, shape, room)
-        _forward(row, shape, windows, part, nothing, 0, room)
+        _forward(row, weights, shape, windows, part, nothing, 0, room)
         for i in range(len(part)):
             found[start + i] = room.outputs[:, i]
-        start += n_block
     return found
