@@ -27,6 +27,7 @@ from .predictor import (
 )
 from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts
 from .recursion import iterate_lags
+from .tracker import track_path
 
 __all__ = [
     "ACTIVATIONS",
@@ -70,4 +71,5 @@ __all__ = [
     "simulate_path",
     "smooth_states",
     "tanh32",
+    "track_path",
 ]

@@ -20,6 +20,8 @@ from .tracking import GainTracker
 
 #: a load that overshoots by a larger share than this from step to step rings
 RINGING = 0.25
+#: of an inverse that does not run away, the most that the state behind it may grow in a step
+_GROWTH = 1.0 + 1e-6
 #: longest hold of a load that is sought [steps]
 MOST_AHEAD = 24
 
@@ -62,13 +64,16 @@ def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
 
     The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  Heat that reaches
     the sensor through another node gives that a negative eigenvalue: each step's load overshoots, the next one takes
-    it back.  A longer hold damps it; the shortest one that does is taken.
+    it back.  Heat that at first moves the sensor the other way gives it one above 1: each step's load makes up for
+    that of the step before, and runs away.  A longer hold damps both; the shortest one that does is taken.
     """
     held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
     for ahead in range(1, MOST_AHEAD):
-        gain = (c @ power) / (c @ held)
-        if np.linalg.eigvals(A - np.outer(heat, gain)).real.min() > -RINGING:
-            return ahead
+        effect = c @ held
+        if effect != 0:
+            inverse = np.linalg.eigvals(A - np.outer(heat, c @ power) / effect)
+            if inverse.real.min() > -RINGING and np.abs(inverse).max() < _GROWTH:
+                return ahead
         held, power = heat + A @ held, A @ power
     return MOST_AHEAD
 

@@ -8,16 +8,21 @@ import numpy as np
 import pandas as pd
 
 from ..._contract import ZoneTable
-from ..._kernels import simulate_inverse
-from ..load import Plant, load_frame, steps_ahead
+from ..._kernels import simulate_inverse, track_path
+from ..load import MOST_AHEAD, Plant, load_frame, steps_ahead
 from ..setpoints import Band, Limits
 from .adaptation import Standing
 from .channels import Plan, bent
 from .fit import LeadFit
+from .model import NOISE
 from .responses import Stretch
 
 #: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
 _GRID = 101
+#: a temperature is tracked as if it were known to this share of the error of the training's one-step forecasts
+_KNOWN_TO = 0.5
+#: least of it [K], where the training was forecast to the last digit
+_LEAST_KNOWN_TO = 0.001
 
 
 def loads(
@@ -30,6 +35,9 @@ def loads(
     limits: Limits,
 ) -> pd.DataFrame:
     """Heat that keeps the last rows within their set-points, each origin's up to the next one.
+
+    A temperature (a band whose sides are equal) is tracked: heat that follows each of its moves would answer to the
+    thermometer's noise.  A band is a thermostat's setting, and has the least heat that keeps within it.
 
     Parameters
     ----------
@@ -52,19 +60,42 @@ def loads(
         As the identifications give it, and ``zeta`` [kW].
     """
     ends = np.append(origins[1:], table.n_rows)
+    penalty = _penalty_of_change(fit) if np.array_equal(*setpoint) else None
     frames = []
     for origin, end, known in zip(origins, ends, learned, strict=True):
         rows = slice(origin - origins[0], end - origins[0])
         band = Band(*(side[rows] for side in setpoint))
         within = Limits(*(side[rows] for side in limits))
         ahead = stretch.between(int(origin), int(end))
-        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within))
+        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within, penalty))
     # a stage whose capacity came out as 0 at one origin delivers nothing there
     return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
 
 
+def _penalty_of_change(fit: LeadFit) -> float:
+    """What a change of heat from row to row costs beside an error of the temperature [K2/kW2].
+
+    A heat that walks at random by such steps as the training's heat took, and a temperature with a noise that is a
+    share of the error of the one-step forecasts, make the tracked heat the likeliest one.
+    """
+    errors = fit.left_out[:, 0]
+    known = np.isfinite(errors)
+    noise = _KNOWN_TO * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
+    channels, coef = fit.stretch.channels, fit.point.solution.coef
+    plant = ~(channels.scheduled | channels.solar)
+    heat = fit.stretch.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
+    change = float(np.sqrt(np.mean(np.diff(heat) ** 2)))
+    return (max(noise, _LEAST_KNOWN_TO) / (change if change > 0 else fit.model.heat_scale)) ** 2
+
+
 def _load_from(
-    fit: LeadFit, stretch: Stretch, known: Standing, index: pd.Index, setpoint: Band, limits: Limits
+    fit: LeadFit,
+    stretch: Stretch,
+    known: Standing,
+    index: pd.Index,
+    setpoint: Band,
+    limits: Limits,
+    penalty: float | None,
 ) -> pd.DataFrame:
     """The rows from an origin on, by what is known there."""
     M, coef, n = known.matrices, known.coef, stretch.n_rows
@@ -73,10 +104,15 @@ def _load_from(
     A, forcing, effect = _augmented(fit, known, stretch, zeta)
     c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]
-    free = np.full(n, np.inf)
-    ahead = steps_ahead(A, effect, c)
-    clipped, path = simulate_inverse(A, forcing, effect, c, *band, *plant.within(limits), begin, ahead)
-    unclipped, _ = simulate_inverse(A, forcing, effect, c, *band, -free, free, begin, ahead)
+    ahead, free = MOST_AHEAD if penalty is not None else steps_ahead(A, effect, c), np.full(n, np.inf)
+
+    def heat_within(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if penalty is None:
+            return simulate_inverse(A, forcing, effect, c, *band, lower, upper, begin, ahead)
+        return track_path(A, forcing, effect, c, band[0], penalty, lower, upper, begin, ahead)
+
+    clipped, path = heat_within(*plant.within(limits))
+    unclipped, _ = heat_within(-free, free)
     here = stretch.y[0] if stretch.seen[0] else begin[fit.model.zone]
     temperature = np.append(here, path[:-1]) + fit.reference
     out = load_frame(plant, index, clipped, unclipped, temperature)
