@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from sklearn.isotonic import isotonic_regression
 
 from ..._contract import ZoneTable
 from ..._kernels import simulate_inverse, track_path
@@ -19,6 +20,8 @@ from .responses import Stretch
 
 #: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
 _GRID = 101
+#: a stage adds at least this share of the heat that it adds on average over its range
+_LEAST_SLOPE = 0.5
 #: a temperature is tracked as if it were known to this share of the error of the training's one-step forecasts
 _KNOWN_TO = 0.5
 #: least of it [K], where the training was forecast to the last digit
@@ -128,11 +131,21 @@ def _bent(out: pd.DataFrame, plan: Plan, plant: Plant, coef: np.ndarray, fit: Le
         for name, knot, c in plan.knots:
             if name == role:
                 heat = heat + coef[names.index(f"{role}_{knot:.2g}")] * c * bent(grid, knot, dict(plan.tops)[role])
-        share = np.maximum.accumulate(heat / full[role])  # the stage in proportion that gives as much
+        share = _rising(heat / full[role], grid)  # the stage in proportion that gives as much
         for column in (role, f"{role}_unclipped"):
             even = out[column].to_numpy()
             out[column] = np.where(even < grid[-1], np.interp(even, share, grid), even)
     return out
+
+
+def _rising(given: np.ndarray, proportional: np.ndarray) -> np.ndarray:
+    """The nearest curve that rises everywhere, between the same ends.
+
+    The bends are learned from rooms whose thermostat chose the stage.  Where they leave a curve flat or falling, any of
+    many stages gives the heat, and the first of them may be far below what a building runs at.
+    """
+    least = _LEAST_SLOPE * proportional
+    return isotonic_regression(given - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
 
 def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
