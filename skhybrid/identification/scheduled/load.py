@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,10 +23,8 @@ from .responses import Stretch
 _GRID = 101
 #: a stage adds at least this share of the heat that it adds on average over its range
 _LEAST_SLOPE = 0.5
-#: a temperature is tracked as if it were known to this share of the error of the training's one-step forecasts
-_KNOWN_TO = 0.5
-#: least of it [K], where the training was forecast to the last digit
-_LEAST_KNOWN_TO = 0.001
+#: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
+_NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
 
 def loads(
@@ -39,8 +38,8 @@ def loads(
 ) -> pd.DataFrame:
     """Heat that keeps the last rows within their set-points, each origin's up to the next one.
 
-    A temperature (a band whose sides are equal) is tracked: heat that follows each of its moves would answer to the
-    thermometer's noise.  A band is a thermostat's setting, and has the least heat that keeps within it.
+    A temperature (a band whose sides are equal) is tracked: heat that met each value of a measured one would answer to
+    the thermometer's noise.  A band is a thermostat's setting, and has the least heat that keeps within it.
 
     Parameters
     ----------
@@ -63,32 +62,44 @@ def loads(
         As the identifications give it, and ``zeta`` [kW].
     """
     ends = np.append(origins[1:], table.n_rows)
-    penalty = _penalty_of_change(fit) if np.array_equal(*setpoint) else None
+    usual = _Usual.of(fit) if np.array_equal(*setpoint) else None
     frames = []
     for origin, end, known in zip(origins, ends, learned, strict=True):
         rows = slice(origin - origins[0], end - origins[0])
         band = Band(*(side[rows] for side in setpoint))
         within = Limits(*(side[rows] for side in limits))
         ahead = stretch.between(int(origin), int(end))
-        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within, penalty))
+        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within, usual))
     # a stage whose capacity came out as 0 at one origin delivers nothing there
     return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
 
 
-def _penalty_of_change(fit: LeadFit) -> float:
-    """What a change of heat from row to row costs beside an error of the temperature [K2/kW2].
+class _Usual(NamedTuple):
+    """What is usual in the training."""
 
-    A heat that walks at random by such steps as the training's heat took, and a temperature with a noise that is a
-    share of the error of the one-step forecasts, make the tracked heat the likeliest one.
-    """
-    errors = fit.left_out[:, 0]
-    known = np.isfinite(errors)
-    noise = _KNOWN_TO * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
-    channels, coef = fit.stretch.channels, fit.point.solution.coef
-    plant = ~(channels.scheduled | channels.solar)
-    heat = fit.stretch.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
-    change = float(np.sqrt(np.mean(np.diff(heat) ** 2)))
-    return (max(noise, _LEAST_KNOWN_TO) / (change if change > 0 else fit.model.heat_scale)) ** 2
+    noise: float  # of a temperature [K]
+    change: float  # of the plant's heat from row to row [kW]
+
+    @classmethod
+    def of(cls, fit: LeadFit) -> _Usual:
+        """Root mean squares."""
+        errors = fit.left_out[:, 0]
+        known = np.isfinite(errors)
+        noise = _NOISE_SHARE * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
+        channels, coef = fit.stretch.channels, fit.point.solution.coef
+        plant = ~(channels.scheduled | channels.solar)
+        heat = fit.stretch.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
+        change = float(np.sqrt(np.mean(np.diff(heat) ** 2)))
+        return cls(noise, change if change > 0 else fit.model.heat_scale)
+
+    def penalty(self, wanted: np.ndarray) -> float:
+        """What a change of heat costs beside an error of a wanted temperature (N,) [K2/kW2].
+
+        Of a heat that walks at random by usual changes, and a temperature with noise, the likeliest has the least of
+        both.  A path that is smooth has little noise: white noise alone gives second differences of root 6 its size.
+        """
+        rough = float(np.sqrt(np.mean(np.diff(wanted, 2) ** 2) / 6.0)) if len(wanted) > 2 else self.noise
+        return (max(min(self.noise, rough), _LEAST_NOISE) / self.change) ** 2
 
 
 def _load_from(
@@ -98,7 +109,7 @@ def _load_from(
     index: pd.Index,
     setpoint: Band,
     limits: Limits,
-    penalty: float | None,
+    usual: _Usual | None,
 ) -> pd.DataFrame:
     """The rows from an origin on, by what is known there."""
     M, coef, n = known.matrices, known.coef, stretch.n_rows
@@ -107,12 +118,12 @@ def _load_from(
     A, forcing, effect = _augmented(fit, known, stretch, zeta)
     c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]
-    ahead, free = MOST_AHEAD if penalty is not None else steps_ahead(A, effect, c), np.full(n, np.inf)
+    system, free = (A, forcing, effect, c), np.full(n, np.inf)
 
     def heat_within(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if penalty is None:
-            return simulate_inverse(A, forcing, effect, c, *band, lower, upper, begin, ahead)
-        return track_path(A, forcing, effect, c, band[0], penalty, lower, upper, begin, ahead)
+        if usual is None:
+            return simulate_inverse(*system, *band, lower, upper, begin, steps_ahead(A, effect, c))
+        return track_path(*system, band[0], usual.penalty(band[0]), lower, upper, begin, MOST_AHEAD)
 
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
