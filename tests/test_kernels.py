@@ -19,6 +19,7 @@ from skhybrid._kernels import (
     simulate_inverse,
     simulate_path,
     smooth_states,
+    track_path,
 )
 from skhybrid.thermal import CATALOGUE, RCNetwork
 
@@ -407,6 +408,47 @@ def test_inverse_against_a_loop(lower, upper):
     assert (clipped > 0) == np.isfinite(upper)
 
 
+def likeliest_heat(A, forcing, heat, c, wanted, penalty, s0, before=None):
+    """Heat of all steps by plain least squares; ``before`` is that of the step before the first one."""
+    N = len(forcing)
+    unforced, effect, s = np.empty(N), np.zeros((N, N)), s0
+    for k in range(N):
+        s = A @ s + forcing[k]
+        unforced[k] = c @ s
+        for j in range(k + 1):
+            effect[k, j] = c @ np.linalg.matrix_power(A, k - j) @ heat
+    change, level = np.eye(N) - np.eye(N, k=-1), np.zeros(N)
+    level[0] = 0.0 if before is None else before
+    rows = slice(1 if before is None else 0, None)
+    root = np.sqrt(penalty)
+    return np.linalg.lstsq(
+        np.vstack([effect, root * change[rows]]), np.concatenate([wanted - unforced, root * level[rows]])
+    )[0]
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(-np.inf, np.inf), (-0.8, 0.6), (0.0, 0.9)])
+@pytest.mark.parametrize("beyond", [0, 7])
+def test_tracker_against_least_squares(lower, upper, beyond):
+    """Every step's heat is the first of the least squares over the steps that are left, cut at the limits."""
+    rng = np.random.default_rng(5)
+    N, n, penalty = 30, 4, 0.3
+    A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), np.eye(n)[1], rng.normal(size=n)
+    forcing, wanted = rng.normal(size=(N, n)), rng.normal(size=N)
+    low, high = np.full(N, lower), np.full(N, upper)
+    applied, path = track_path(A, forcing, heat, c, wanted, penalty, low, high, s0, beyond)
+    more, on = (np.concatenate([v, np.repeat(v[-1:], beyond, axis=0)]) for v in (forcing, wanted))
+    s, before = s0, None
+    for k in range(N):
+        best = likeliest_heat(A, more[k:], heat, c, on[k:], penalty, s, before)[0]
+        before = np.clip(best, lower, upper)
+        assert applied[k] == pytest.approx(before, abs=1e-8)
+        s = A @ s + forcing[k] + heat * before
+        assert path[k] == pytest.approx(c @ s, abs=1e-8)
+    cut = (applied == lower) | (applied == upper)
+    assert cut.any() == np.isfinite(upper)
+    assert not cut.all()
+
+
 def test_kernels_leave_their_arguments_alone():
     m, ch = drawn_model(), drawn_channels(drawn_model())
     copies = [np.copy(v) for v in (*m, *ch)]
@@ -416,5 +458,7 @@ def test_kernels_leave_their_arguments_alone():
     smooth_states(m.A, *run_track(m))
     run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)
+    nothing = np.zeros(len(m.forcing))
+    track_path(m.A, m.forcing, m.forcing[0], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)

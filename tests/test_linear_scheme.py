@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, mo
 from skhybrid.hybrid.echo import echo
 from skhybrid.hybrid.members import BlackBox, DayBefore, Rows
 from skhybrid.identification.scheduled import Later, Sample, fit_leads, follow, loads, make_stretch
+from skhybrid.identification.scheduled.load import _rising
 from skhybrid.identification.setpoints import Band, Limits
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
@@ -503,20 +505,79 @@ def piece(X):
     return Piece(X)
 
 
+def tracked(piece, wanted, learned=None, band=None, fit=None):
+    """Load from the rows' first origin behind the training, with no limits."""
+    first, n = len(piece.T) - len(wanted), len(wanted)
+    free, origins = Limits(np.full(n, -np.inf), np.full(n, np.inf)), np.array([first])
+    learned = piece.learned(origins) if learned is None else learned
+    band = Band(wanted, wanted) if band is None else band
+    return loads(fit or piece.fit, piece.later().stretch, origins, learned, piece.table, band, free), first
+
+
 def test_the_load_holds_the_set_point(piece):
     """Put where the measured heat was, it gives the set-point on the network's own path, whose emitter lags."""
-    first, n = 12 * DAY + 3, len(piece.T) - 12 * DAY - 3
-    origins = np.array([first])
-    wanted = 21.0 + np.sin(np.arange(n) / 7.0)
-    free = Limits(np.full(n, -np.inf), np.full(n, np.inf))
-    load = loads(
-        piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, Band(wanted, wanted), free
-    )
+    n = len(piece.T) - 12 * DAY - 3
     assert piece.fit.point.solution.coef[-1] > 0.01
-    found = piece.path(load["Q_hvac"].to_numpy(), first)
-    np.testing.assert_allclose(found, wanted[:-1], atol=1e-6)
-    np.testing.assert_allclose(load["T_za"].to_numpy()[1:], wanted[:-1], atol=1e-6)
-    np.testing.assert_array_equal(load["Q_hvac"], load["Q_hvac_unclipped"])
+    for wanted in (np.full(n, 21.0), 21.0 + np.sin(np.arange(n) / 7.0)):
+        load, first = tracked(piece, wanted)
+        found = piece.path(load["Q_hvac"].to_numpy(), first)
+        np.testing.assert_allclose(found, wanted[:-1], atol=0.01)
+        np.testing.assert_allclose(load["T_za"].to_numpy()[1:], found, atol=1e-6)
+        np.testing.assert_array_equal(load["Q_hvac"], load["Q_hvac_unclipped"])
+
+
+def test_the_load_does_not_answer_to_the_noise_of_a_measured_path(piece):
+    """Where the training was not forecast to the last digit and its plant moved little, noise is not followed."""
+    n = len(piece.T) - 12 * DAY
+    smooth, noise = 21.0 + np.sin(np.arange(n) / 7.0), np.random.default_rng(1).normal(0.0, 0.1, n)
+    still = piece.fit.stretch._replace(heat=0.2 * piece.fit.stretch.heat)
+    part = piece.fit.problem.parts[0]._replace(stretch=still)
+    vague = replace(
+        piece.fit,
+        left_out=np.full_like(piece.fit.left_out, 0.5),
+        problem=replace(piece.fit.problem, parts=(part,)),
+    )
+    clean, rough = (tracked(piece, w, fit=vague)[0] for w in (smooth, smooth + noise))
+    # a band as narrow as nothing is met at every row, noise and all
+    met, first = tracked(piece, smooth, band=Band(smooth + noise, smooth + noise + 1e-9))
+    np.testing.assert_allclose(piece.path(met["Q_hvac"].to_numpy(), first), (smooth + noise)[:-1], atol=1e-6)
+    errors = [rmse(load["Q_hvac"], clean["Q_hvac"]) for load in (rough, met)]
+    assert errors[0] < 0.7 * errors[1]
+    assert rmse(rough["T_za"][1:], smooth[:-1]) < 0.1
+    np.testing.assert_allclose(clean["T_za"][1:], smooth[:-1], atol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["temperature", "band"])
+@pytest.mark.parametrize("held", [0.99, 1.2, 1.5])
+def test_the_load_does_not_run_away_where_heat_is_felt_late(kind, held, piece):
+    """An emitter that gives back more than it takes moves the room the other way at first."""
+    n = 2 * DAY
+    known = piece.learned(np.array([len(piece.T) - n]))[0]
+    late = known._replace(coef=np.append(known.coef[:-1], held))
+    wanted = np.full(n, 21.0)
+    band = Band(wanted, wanted + 1e-9) if kind == "band" else None
+    load, _ = tracked(piece, wanted, [late], band)
+    usual = np.abs(tracked(piece, wanted)[0]["Q_hvac"][8:]).max()
+    assert np.abs(load["Q_hvac"][8:]).max() < 2.0 * usual
+    np.testing.assert_allclose(load["T_za"][8:], 21.0, atol=0.25)
+
+
+@pytest.mark.parametrize("given", ["flat", "falling", "steep"])
+def test_a_curve_that_does_not_rise_is_mended_as_little_as_can_be(given):
+    stage = np.linspace(0.0, 1.0, 21)
+    curve = {
+        "flat": np.interp(stage, [0.0, 0.1, 0.5, 1.0], [0.0, 0.3, 0.3, 1.0]),
+        "falling": np.interp(stage, [0.0, 0.1, 0.4, 1.0], [0.0, 0.4, 0.1, 1.0]),
+        "steep": np.interp(stage, [0.0, 0.5, 1.0], [0.0, 0.3, 1.0]),
+    }[given]
+    steps = {"type": "ineq", "fun": lambda x: np.diff(x) - 0.5 * np.diff(stage)}
+    ends = {"type": "eq", "fun": lambda x: x[[0, -1]] - [0.0, 1.0]}
+    truth = minimize(
+        lambda x: np.sum((x - curve) ** 2), stage, method="SLSQP", constraints=[steps, ends], options={"ftol": 1e-12}
+    )
+    np.testing.assert_allclose(_rising(curve, stage), truth.x, atol=1e-4)
+    if given == "steep":
+        np.testing.assert_allclose(_rising(curve, stage), curve, atol=1e-12)
 
 
 def test_the_load_keeps_within_a_band_and_within_limits(piece):

@@ -8,8 +8,10 @@ import pytest
 from scipy.linalg import expm
 
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
+from skhybrid._kernels import simulate_inverse
 from skhybrid.datasets import make_office
 from skhybrid.datasets.office import TRUE_THETA as TRUE
+from skhybrid.identification.load import steps_ahead
 
 DAY = 96
 #: rows that begin at a midnight and do not follow the training: every node starts at the first measurement
@@ -236,6 +238,20 @@ def test_a_heater_of_its_own_does_not_make_the_load_ring(office):
     swings = np.sign(np.diff(heat[:20].round(6)))
     assert (swings[1:] * swings[:-1] < 0).sum() < 3
     np.testing.assert_allclose(load["T_za"][20:], 21.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("held", [0.9, 1.0, 1.1, 1.3])
+def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
+    """Room [degC] and the store of an emitter that gives back ``held`` of its heat later; more than all at 1.1."""
+    A, heat = np.array([[0.98, 0.2 * held], [0.0, 0.6]]), np.array([0.2 * (1.0 - held), 0.4])
+    c, forcing = np.array([1.0, 0.0]), np.tile([-0.02, 0.0], (DAY, 1))
+    wanted, free = np.full(DAY, 1.0), np.full(DAY, np.inf)
+    load, path = simulate_inverse(
+        A, forcing, heat, c, wanted, wanted, -free, free, np.zeros(2), steps_ahead(A, heat, c)
+    )
+    # at rest 1 K takes (1 - 0.98) / 0.2 kW, and the forcing 0.02 / 0.2
+    np.testing.assert_allclose(load[-20:], 0.2, atol=1e-2)
+    np.testing.assert_allclose(path[-20:], 1.0, atol=1e-2)
 
 
 @pytest.mark.parametrize(
