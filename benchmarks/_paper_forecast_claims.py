@@ -115,8 +115,9 @@ WHY = {
     "home 2": (
         "where the identified network alone is {conventional OD|K} K off, there is no 1.3 K to win. The "
         "thermostat moves by 0.1 K in 15 min whether it is heated or not (a standard deviation), and the heat "
-        "that would follow each of these moves is {conventional OD|load %} % of the mean off: this log does not "
-        "tell a load."
+        "that would follow each of these moves is {conventional OD|load %} % of the mean off. The default, which "
+        "takes no heat for noise, is {default|load %} % off with a correlation of {default|load correlation}: this "
+        "log does not tell a load."
     ),
     "home 3": (
         "where the identified network alone is {conventional OD|K} K off, there is no 1.3 K to win. The load is "

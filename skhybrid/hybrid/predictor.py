@@ -425,7 +425,8 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
-        The linear scheme asks its network alone, for ARX knows no plant.
+        The linear scheme asks its network alone, for ARX knows no plant.  It holds a temperature that moves smoothly;
+        of one that does not, such as a measured one, it follows what is not noise (see the user guide).
 
         Parameters
         ----------
