@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from functools import cache
+from itertools import product
 
 import numpy as np
 
@@ -63,20 +64,21 @@ def blend_weights(products: np.ndarray, prior: np.ndarray | None = None) -> np.n
     # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
     size = 1.0 / np.mean(1.0 / np.maximum(own, 1e-9 * most[:, None]), axis=1)
     M = products / size[:, None, None] + _PULL * np.eye(K)
-    best, least = np.tile(prior, (len(products), 1)), np.full(len(products), np.inf)
-    for count in range(1, K + 1):
-        for chosen in combinations(range(K), count):
-            pick = list(chosen)
-            # the stationary point on that face of the simplex
-            inverse = np.linalg.inv(M[:, pick][:, :, pick])
-            free, slope = inverse @ (_PULL * prior[pick]), inverse.sum(axis=2)
-            share = free + slope * ((1.0 - free.sum(axis=1)) / slope.sum(axis=1))[:, None]
-            w = np.zeros_like(best)
-            w[:, pick] = share
-            loss = np.einsum("gi,gij,gj->g", w, M, w) - 2.0 * _PULL * w @ prior
-            better = (share >= -1e-12).all(axis=1) & (loss < least)
-            best[better], least[better] = w[better], loss[better]
-    return best
+    # the stationary point on every face of the simplex
+    chosen = _faces(K)
+    pairs = chosen[:, :, None] & chosen[:, None, :]
+    inverse = np.where(pairs, np.linalg.inv(np.where(pairs, M[:, None], np.eye(K))), 0.0)
+    free, slope = inverse @ (_PULL * prior), inverse.sum(axis=-1)
+    w = free + slope * ((1.0 - free.sum(axis=-1)) / slope.sum(axis=-1))[..., None]
+    loss = np.einsum("gfi,gij,gfj->gf", w, M, w) - 2.0 * _PULL * w @ prior
+    best = np.argmin(np.where((w >= -1e-12).all(axis=-1), loss, np.inf), axis=1)
+    return np.asarray(w[np.arange(len(products)), best])
+
+
+@cache
+def _faces(K: int) -> np.ndarray:
+    """(2^K - 1, K) bool: the models that share the weight."""
+    return np.array([face for face in product((False, True), repeat=K) if any(face)])
 
 
 def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
