@@ -25,7 +25,7 @@ from .predictor import (
     simulate_inverse,
     simulate_path,
 )
-from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts
+from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts, recurrent_room
 from .recursion import iterate_lags
 from .tracker import track_path
 
@@ -66,6 +66,7 @@ __all__ = [
     "one_step_sensitivities",
     "recurrent_epoch",
     "recurrent_forecasts",
+    "recurrent_room",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",

@@ -17,10 +17,10 @@ from ._compile import compiled_elements
 from .dense import AdamStep, activate, adam_step, count_known, matrix
 from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward
 
-_ZERO = np.float32(0.0)
-#: windows of a block; the last one of a batch may have fewer.  Fewer would stay in a nearer cache, but the sums of
-#: gradients would then be gone through more often: an LSTM of 4 x 60 takes 14 % longer with 64.
-_BLOCK = 128
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+#: windows of a block; the last one of a batch may have fewer.  Twice as many would need more than the cache for an LSTM
+#: of 4 x 60, and take as long.
+_BLOCK = 64
 
 
 class RecurrentWindows(NamedTuple):
@@ -32,6 +32,7 @@ class RecurrentWindows(NamedTuple):
     base: ndarray  # (n_windows, n_leads): forecast that is corrected
     target: ndarray  # (n_windows, n_leads), 0 where unknown
     known: ndarray  # (n_windows, n_leads): 1 where the target is known, else 0
+    room: ndarray  # numbers to work in, as many as recurrent_room says, or none: each call takes its own
 
 
 class RecurrentShape(NamedTuple):
@@ -110,21 +111,54 @@ def _add_outer(column: ndarray, d: ndarray, weights: _Weights, layer: int) -> No
 
 
 @compiled_elements
-def _make_room(shape: RecurrentShape, n_past: int, n_leads: int, n_block: int) -> _Room:
+def recurrent_room(shape: RecurrentShape, n_past: int, n_leads: int) -> int:
+    """Of how many numbers the memory is that a block of windows needs.
+
+    Fresh memory for every epoch would take the system as long to hand out as a small network takes to compute.
+    """
     n_layers, n_steps, n = len(shape.places) - 2, n_past + n_leads, shape.places[-1, 1]
-    n_kept, one = n_layers if shape.n_gates == 4 else 0, np.float32(1.0)
+    n_kept = n_layers if shape.n_gates == 4 else 0
+    n_rows = (n_steps + 1) * (shape.places[0, 1] + 1 + (n_layers - 1) * (2 * n + 1) + n_kept * n)
+    return _BLOCK * (n_rows + n_steps * n * (n_layers * shape.n_gates + n_kept) + n_leads * (2 * n + 1))
+
+
+@compiled_elements
+def _cut(numbers: ndarray, at: int, n: int) -> tuple[ndarray, int]:
+    """So many numbers from ``at`` on, and where they end."""
+    return numbers[at : at + n], at + n
+
+
+@compiled_elements
+def _make_room(shape: RecurrentShape, windows: RecurrentWindows, n_block: int) -> _Room:
+    """Lay out what a block needs; the states before the first step are 0."""
+    n_past, n_leads = windows.past.shape[2], windows.future.shape[2]
+    n_layers, n_steps, n = len(shape.places) - 2, n_past + n_leads, shape.places[-1, 1]
+    n_kept, n_run, n_rows = n_layers if shape.n_gates == 4 else 0, n * n_block, shape.places[0, 1] + 1
+    size = recurrent_room(shape, n_past, n_leads)
+    numbers = windows.room if len(windows.room) >= size else np.empty(size, dtype=np.float32)
+    lowest, at = _cut(numbers, 0, (n_steps + 1) * n_rows * n_block)
+    columns, at = _cut(numbers, at, (n_layers - 1) * (n_steps + 1) * (2 * n + 1) * n_block)
+    gates, at = _cut(numbers, at, n_layers * n_steps * shape.n_gates * n_run)
+    c, at = _cut(numbers, at, n_kept * (n_steps + 1) * n_run)
+    tanh_c, at = _cut(numbers, at, n_kept * n_steps * n_run)
+    slopes, at = _cut(numbers, at, n_leads * n_run)
+    hidden, at = _cut(numbers, at, n_leads * n_run)
+    outputs, at = _cut(numbers, at, n_leads * n_block)
     room = _Room(
-        np.zeros((n_steps + 1, shape.places[0, 1] + 1, n_block), dtype=np.float32),
-        np.zeros((n_layers - 1, n_steps + 1, 2 * n + 1, n_block), dtype=np.float32),
-        np.empty((n_layers, n_steps, shape.n_gates * n * n_block), dtype=np.float32),
-        np.zeros((n_kept, n_steps + 1, n * n_block), dtype=np.float32),
-        np.empty((n_kept, n_steps, n * n_block), dtype=np.float32),
-        np.empty((n_leads, n, n_block), dtype=np.float32),
-        np.empty((n_leads, n, n_block), dtype=np.float32),
-        np.empty((n_leads, n_block), dtype=np.float32),
+        lowest.reshape(n_steps + 1, n_rows, n_block),
+        columns.reshape(n_layers - 1, n_steps + 1, 2 * n + 1, n_block),
+        gates.reshape(n_layers, n_steps, shape.n_gates * n_run),
+        c.reshape(n_kept, n_steps + 1, n_run),
+        tanh_c.reshape(n_kept, n_steps, n_run),
+        slopes.reshape(n_leads, n, n_block),
+        hidden.reshape(n_leads, n, n_block),
+        outputs.reshape(n_leads, n_block),
     )
-    room.lowest[:, -1] = one
-    room.columns[:, :, -1] = one
+    room.lowest[0], room.lowest[:, -1] = _ZERO, _ONE
+    for k in range(n_layers - 1):
+        room.columns[k, 0], room.columns[k, :, -1] = _ZERO, _ONE
+    for k in range(n_kept):
+        room.c[k, 0] = _ZERO
     return room
 
 
@@ -297,9 +331,9 @@ def recurrent_epoch(
 
     ``drawn`` is (n_leads, n, n_windows of the order), empty where nothing drops.
     """
-    n_past, n_leads = windows.past.shape[2], windows.future.shape[2]
+    n_leads = windows.future.shape[2]
     weights, gradient = _make_weights(shape.places), np.zeros_like(row)
-    room = _make_room(shape, n_past, n_leads, min(_BLOCK, batch_size, len(order)))
+    room = _make_room(shape, windows, min(_BLOCK, batch_size, len(order)))
     out_at, n, n_out, out_bias = shape.places[-1]
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
@@ -311,7 +345,7 @@ def recurrent_epoch(
         for start in range(0, len(rows), _BLOCK):
             part = rows[start : start + _BLOCK]
             if len(part) != room.lowest.shape[2]:
-                room = _make_room(shape, n_past, n_leads, len(part))
+                room = _make_room(shape, windows, len(part))
             d_out = np.empty((n_leads, len(part)), dtype=np.float32)
             _load(windows, part, shape, room)
             _forward(row, weights, shape, windows, part, drawn, batch * batch_size + start, room)
@@ -326,16 +360,16 @@ def recurrent_epoch(
 @compiled_elements
 def recurrent_forecasts(row: ndarray, shape: RecurrentShape, windows: RecurrentWindows, rows: ndarray) -> ndarray:
     """Forecasts (n, n_leads) of the windows ``rows`` (n,); nothing drops."""
-    n_past, n_leads = windows.past.shape[2], windows.future.shape[2]
+    n_leads = windows.future.shape[2]
     found = np.empty((len(rows), n_leads), dtype=np.float32)
     nothing = np.empty((0, 0, 0), dtype=np.float32)
     weights = _make_weights(shape.places)
     _turn(row, shape.places, weights)
-    room = _make_room(shape, n_past, n_leads, min(_BLOCK, len(rows)))
+    room = _make_room(shape, windows, min(_BLOCK, len(rows)))
     for start in range(0, len(rows), _BLOCK):
         part = rows[start : start + _BLOCK]
         if len(part) != room.lowest.shape[2]:
-            room = _make_room(shape, n_past, n_leads, len(part))
+            room = _make_room(shape, windows, len(part))
         _load(windows, part, shape, room)
         _forward(row, weights, shape, windows, part, nothing, 0, room)
         for i in range(len(part)):

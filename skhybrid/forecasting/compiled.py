@@ -18,6 +18,7 @@ from .._kernels import (
     dense_forecasts,
     recurrent_epoch,
     recurrent_forecasts,
+    recurrent_room,
 )
 from .cases import RECURRENT
 
@@ -32,7 +33,24 @@ def kernels_of(kind: str) -> tuple[Callable[..., Any], Callable[..., np.ndarray]
     return (conv_epoch, conv_forecasts) if kind == "cnn" else (dense_epoch, dense_forecasts)
 
 
-def table_of(kind: str, reads_zeta: bool, inputs: Sequence[Tensor], targets: Sequence[Tensor]) -> Any:
+def room_of(kind: str, shape: Any, n_past: int, n_leads: int) -> np.ndarray:
+    """Memory for the kernels of a network to work in from call to call; none where they need little.
+
+    Parameters
+    ----------
+    kind : {"mlp", "cnn", "rnn", "lstm"}
+        The network.
+    shape : NamedTuple
+        As its kernels know it.
+    n_past, n_leads : int
+        Rows of its windows.
+    """
+    return np.empty(recurrent_room(shape, n_past, n_leads) if kind in RECURRENT else 0, dtype=np.float32)
+
+
+def table_of(
+    kind: str, reads_zeta: bool, inputs: Sequence[Tensor], targets: Sequence[Tensor], room: np.ndarray | None = None
+) -> Any:
     """Windows as the kernels of a network read them.
 
     Parameters
@@ -45,13 +63,18 @@ def table_of(kind: str, reads_zeta: bool, inputs: Sequence[Tensor], targets: Seq
         ``zeta``, ``past`` and ``future``, (n_windows, ...) each.
     targets : sequence of Tensor
         ``base``, ``target`` and ``known``, (n_windows, n_leads) each.
+    room : ndarray of float32, optional
+        What :func:`room_of` gives.
     """
     zeta, past, future = inputs
-    of_leads = [tensor.contiguous().numpy() for tensor in targets]
+    base, target, known = (tensor.contiguous().numpy() for tensor in targets)
     if kind in RECURRENT:
-        return RecurrentWindows(*(tensor.contiguous().numpy() for tensor in inputs), *of_leads)
+        room = np.empty(0, dtype=np.float32) if room is None else room
+        zetas, pasts, futures = (tensor.contiguous().numpy() for tensor in inputs)
+        return RecurrentWindows(zetas, pasts, futures, base, target, known, room)
     pieces = [zeta[:, 1:]] if reads_zeta else []
-    return DenseWindows(torch.cat([*pieces, past.flatten(1), future.flatten(1)], dim=1).numpy(), *of_leads)
+    psi = torch.cat([*pieces, past.flatten(1), future.flatten(1)], dim=1).numpy()
+    return DenseWindows(psi, base, target, known)
 
 
 def forecast_members(flat: Tensor, kind: str, reads_zeta: bool, shapes: Sequence[Any], *inputs: Tensor) -> Tensor:

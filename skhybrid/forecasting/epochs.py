@@ -38,11 +38,13 @@ class Tables:
         The networks.
     reads_zeta : bool
         Whether they read the disturbance's history.
+    room : ndarray of float32, optional
+        Memory for the kernels to work in (:func:`~skhybrid.forecasting.compiled.room_of`).
     """
 
-    def __init__(self, windows: Windows, kind: str, reads_zeta: bool) -> None:
+    def __init__(self, windows: Windows, kind: str, reads_zeta: bool, room: np.ndarray | None = None) -> None:
         self.chosen = windows.chosen
-        self._parts, self._kind, self._reads_zeta = windows.parts, kind, reads_zeta
+        self._parts, self._kind, self._reads_zeta, self._room = windows.parts, kind, reads_zeta, room
         self._tables: dict[int, Any] = {}
 
     def pieces(self, member: int, order: Tensor, batch_size: int) -> Iterator[tuple[Any, np.ndarray]]:
@@ -60,7 +62,7 @@ class Tables:
 
     def _table(self, part: dict[str, Tensor], rows: Tensor) -> Any:
         inputs, targets = ([part[name].index_select(0, rows) for name in names] for names in (_INPUTS, _TARGETS))
-        return table_of(self._kind, self._reads_zeta, inputs, targets)
+        return table_of(self._kind, self._reads_zeta, inputs, targets, self._room)
 
 
 def train_epoch(

@@ -16,7 +16,7 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor
 from tqdm.auto import tqdm
 
-from .compiled import DEVICE
+from .compiled import DEVICE, room_of
 from .epochs import Tables, train_epoch, validate
 from .nets import NetworkStack
 from .windows import Batch, Batches, Windows
@@ -143,8 +143,10 @@ class StackNet(NeuralNet):
     def _tables_of(self, windows: Windows) -> Tables:
         """What the kernel reads of a data set; there are two of them, to train and to validate."""
         spec = self.module_.spec
+        if not self.tables_:
+            self.room_ = room_of(spec.kind, self.module_.shapes()[0], spec.n_past, spec.n_leads)
         if id(windows) not in self.tables_:
-            self.tables_[id(windows)] = Tables(windows, spec.kind, spec.reads_zeta)
+            self.tables_[id(windows)] = Tables(windows, spec.kind, spec.reads_zeta, self.room_)
         return self.tables_[id(windows)]
 
 
