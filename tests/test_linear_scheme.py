@@ -321,6 +321,28 @@ def test_short_tables(n_rows, office):
     assert np.isfinite(live).all(axis=None)
 
 
+@pytest.mark.parametrize(
+    ("days", "share", "pull"), [(7, 1.0 / 3.0, 1.2), (10.5, 0.65 / 3.0, 0.75), (14, 0.1, 0.3), (16, 0.1, 0.3)]
+)
+def test_a_short_training_trusts_what_it_learned_less(days, share, pull, office):
+    """The share of the day before, and how hard weights are drawn to it, fall from one week of training to two."""
+    n_rows = int(days * DAY)
+    model = HybridPredictor().fit(office.X[:n_rows], office.y[:n_rows])
+    trained = model._scheme._trained
+    np.testing.assert_allclose(trained.prior, [(1.0 - share) / 4.0] * 2 + [(1.0 - share) / 2.0, share])
+    assert trained.pull == pytest.approx(pull)
+    own = np.diagonal(trained.products, axis1=1, axis2=2)
+    size = len(own[0]) / np.sum(1.0 / own, axis=1)
+    weights = model.weights_.to_numpy()
+
+    def loss(w):
+        quadratic = np.einsum("gi,gij,gj->g", w, trained.products, w) / size
+        return quadratic + pull * np.sum((w - trained.prior) ** 2, axis=1)
+
+    for other in np.random.default_rng(0).dirichlet(np.ones(4), 50):
+        assert (loss(weights) <= loss(np.tile(other, (3, 1))) + 1e-9).all()
+
+
 def test_the_rule_of_the_day_before_by_plain_loops(office):
     """The last day that was known at the origin, again and again; what is missing is held."""
     T = office.y.to_numpy().copy()

@@ -11,7 +11,7 @@ import numpy as np
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
 #: pull toward prior weights, beside the harmonic mean of the models' squared errors
-_PULL = 0.3
+PULL = 0.3
 #: days after which an error of the history counts half
 _HALF_LIFE = 14.0
 
@@ -52,10 +52,10 @@ def faded(age: np.ndarray) -> np.ndarray:
     return np.where(age >= 0, 0.5 ** (np.maximum(age, 0.0) / _HALF_LIFE), 0.0)
 
 
-def blend_weights(products: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
+def blend_weights(products: np.ndarray, prior: np.ndarray | None = None, pull: float = PULL) -> np.ndarray:
     """Weights (n_groups, K) that are not negative and sum to 1, with the least squared error of the blend.
 
-    Those of the ``prior`` (K,), or equal ones, where nothing is known; a ridge pulls toward them.
+    Those of the ``prior`` (K,), or equal ones, where nothing is known; a ridge of size ``pull`` pulls toward them.
     """
     K = products.shape[1]
     prior = np.full(K, 1.0 / K) if prior is None else prior
@@ -63,14 +63,14 @@ def blend_weights(products: np.ndarray, prior: np.ndarray | None = None) -> np.n
     most = np.where(own.max(axis=1) > 0.0, own.max(axis=1), 1.0)
     # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
     size = 1.0 / np.mean(1.0 / np.maximum(own, 1e-9 * most[:, None]), axis=1)
-    M = products / size[:, None, None] + _PULL * np.eye(K)
+    M = products / size[:, None, None] + pull * np.eye(K)
     # the stationary point on every face of the simplex
     chosen = _faces(K)
     pairs = chosen[:, :, None] & chosen[:, None, :]
     inverse = np.where(pairs, np.linalg.inv(np.where(pairs, M[:, None], np.eye(K))), 0.0)
-    free, slope = inverse @ (_PULL * prior), inverse.sum(axis=-1)
+    free, slope = inverse @ (pull * prior), inverse.sum(axis=-1)
     w = free + slope * ((1.0 - free.sum(axis=-1)) / slope.sum(axis=-1))[..., None]
-    loss = np.einsum("gfi,gij,gfj->gf", w, M, w) - 2.0 * _PULL * w @ prior
+    loss = np.einsum("gfi,gij,gfj->gf", w, M, w) - 2.0 * pull * w @ prior
     best = np.argmin(np.where((w >= -1e-12).all(axis=-1), loss, np.inf), axis=1)
     return np.asarray(w[np.arange(len(products)), best])
 

@@ -23,6 +23,7 @@ class Trained:
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead
     prior: np.ndarray  # (K,) weights where nothing is known of errors
+    pull: float  # toward them
     n_leads: int
     a_day: int  # rows
     every: int  # rows between forecasts of the history
@@ -74,7 +75,7 @@ class BlendCourse:
         products = trained.products
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
-        shares = blend_weights(products, trained.prior)
+        shares = blend_weights(products, trained.prior, trained.pull)
         weights = by_lead(shares, trained.n_leads, n_leads)
         path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
         if self.adapt is not None:

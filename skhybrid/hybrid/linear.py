@@ -15,7 +15,7 @@ from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..identification.scheduled import ScheduledNetwork, loads
 from ..identification.setpoints import Band, Limits
 from ..thermal import RCNetwork
-from .blend import GROUP_NAMES, blend_weights, by_lead, faded, lead_groups, moments
+from .blend import GROUP_NAMES, PULL, blend_weights, by_lead, faded, lead_groups, moments
 from .course import BlendCourse, Trained
 from .drift import DriftMonitor
 from .members import BlackBox, DayBefore, Member, Physics, Rows
@@ -24,8 +24,9 @@ from .tables import last_rows, one_behind_another
 
 #: temperatures that the black box regresses on
 _LAGS = 24
-#: share of the day before where no errors are known, as what was learned could be tried on left-out days or not
-_TRIED, _UNTRIED = 0.1, 0.75
+#: prior share of the day before, and the pull toward it: where no days could be left out to try what was learned, with
+#: a week of training or less (three members alike), and with two weeks or more
+_UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
 #: pieces of rows that are kept before they are joined
 _GATHERED = 96
 #: rows beside its leads that a live forecast looks back on, for the lags of the black box
@@ -82,17 +83,21 @@ class LinearScheme:
         names = [name for m in self._members for name in m.names]
         ways = [len(m.names) for m in self._members]
         left_out = np.repeat(np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1), ways, axis=-1)
-        # where no days could be left out nothing tells how far to trust what was learned
-        untried = not len(fit.blocks) or not fit.blocks.max()
-        rule = _UNTRIED if untried else _TRIED
-        prior = np.repeat(np.array([0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule]) / ways, ways)
         a_day = rows_per_day(table.step)
+        # where no days could be left out nothing tells how far to trust what was learned
+        tried = len(fit.blocks) > 0 and fit.blocks.max() > 0
+        rule, pull = _UNTRIED
+        if tried:
+            ends = zip(_WEEK, _WEEKS, strict=True)
+            rule, pull = (float(np.interp(table.n_rows / a_day, [7, 14], pair)) for pair in ends)
+        prior = np.repeat(np.array([0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule]) / ways, ways)
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
-        self._trained = Trained(sample, left_out, products, groups, prior, n_leads, a_day, rows_per_hour(table.step))
+        clock = (n_leads, a_day, rows_per_hour(table.step))
+        self._trained = Trained(sample, left_out, products, groups, prior, pull, *clock)
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
-        self.weights_ = pd.DataFrame(blend_weights(products, prior), list(GROUP_NAMES), names)
+        self.weights_ = pd.DataFrame(blend_weights(products, prior, pull), list(GROUP_NAMES), names)
         self.zeta_ = self.gray_box_.heat_at(table)
         self._live = None
         return self
@@ -145,9 +150,10 @@ class LinearScheme:
 
     def _left_out(self, n_leads: int, every: int) -> LeftOut:
         """Errors of the blend on left-out blocks, interpolated between leads."""
-        sample, ours = self._trained.sample, self._trained.n_leads
-        shares = by_lead(blend_weights(self._trained.products, self._trained.prior), ours, ours)[sample.leads - 1]
-        errors = np.sum(self._trained.errors * shares, axis=-1)[::every]
+        trained = self._trained
+        sample, ours = trained.sample, trained.n_leads
+        shares = by_lead(blend_weights(trained.products, trained.prior, trained.pull), ours, ours)[sample.leads - 1]
+        errors = np.sum(trained.errors * shares, axis=-1)[::every]
         known = np.isfinite(errors).all(axis=1)
         leads = np.arange(1, n_leads + 1)
         out = np.array([np.interp(leads, sample.leads, e) for e in errors[known]]).reshape(-1, n_leads)
