@@ -11,7 +11,8 @@ from torch import nn
 
 from skhybrid._kernels.dense import ACTIVATIONS, activate, exp32
 from skhybrid.forecasting import epochs, loop, nets, training
-from skhybrid.forecasting.cases import NETWORKS
+from skhybrid.forecasting.cases import NETWORKS, RECURRENT
+from skhybrid.forecasting.compiled import room_of
 from skhybrid.forecasting.epochs import Tables, train_epoch, validate
 from skhybrid.forecasting.loop import LoopSettings, train_stack
 from skhybrid.forecasting.nets import NetworkSpec, NetworkStack
@@ -132,6 +133,20 @@ def test_a_table_in_pieces_gives_the_same_numbers(kind, monkeypatch):
     with torch.no_grad():
         wanted = [float(_loss(whole.eval(), windows, torch.arange(N), member)[0]) for member in range(2)]
     assert validate(cut, pieces) == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", RECURRENT)
+def test_what_was_left_in_the_memory_to_work_in_does_not_matter(kind):
+    windows, found = _windows(), []
+    for number in (None, np.nan, 3.0):
+        stack = NetworkStack(_spec(kind), _generators(1, 2))
+        room = room_of(kind, stack.shapes()[0], N_PAST, N_LEADS)
+        room = None if number is None else np.full_like(room, number)
+        tables, optimizer = Tables(windows, kind, True, room), _optimizer(stack)
+        losses = [train_epoch(stack, tables, optimizer, 40, 1.0) for _ in range(2)]
+        found.append((losses, validate(stack, tables), stack.flat.tolist()))
+    assert np.isfinite(found[0][1]).all()
+    assert found[0] == found[1] == found[2]
 
 
 @pytest.mark.parametrize("kind", NETWORKS)
