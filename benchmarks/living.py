@@ -23,7 +23,7 @@ from skhybrid.inspection._style import line_style, tidy
 
 COMMAND = "python benchmarks/living.py"
 DAY, WEEK = 96, 7 * 96
-#: Mondays a quarter of a year apart: weeks after a change are harder than those before it in spring, easier in others.
+#: Mondays a quarter of a year apart: some seasons make the weeks after a change harder than those before, some easier.
 STARTS = tuple(map(pd.Timestamp, ("2023-02-06", "2023-05-01", "2023-07-31", "2023-10-30")))
 TRAIN, BEFORE, AFTER = 4, 4, 6  # weeks
 #: offices at each of them, none of which comes twice: a week that its people make hard is as hard in every season

@@ -84,17 +84,12 @@ class LinearScheme:
         ways = [len(m.names) for m in self._members]
         left_out = np.repeat(np.stack([m.left_out(sample, fit.blocks) for m in self._members], axis=-1), ways, axis=-1)
         a_day = rows_per_day(table.step)
-        # where no days could be left out nothing tells how far to trust what was learned
-        tried = len(fit.blocks) > 0 and fit.blocks.max() > 0
-        rule, pull = _UNTRIED
-        if tried:
-            ends = zip(_WEEK, _WEEKS, strict=True)
-            rule, pull = (float(np.interp(table.n_rows / a_day, [7, 14], pair)) for pair in ends)
+        rule, pull = _caution(fit.blocks, table.n_rows / a_day)
         prior = np.repeat(np.array([0.5 * (1.0 - rule), 0.5 * (1.0 - rule), rule]) / ways, ways)
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
-        clock = (n_leads, a_day, rows_per_hour(table.step))
-        self._trained = Trained(sample, left_out, products, groups, prior, pull, *clock)
+        every = rows_per_hour(table.step)
+        self._trained = Trained(sample, left_out, products, groups, prior, pull, n_leads, a_day, every)
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
         self.weights_ = pd.DataFrame(blend_weights(products, prior, pull), list(GROUP_NAMES), names)
@@ -241,3 +236,11 @@ def _owned(table: ZoneTable, target: np.ndarray) -> ZoneTable:
     """A table with its measured temperature, in arrays of its own."""
     inputs = {role: v.copy() for role, v in table.inputs.items()}
     return table.replace(inputs=inputs, history={"T_za": target.copy()}, n_history=0)
+
+
+def _caution(blocks: np.ndarray, n_days: float) -> tuple[float, float]:
+    """Prior share of the day before, and the pull toward it, after so many days of training in blocks to leave out."""
+    if not len(blocks) or not blocks.max():
+        return _UNTRIED  # nothing tells how far to trust what was learned
+    rule, pull = (float(np.interp(n_days, [7, 14], ends)) for ends in zip(_WEEK, _WEEKS, strict=True))
+    return rule, pull

@@ -119,11 +119,12 @@ def _load_from(
     c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]
     system, free = (A, forcing, effect, c), np.full(n, np.inf)
+    ahead = steps_ahead(A, effect, c) if usual is None else MOST_AHEAD
 
     def heat_within(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if usual is None:
-            return simulate_inverse(*system, *band, lower, upper, begin, steps_ahead(A, effect, c))
-        return track_path(*system, band[0], usual.penalty(band[0]), lower, upper, begin, MOST_AHEAD)
+            return simulate_inverse(*system, *band, lower, upper, begin, ahead)
+        return track_path(*system, band[0], usual.penalty(band[0]), lower, upper, begin, ahead)
 
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
