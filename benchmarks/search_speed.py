@@ -1,6 +1,6 @@
 """Candidates a minute: ``fit_many`` beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
 
-Writes ``results/search_speed.md`` (some ten minutes on two cores):
+Writes ``results/search_speed.md`` (a quarter of an hour on two cores):
 ``python benchmarks/search_speed.py``.
 """
 
@@ -33,7 +33,7 @@ from skhybrid.forecasting.training import chronological_split
 
 COMMAND = "python benchmarks/search_speed.py"
 #: cases of a block and its epochs: every size of paper 3.2 for each of them.
-BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 4)}
+BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 12)}
 N_DAYS, N_LEADS, PATIENCE, N_ROUNDS = 28, 24, 150, 2
 TRAINING = {"learning_rate": 0.003, "batch_size": 128, "validation_fraction": 0.2}
 

@@ -196,7 +196,7 @@ def test_a_reader_of_fitted_estimators_uses_public_modules_only(path):
 
 
 def test_kernels_import_numpy_scipy_and_numba_only():
-    allowed = {"numpy", "scipy", "numba", "skhybrid"} | set(sys.stdlib_module_names)
+    allowed = {"numpy", "scipy", "numba", "llvmlite", "skhybrid"} | set(sys.stdlib_module_names)
     wrong = [
         _shown(path, one)
         for path, imports in MODULES.items()

@@ -2,8 +2,9 @@
 
 Step k reads a column for every layer: of the lowest the disturbance before k and the features of row k, of another what
 the layer below has just put out; then the layer's own state, and a 1 that the bias is multiplied with.  Windows lie
-last in memory, so that every gate is one run of numbers, and go through in blocks.  The weights of a network are one
-row of numbers; forward they are read from a copy for each batch, turned, the bias beside them.
+last in memory, so that every gate is one run of numbers, and go through in blocks of as many whole tiles as it takes;
+what is left over of the last tile is zeros, which no error reaches.  The weights of a network are one row of numbers;
+products read them packed anew for every batch, forward with the bias beside them.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from numpy import ndarray
 from ._compile import compiled_elements
 from .dense import AdamStep, activate, adam_step, count_known, matrix
 from .gates import lstm_backward, lstm_forward, rnn_backward, rnn_forward
+from .products import add_outer, multiply, pack, pack_turned, round_up, turn
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 #: windows of a block; the last one of a batch may have fewer.  Twice as many would need more than the cache for an LSTM
-#: of 4 x 60, and take as long.
+#: of 4 x 60, and take as long.  A multiple of a tile's columns.
 _BLOCK = 64
 
 
@@ -48,10 +50,12 @@ class RecurrentShape(NamedTuple):
 class _Weights(NamedTuple):
     """The weights of cells and of the head's hidden layer as a batch reads them, and room for their gradient."""
 
-    begins: ndarray  # int, (n_layers + 1,): where a layer begins in the other two
-    turned: ndarray  # (n_out, n_in + 1) a layer: the bias is the last column
-    gradient: ndarray  # (n_in + 1, n_out) a layer
-    product: ndarray  # as many numbers as the largest layer has
+    begins: ndarray  # int, (n_layers + 1,): where a layer begins in ``forward``
+    forward: ndarray  # (n_out, n_in + 1) a layer, packed: the bias is the last column
+    backward: ndarray  # (n_in, n_out) a layer, packed; of the lowest the rows of its state only
+    at_gradient: ndarray  # int, (n_layers + 1,): where a layer begins in ``gradient``
+    gradient: ndarray  # (n_in + 1, n_out) a layer, its rows rounded up to a multiple of a tile's columns
+    slices: ndarray  # what a gradient is turned into
 
 
 class _Room(NamedTuple):
@@ -69,24 +73,26 @@ class _Room(NamedTuple):
 
 @compiled_elements
 def _make_weights(places: ndarray) -> _Weights:
-    sizes = (places[:-1, 1] + 1) * places[:-1, 2]
-    begins = np.zeros(len(sizes), dtype=np.int64)
-    begins[1:] = np.cumsum(sizes)[:-1]
-    turned = np.empty(sizes.sum(), dtype=np.float32)
-    return _Weights(begins, turned, np.empty_like(turned), np.empty(sizes.max(), dtype=np.float32))
+    n_inner, n_out = places[:-1, 1] + 1, places[:-1, 2]
+    begins, at_gradient = np.zeros(len(n_out), dtype=np.int64), np.zeros(len(n_out), dtype=np.int64)
+    widths = np.array([round_up(n) for n in n_out])
+    begins[1:], at_gradient[1:] = np.cumsum(n_inner * n_out)[:-1], np.cumsum(n_inner * widths)[:-1]
+    forward = np.empty((n_inner * n_out).sum(), dtype=np.float32)
+    gradient = np.empty((n_inner * widths).sum(), dtype=np.float32)
+    slices = np.zeros(widths.max() * _BLOCK, dtype=np.float32)
+    return _Weights(begins, forward, np.empty_like(forward), at_gradient, gradient, slices)
 
 
 @compiled_elements
-def _turn(row: ndarray, places: ndarray, weights: _Weights) -> None:
+def _pack(row: ndarray, places: ndarray, weights: _Weights) -> None:
     """Copy the weights of a batch, and begin their gradient at 0."""
     weights.gradient[:] = _ZERO
+    n = places[-1, 1]
     for k in range(len(places) - 1):
         at, n_in, n_out, bias_at = places[k]
-        turned, weight = matrix(weights.turned, weights.begins[k], n_out, n_in + 1), matrix(row, at, n_in, n_out)
-        for j in range(n_out):
-            for i in range(n_in):
-                turned[j, i] = weight[i, j]
-            turned[j, n_in] = row[bias_at + j]
+        weight = matrix(row, at, n_in, n_out)
+        pack_turned(weight, row[bias_at : bias_at + n_out], weights.forward[weights.begins[k] :])
+        pack(weight if k else weight[n_in - n :], weights.backward[weights.begins[k] :])
 
 
 @compiled_elements
@@ -94,20 +100,17 @@ def _put_back(weights: _Weights, places: ndarray, gradient: ndarray) -> None:
     """The gradients of weights and biases go where these lie."""
     for k in range(len(places) - 1):
         at, n_in, n_out, bias_at = places[k]
-        n_weights, begin = n_in * n_out, weights.begins[k]
-        gradient[at : at + n_weights] = weights.gradient[begin : begin + n_weights]
-        gradient[bias_at : bias_at + n_out] = weights.gradient[begin + n_weights : begin + n_weights + n_out]
+        found = matrix(weights.gradient, weights.at_gradient[k], n_in + 1, round_up(n_out))
+        for i in range(n_in):
+            gradient[at + i * n_out : at + (i + 1) * n_out] = found[i, :n_out]
+        gradient[bias_at : bias_at + n_out] = found[n_in, :n_out]
 
 
 @compiled_elements
-def _add_outer(column: ndarray, d: ndarray, weights: _Weights, layer: int) -> None:
+def _add_gradient(column: ndarray, d: ndarray, weights: _Weights, layer: int) -> None:
     """Add the gradient of a layer's weight and bias, whose inputs were ``column`` and whose outputs have ``d``."""
-    n = len(column) * len(d)
-    product, begin = weights.product[:n], weights.begins[layer]
-    np.dot(column, d.T, product.reshape(len(column), len(d)))
-    whole = weights.gradient[begin : begin + n]
-    for i in range(n):
-        whole[i] += product[i]
+    turn(d, weights.slices)
+    add_outer(column, weights.slices, len(d), weights.gradient[weights.at_gradient[layer] :])
 
 
 @compiled_elements
@@ -167,6 +170,7 @@ def _load(windows: RecurrentWindows, rows: ndarray, shape: RecurrentShape, room:
     """Lay out the inputs of the lowest layer."""
     n_past, n_columns = windows.past.shape[2], windows.past.shape[1]
     n_steps, first = len(room.lowest) - 1, int(shape.reads_zeta)
+    room.lowest[:, : first + n_columns, len(rows) :] = _ZERO
     for i in range(len(rows)):
         w = rows[i]
         if shape.reads_zeta:
@@ -188,11 +192,11 @@ def _run(column: ndarray, first: int, n: int) -> ndarray:
 
 @compiled_elements
 def _drop(share: float, drawn: ndarray, first: int, slope: ndarray, out: ndarray) -> None:
-    """Dropout: what is drawn below ``share`` becomes 0, the rest is rescaled; windows lie last."""
+    """Dropout: what is drawn below ``share`` becomes 0, the rest is rescaled; windows lie last, some drew nothing."""
     keep, least = np.float32(1.0 / (1.0 - share)), np.float32(share)
     for r in range(len(out)):
         draws, value, d = drawn[r], out[r], slope[r]
-        for i in range(len(value)):
+        for i in range(min(len(value), len(draws) - first)):
             factor = keep if draws[first + i] >= least else _ZERO
             value[i] *= factor
             d[i] *= factor
@@ -204,7 +208,7 @@ def _forward(
     first: int, room: _Room,
 ) -> None:  # fmt: skip
     """Run the past, then the horizon, over which the network's own outputs stand in for ``zeta``."""
-    n_layers, n, n_block = len(shape.places) - 2, shape.places[-1, 1], len(rows)
+    n_layers, n = len(shape.places) - 2, shape.places[-1, 1]
     n_past, n_steps = windows.past.shape[2], len(room.lowest) - 1
     for s in range(n_steps):
         after = room.lowest[s + 1]
@@ -213,8 +217,7 @@ def _forward(
             column, gates = room.lowest[s], room.gates[k, s]
             if k:
                 column, after = room.columns[k - 1, s], room.columns[k - 1, s + 1]
-            turned = matrix(weights.turned, weights.begins[k], n_all, n_in + 1)
-            np.dot(turned, column, gates.reshape(n_all, n_block))
+            multiply(weights.forward[weights.begins[k] :], n_all, column, gates)
             h = _run(after, n_in - n, n)
             if shape.n_gates == 4:
                 lstm_forward(gates, room.c[k, s], room.c[k, s + 1], room.tanh_c[k, s], h)
@@ -235,16 +238,17 @@ def _head(
     drawn: ndarray, first: int, lead: int, room: _Room,
 ) -> None:  # fmt: skip
     """The forecast of a lead, from the state of the highest layer and a 1."""
-    n, n_block = shape.places[-1, 1], len(rows)
+    n = shape.places[-1, 1]
     z, value, forecast = room.slopes[lead], room.hidden[lead], room.outputs[lead]
-    turned = matrix(weights.turned, weights.begins[len(shape.places) - 2], n, n + 1)
-    np.dot(turned, state.reshape(n + 1, n_block), z)
+    n_block = len(forecast)
+    panels = weights.forward[weights.begins[len(shape.places) - 2] :]
+    multiply(panels, n, state.reshape(n + 1, n_block), z.reshape(z.size))
     activate(shape.kind, z, np.zeros(n_block, dtype=np.float32), value)
     if len(drawn):
         _drop(shape.share, drawn[lead], first, z, value)
     at, _, n_out, bias_at = shape.places[-1]
     np.dot(matrix(row, at, n, n_out)[:, 0].copy(), value, forecast)
-    for i in range(n_block):
+    for i in range(len(rows)):
         forecast[i] += row[bias_at] + windows.base[rows[i], lead]
 
 
@@ -269,7 +273,7 @@ def _backward(
         else:
             d_top[:] = _ZERO
         for k in range(n_layers - 1, -1, -1):
-            at, n_in, n_all, _ = shape.places[k]
+            at, _, n_all, _ = shape.places[k]
             column, above = room.columns[k - 1, s] if k else room.lowest[s], d_top
             if k + 1 < n_layers:
                 above = below[k + 1, :n_run]
@@ -279,14 +283,14 @@ def _backward(
             else:
                 rnn_backward(room.gates[k, s], later, above, d_gates)
             d = d_gates.reshape(n_all, n_block)
-            _add_outer(column, d, weights, k)
-            weight = matrix(row, at, n_in, n_all)
+            _add_gradient(column, d, weights, k)
+            panels = weights.backward[weights.begins[k] :]
             if k:
-                np.dot(weight, d, below[k].reshape(2 * n, n_block))
+                multiply(panels, 2 * n, d, below[k])
                 continue
-            np.dot(weight[n_in - n :], d, later.reshape(n, n_block))  # nobody asks for the features'
+            multiply(panels, n, d, later)  # nobody asks for the features'
             if shape.reads_zeta and lead > 0:
-                np.dot(weight[0], d, of_zeta)
+                np.dot(row[at : at + n_all], d, of_zeta)
 
 
 @compiled_elements
@@ -296,7 +300,7 @@ def _head_backward(
 ) -> None:  # fmt: skip
     """Add the gradient of the head from that of a lead's forecast; ``d_top`` becomes that of the highest layer."""
     n, n_block = shape.places[-1, 1], len(given)
-    hidden_at, (out_at, _, n_out, out_bias) = shape.places[-2, 0], shape.places[-1]
+    layer, (out_at, _, n_out, out_bias) = len(shape.places) - 2, shape.places[-1]
     of_weight, dz = np.dot(room.hidden[lead], given), np.empty((n, n_block), dtype=np.float32)
     for r in range(n):
         weight = row[out_at + r * n_out]
@@ -305,8 +309,8 @@ def _head_backward(
         for i in range(n_block):
             d[i] = weight * given[i] * slope[i]
     gradient[out_bias] += given.sum()
-    _add_outer(_run(top, len(top) - n - 1, n + 1).reshape(n + 1, n_block), dz, weights, len(shape.places) - 2)
-    np.dot(matrix(row, hidden_at, n, n), dz, d_top.reshape(n, n_block))
+    _add_gradient(_run(top, len(top) - n - 1, n + 1).reshape(n + 1, n_block), dz, weights, layer)
+    multiply(weights.backward[weights.begins[layer] :], n, dz, d_top)
 
 
 @compiled_elements
@@ -331,22 +335,21 @@ def recurrent_epoch(
 
     ``drawn`` is (n_leads, n, n_windows of the order), empty where nothing drops.
     """
-    n_leads = windows.future.shape[2]
     weights, gradient = _make_weights(shape.places), np.zeros_like(row)
-    room = _make_room(shape, windows, min(_BLOCK, batch_size, len(order)))
+    room = _make_room(shape, windows, round_up(min(_BLOCK, batch_size, len(order))))
     out_at, n, n_out, out_bias = shape.places[-1]
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
         rows = order[batch * batch_size : (batch + 1) * batch_size]
         n_known = count_known(windows.known, rows)
-        _turn(row, shape.places, weights)
+        _pack(row, shape.places, weights)
         gradient[out_at : out_at + n * n_out] = _ZERO
         gradient[out_bias] = _ZERO
         for start in range(0, len(rows), _BLOCK):
             part = rows[start : start + _BLOCK]
-            if len(part) != room.lowest.shape[2]:
-                room = _make_room(shape, windows, len(part))
-            d_out = np.empty((n_leads, len(part)), dtype=np.float32)
+            if round_up(len(part)) != room.lowest.shape[2]:
+                room = _make_room(shape, windows, round_up(len(part)))
+            d_out = np.zeros(room.outputs.shape, dtype=np.float32)
             _load(windows, part, shape, room)
             _forward(row, weights, shape, windows, part, drawn, batch * batch_size + start, room)
             total += _errors(windows, part, room.outputs, 1.0 / max(n_known, 1.0), d_out)
@@ -364,12 +367,12 @@ def recurrent_forecasts(row: ndarray, shape: RecurrentShape, windows: RecurrentW
     found = np.empty((len(rows), n_leads), dtype=np.float32)
     nothing = np.empty((0, 0, 0), dtype=np.float32)
     weights = _make_weights(shape.places)
-    _turn(row, shape.places, weights)
-    room = _make_room(shape, windows, min(_BLOCK, len(rows)))
+    _pack(row, shape.places, weights)
+    room = _make_room(shape, windows, round_up(min(_BLOCK, len(rows))))
     for start in range(0, len(rows), _BLOCK):
         part = rows[start : start + _BLOCK]
-        if len(part) != room.lowest.shape[2]:
-            room = _make_room(shape, windows, len(part))
+        if round_up(len(part)) != room.lowest.shape[2]:
+            room = _make_room(shape, windows, round_up(len(part)))
         _load(windows, part, shape, room)
         _forward(row, weights, shape, windows, part, nothing, 0, room)
         for i in range(len(part)):
