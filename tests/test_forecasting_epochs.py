@@ -63,6 +63,8 @@ _SETTINGS = [{}, {"reads_zeta": False, "n_layers": 1}, {"activation": "gelu"}]
 _CNN = [
     {"pool_size": 4, "filter_size": 6, "reads_zeta": False},
     {"pool_size": 3, "n_channels": 5, "activation": "selu"},
+    {"pool_size": 4, "n_channels": 7, "filter_size": 12, "activation": "gelu"},  # longer than what it reads at last
+    {"n_channels": 2, "filter_size": 19},  # more than a tile is wide
 ]
 
 

@@ -9,7 +9,16 @@ import sys
 import numpy as np
 import pytest
 
-from skhybrid._kernels.products import add_outer, multiply, pack, pack_turned, round_up, turn
+from skhybrid._kernels.products import (
+    add_correlation,
+    add_outer,
+    correlate,
+    multiply,
+    pack,
+    pack_turned,
+    round_up,
+    turn,
+)
 from skhybrid._kernels.tiles import COLUMNS
 
 #: inputs, outputs, windows: every number of rows that is left over by panels of six, and squares that are not whole
@@ -62,6 +71,23 @@ def test_the_gradient_of_a_layer_is_added_to_what_is_there(size):
     np.testing.assert_array_equal(found[:, n_out:], 1.0)  # of columns that nobody has
 
 
+@pytest.mark.parametrize(("n_out", "n_in", "filter_size", "n_places"), [(7, 3, 6, 40), (10, 1, 12, 16), (3, 2, 19, 5)])
+def test_a_filter_forward_and_its_gradient(n_out, n_in, filter_size, n_places):
+    length, first = round_up(n_places) + 2 * round_up(filter_size), 2
+    rng = np.random.default_rng(n_out)
+    weight, x = (rng.normal(size=s).astype(np.float32) for s in ((n_out, n_in * filter_size), (n_in, length)))
+    under = np.stack([x[:, first + p : first + p + filter_size].ravel() for p in range(n_places)], axis=1)
+    panels, out = np.empty(weight.size, np.float32), np.full(n_out * round_up(n_places), np.nan, np.float32)
+    pack(weight, panels)
+    correlate(panels, n_out, filter_size, x, first, n_places, out, round_up(n_places))
+    found = out.reshape(n_out, round_up(n_places))[:, :n_places]
+    assert _error(found, weight.astype(float) @ under) < 3e-6
+    gradient = np.ones(n_out * n_in * round_up(filter_size), np.float32)
+    add_correlation(np.pad(found, [(0, 0), (5, 9)]), 5, n_places, x, first, filter_size, gradient)
+    summed = gradient.reshape(n_out, n_in, -1)[:, :, :filter_size].reshape(n_out, -1)
+    assert _error(summed, 1.0 + found.astype(float) @ under.T) < 3e-6
+
+
 def test_turning_is_exact():
     d = np.arange(21 * 32, dtype=np.float32).reshape(21, 32)
     slices = np.zeros(round_up(21) * 32, np.float32)
@@ -87,9 +113,10 @@ def test_uncompiled_kernels_say_the_same():
         "    here.test_the_weights_of_a_layer_forward_bias_included(size)\n"
         "    here.test_the_weights_of_a_layer_backward(size)\n"
         "    here.test_the_gradient_of_a_layer_is_added_to_what_is_there(size)\n"
+        "here.test_a_filter_forward_and_its_gradient(7, 3, 6, 40)\n"
         "here.test_turning_is_exact()\n"
-        "print('all four')"
+        "print('all five')"
     )
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "all four", done.stderr[-2000:]
+    assert done.stdout.strip() == "all five", done.stderr[-2000:]

@@ -1,8 +1,8 @@
 """An epoch of a CNN (paper Eq. CNN) in one call, its gradient written out.
 
-A convolution is a product of matrices once the numbers under each place of the filter stand in a column.  Windows take
-turns, so that their columns stay in the cache, and meet in the head, which is a network of dense layers
-(:mod:`skhybrid._kernels.dense`).
+Windows take turns, so that their channels stay in the cache, and meet in the head, which is a network of dense layers
+(:mod:`skhybrid._kernels.dense`).  Channels have zeros before and behind them, as many as a filter and the last whole
+tile of places reach (:mod:`skhybrid._kernels.products`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ._compile import compiled_elements, compiled_sums
+from ._compile import compiled_elements
 from .dense import (
     AdamStep,
     DenseShape,
@@ -27,12 +27,11 @@ from .dense import (
     matrix,
     square_errors,
 )
+from .products import add_correlation, correlate, pack, round_up
 
 _ZERO = np.float32(0.0)
 #: windows of a block, which the head reads at once.
 _BLOCK = 32
-#: up to so many rows, loops are quicker than BLAS.
-_THIN = 16
 
 
 class ConvShape(NamedTuple):
@@ -48,139 +47,102 @@ class ConvShape(NamedTuple):
 class _Room(NamedTuple):
     """What a block keeps from forward to back, by convolution; a row may be longer than needed."""
 
-    columns: ndarray  # (n_numbers,): of one window
-    d_columns: ndarray  # (n_numbers,)
-    z: ndarray  # (n_numbers,): of one window, before the pool, and its gradient
-    filters: ndarray  # (n_numbers,): the gradient that one window adds
-    values: ndarray  # (n_conv, n_numbers): by window, channel and place
-    slopes: ndarray  # (n_conv, n_numbers)
+    inputs: ndarray  # (1, n): of one window, zeros around them
+    z: ndarray  # (n_numbers,): of one window, before the pool
+    values: ndarray  # (n_conv, n_numbers): by window, channel and place; zeros around those that a convolution reads
+    slopes: ndarray  # (n_conv, n_numbers): by window, channel and place, whole tiles
     chosen: ndarray  # int32, (n_conv, n_numbers): where the pool found its greatest
-    d: ndarray  # (2, n_numbers): of one window
+    d: ndarray  # (2, n_numbers): the gradient of one window, by channel and place, whole tiles
+    spread: ndarray  # (n_conv, n_numbers): that before the pool, zeros around it
     none: ndarray  # zeros, as many as there are places
+
+
+class _Filters(NamedTuple):
+    """Filters as a batch reads them, and room for their gradient."""
+
+    begins: ndarray  # int, (n_conv,): where a convolution begins in ``forward`` and ``backward``
+    forward: ndarray  # (n_channels, n_before x size) a convolution, packed
+    backward: ndarray  # (n_before, n_channels x size), each filter from its end, packed
+    flipped: ndarray  # the same before it is packed
+    at_gradient: ndarray  # int, (n_conv,): where a convolution begins in ``gradient``
+    gradient: ndarray  # (n_channels, n_before, size rounded up) a convolution
+
+
+@compiled_elements
+def _with_margins(n_places: int, size: int) -> int:
+    """Length of a channel with zeros around it; there is a place more behind a convolution of an even size."""
+    return round_up(n_places + 1) + 2 * round_up(size)
 
 
 @compiled_elements
 def _make_room(shape: ConvShape, n_block: int) -> _Room:
-    n_conv, in_columns, in_z, in_values, in_filters = len(shape.places), 1, 1, 1, 1
+    n_conv, size = len(shape.places), shape.filter_size
+    in_z, in_values, in_slopes, in_spread, in_d = 1, 1, 1, 1, 1
     for k in range(n_conv):
-        n_numbers, n_channels = shape.places[k, 1], shape.places[k, 2]
-        in_columns = max(in_columns, n_numbers * shape.lengths[k, 1])
-        in_z = max(in_z, n_channels * shape.lengths[k, 1])
-        in_values = max(in_values, n_channels * shape.lengths[k, 2])
-        in_filters = max(in_filters, n_channels * n_numbers)
+        n_channels, (n_in, n_places, n_out) = shape.places[k, 2], shape.lengths[k]
+        in_z = max(in_z, n_channels * round_up(n_places))
+        in_values = max(in_values, n_channels * _with_margins(n_out, size))
+        in_slopes = max(in_slopes, n_channels * round_up(n_out))
+        in_spread = max(in_spread, n_channels * _with_margins(n_in, size))
+        in_d = max(in_d, shape.places[k - 1, 2] * round_up(n_in))
     return _Room(
-        np.empty(in_columns, dtype=np.float32),
-        np.empty(in_columns, dtype=np.float32),
+        np.zeros((1, _with_margins(shape.lengths[0, 0], size)), dtype=np.float32),
         np.empty(in_z, dtype=np.float32),
-        np.empty(in_filters, dtype=np.float32),
-        np.empty((n_conv, in_values * n_block), dtype=np.float32),
-        np.empty((n_conv, in_values * n_block), dtype=np.float32),
-        np.empty((n_conv, in_values * n_block), dtype=np.int32),
-        np.empty((2, in_values), dtype=np.float32),
-        np.zeros(in_values, dtype=np.float32),
+        np.zeros((n_conv, in_values * n_block), dtype=np.float32),
+        np.empty((n_conv, in_slopes * n_block), dtype=np.float32),
+        np.empty((n_conv, in_slopes * n_block), dtype=np.int32),
+        np.empty((2, in_d), dtype=np.float32),
+        np.zeros((n_conv, in_spread), dtype=np.float32),
+        np.zeros(in_slopes, dtype=np.float32),
     )
 
 
-# ---------------------------------------------------------------------------------------------------- thin products
 @compiled_elements
-def _times(weight: ndarray, x: ndarray, out: ndarray) -> None:
-    """``out = weight x``; BLAS is slow where the weight is thin."""
-    n_out, n_in = weight.shape
-    if n_out > _THIN and n_in > _THIN:
-        np.dot(weight, x, out)
-        return
-    n = x.shape[1]
-    for i in range(n_out):
-        to = out[i]
-        to[:] = _ZERO
-        r = 0
-        while r + 3 < n_in:
-            a, b, c, d = weight[i, r], weight[i, r + 1], weight[i, r + 2], weight[i, r + 3]
-            x0, x1, x2, x3 = x[r], x[r + 1], x[r + 2], x[r + 3]
-            for j in range(n):
-                to[j] += a * x0[j] + b * x1[j] + c * x2[j] + d * x3[j]
-            r += 4
-        while r < n_in:
-            a, x0 = weight[i, r], x[r]
-            for j in range(n):
-                to[j] += a * x0[j]
-            r += 1
+def _make_filters(shape: ConvShape) -> _Filters:
+    sizes = shape.places[:, 1] * shape.places[:, 2]
+    rounded = sizes // shape.filter_size * round_up(shape.filter_size)
+    begins, at_gradient = np.zeros(len(sizes), dtype=np.int64), np.zeros(len(sizes), dtype=np.int64)
+    begins[1:], at_gradient[1:] = np.cumsum(sizes)[:-1], np.cumsum(rounded)[:-1]
+    forward = np.empty(sizes.sum(), dtype=np.float32)
+    flipped = np.empty(sizes.max(), dtype=np.float32)
+    gradient = np.empty(rounded.sum(), dtype=np.float32)
+    return _Filters(begins, forward, np.empty_like(forward), flipped, at_gradient, gradient)
 
 
 @compiled_elements
-def _times_turned(weight: ndarray, d: ndarray, out: ndarray) -> None:
-    """``out = weight' d``."""
-    n_in, n_out = weight.shape
-    if n_in > _THIN:
-        np.dot(weight.T, d, out)
-        return
-    for r in range(n_out):
-        to = out[r]
-        to[:] = _ZERO
-        for i in range(n_in):
-            a, x = weight[i, r], d[i]
-            for j in range(len(to)):
-                to[j] += a * x[j]
-
-
-@compiled_sums
-def _add_product(d: ndarray, x: ndarray, spare: ndarray, out: ndarray) -> None:
-    """``out += d x'``, (n_out, n_in) of rows of numbers."""
-    n_out, n_in = out.shape
-    if n_out > _THIN:
-        product = matrix(spare, 0, n_out, n_in)
-        np.dot(d, x.T, product)
-        for i in range(n_out):
-            for r in range(n_in):
-                out[i, r] += product[i, r]
-        return
-    n = d.shape[1]
-    for i in range(n_out):
-        left = d[i]
-        for r in range(n_in):
-            right, total = x[r], _ZERO
-            for j in range(n):
-                total += left[j] * right[j]
-            out[i, r] += total
-
-
-# ------------------------------------------------------------------------------------------------------- convolutions
-@compiled_elements
-def _reach(k: int, padding: int, n_in: int, n_out: int) -> tuple[int, int]:
-    """The places of the output at which number ``k`` of the filter lies within the input."""
-    return max(0, padding - k), min(n_out, n_in + padding - k)
+def _pack(row: ndarray, shape: ConvShape, filters: _Filters) -> None:
+    """Copy the filters of a batch, and begin their gradient at 0."""
+    filters.gradient[:] = _ZERO
+    size = shape.filter_size
+    for k in range(len(shape.places)):
+        at, n_numbers, n_channels, _ = shape.places[k]
+        weight = matrix(row, at, n_channels, n_numbers)
+        pack(weight, filters.forward[filters.begins[k] :])
+        n_before = n_numbers // size
+        flipped = matrix(filters.flipped, 0, n_before, n_channels * size)
+        for i in range(n_channels):
+            for c in range(n_before):
+                for f in range(size):
+                    flipped[c, i * size + size - 1 - f] = weight[i, c * size + f]
+        pack(flipped, filters.backward[filters.begins[k] :])
 
 
 @compiled_elements
-def _unfold(x: ndarray, size: int, columns: ndarray) -> None:
-    """The numbers of the channels ``x`` under each place of the filter; 0 beyond the ends."""
-    n_in, n_out = x.shape[1], columns.shape[1]
-    for r in range(len(columns)):
-        source, to, k = x[r // size], columns[r], r % size
-        first, last = _reach(k, size // 2, n_in, n_out)
-        to[:first] = _ZERO
-        for j in range(first, last):
-            to[j] = source[j + k - size // 2]
-        to[last:] = _ZERO
-
-
-@compiled_elements
-def _fold(columns: ndarray, size: int, x: ndarray) -> None:
-    """The gradient of the input from that of its columns."""
-    n_in, n_out = x.shape[1], columns.shape[1]
-    x[:] = _ZERO
-    for r in range(len(columns)):
-        source, to, k = columns[r], x[r // size], r % size
-        first, last = _reach(k, size // 2, n_in, n_out)
-        for j in range(first, last):
-            to[j + k - size // 2] += source[j]
+def _put_back(filters: _Filters, shape: ConvShape, gradient: ndarray) -> None:
+    """The gradient of filters goes where these lie."""
+    size, rounded = shape.filter_size, round_up(shape.filter_size)
+    for k in range(len(shape.places)):
+        at, n_numbers, n_channels, _ = shape.places[k]
+        for i in range(n_channels * n_numbers // size):
+            begin = filters.at_gradient[k] + i * rounded
+            gradient[at + i * size : at + (i + 1) * size] = filters.gradient[begin : begin + size]
 
 
 @compiled_elements
 def _pool(z: ndarray, size: int, out: ndarray, chosen: ndarray) -> None:
     """The greatest of each group of places, the first of equals; what is left over at the end is dropped."""
     for c in range(len(z)):
-        for p in range(out.shape[1]):
+        for p in range(chosen.shape[1]):
             best, value = p * size, z[c, p * size]
             for j in range(p * size + 1, (p + 1) * size):
                 larger = z[c, j] > value
@@ -189,69 +151,90 @@ def _pool(z: ndarray, size: int, out: ndarray, chosen: ndarray) -> None:
 
 
 @compiled_elements
-def _forward(row: ndarray, shape: ConvShape, psi: ndarray, room: _Room) -> ndarray:
+def _value(shape: ConvShape, room: _Room, k: int, w: int) -> tuple[ndarray, int]:
+    """What a convolution says of a window, by channel, and the place at which that begins."""
+    n_channels, n_out = shape.places[k, 2], shape.lengths[k, 2]
+    is_last = k == len(shape.places) - 1
+    stride = n_out if is_last else _with_margins(n_out, shape.filter_size)
+    value = matrix(room.values[k], w * n_channels * stride, n_channels, stride)
+    return value, 0 if is_last else shape.filter_size // 2
+
+
+@compiled_elements
+def _input(shape: ConvShape, psi: ndarray, room: _Room, k: int, w: int) -> ndarray:
+    """What a convolution reads of a window, zeros around it."""
+    if k:
+        return _value(shape, room, k - 1, w)[0]
+    first = shape.filter_size // 2
+    room.inputs[0, first : first + psi.shape[1]] = psi[w]
+    return room.inputs
+
+
+@compiled_elements
+def _forward(row: ndarray, filters: _Filters, shape: ConvShape, psi: ndarray, room: _Room) -> ndarray:
     """What the head reads of a block, (n_windows, n_channels * n_places)."""
-    last = len(shape.places) - 1
     for w in range(len(psi)):
-        x = psi[w].reshape(1, psi.shape[1])
-        for k in range(last + 1):
-            at, n_numbers, n_channels, bias_at = shape.places[k]
-            n_places, n_out = shape.lengths[k, 1], shape.lengths[k, 2]
-            size = n_channels * n_out
-            columns, z = matrix(room.columns, 0, n_numbers, n_places), matrix(room.z, 0, n_channels, n_places)
-            slope, value = (
-                matrix(room.slopes[k], w * size, n_channels, n_out),
-                matrix(room.values[k], w * size, n_channels, n_out),
-            )
-            _unfold(x, shape.filter_size, columns)
+        for k in range(len(shape.places)):
+            x, (_, n_places, n_out) = _input(shape, psi, room, k, w), shape.lengths[k]
+            n_channels, bias_at = shape.places[k, 2:]
+            panels, size, stride = filters.forward[filters.begins[k] :], shape.filter_size, round_up(n_out)
+            run = room.slopes[k, w * n_channels * stride : (w + 1) * n_channels * stride]
+            slope, (value, first) = run.reshape(n_channels, stride), _value(shape, room, k, w)
             if n_out == n_places:
-                _times(matrix(row, at, n_channels, n_numbers), columns, slope)
+                correlate(panels, n_channels, size, x, 0, n_places, run, stride)
             else:
-                _times(matrix(row, at, n_channels, n_numbers), columns, z)
-                _pool(z, shape.pool_size, slope, matrix(room.chosen[k], w * size, n_channels, n_out))
+                correlate(panels, n_channels, size, x, 0, n_places, room.z, round_up(n_places))
+                chosen = matrix(room.chosen[k], w * n_channels * n_out, n_channels, n_out)
+                _pool(matrix(room.z, 0, n_channels, round_up(n_places)), shape.pool_size, slope, chosen)
             for c in range(n_channels):
-                slope[c] += row[bias_at + c]
-            activate(shape.head.kind, slope, room.none[:n_out], value)
-            x = value
+                z = slope[c, :n_out].reshape(1, n_out)
+                z[0] += row[bias_at + c]
+                activate(shape.head.kind, z, room.none[:n_out], value[c, first : first + n_out].reshape(1, n_out))
+    last = len(shape.places) - 1
     return matrix(room.values[last], 0, len(psi), shape.head.places[0, 1])
 
 
 @compiled_elements
-def _backward(row: ndarray, shape: ConvShape, psi: ndarray, d_flat: ndarray, room: _Room, gradient: ndarray) -> None:
-    """Add the gradient of the filters, from that of what the head reads, (n_windows, n_channels * n_places)."""
-    last = len(shape.places) - 1
+def _spread(shape: ConvShape, room: _Room, k: int, w: int, d: ndarray) -> ndarray:
+    """The gradient of a convolution before its pool, zeros around it."""
+    n_channels, (n_in, n_places, n_out), size = shape.places[k, 2], shape.lengths[k], shape.filter_size
+    spread = matrix(room.spread[k], 0, n_channels, _with_margins(n_in, size))
+    chosen = matrix(room.chosen[k], w * n_channels * n_out, n_channels, n_out)
+    for c in range(n_channels):
+        to = spread[c, size - 1 : size - 1 + n_places]
+        if n_out == n_places:
+            to[:] = d[c, :n_out]
+            continue
+        to[:] = _ZERO
+        for j in range(n_out):
+            to[chosen[c, j]] = d[c, j]
+    return spread
+
+
+@compiled_elements
+def _backward(
+    filters: _Filters, shape: ConvShape, psi: ndarray, d_flat: ndarray, room: _Room, gradient: ndarray
+) -> None:  # fmt: skip
+    """Add the gradient of filters and biases, from that of what the head reads, (n_windows, n_channels * n_places)."""
+    last, size = len(shape.places) - 1, shape.filter_size
     for w in range(len(psi)):
         d = matrix(d_flat[w], 0, shape.places[last, 2], shape.lengths[last, 2])
         for k in range(last, -1, -1):
-            at, n_numbers, n_channels, bias_at = shape.places[k]
-            n_places, n_out = shape.lengths[k, 1], shape.lengths[k, 2]
-            size, dz = n_channels * n_out, d
-            slope = matrix(room.slopes[k], w * size, n_channels, n_out)
+            n_channels, bias_at = shape.places[k, 2:]
+            n_in, n_places, n_out = shape.lengths[k]
+            slope = matrix(room.slopes[k], w * n_channels * round_up(n_out), n_channels, round_up(n_out))
             for c in range(n_channels):
-                total = _ZERO
+                total, of_place, factor = _ZERO, d[c], slope[c]
                 for j in range(n_out):
-                    d[c, j] *= slope[c, j]
-                    total += d[c, j]
+                    of_place[j] *= factor[j]
+                    total += of_place[j]
                 gradient[bias_at + c] += total
-            if n_out != n_places:
-                dz = matrix(room.z, 0, n_channels, n_places)
-                dz[:] = _ZERO
-                chosen = matrix(room.chosen[k], w * size, n_channels, n_out)
-                for c in range(n_channels):
-                    for j in range(n_out):
-                        dz[c, chosen[c, j]] = d[c, j]
-            x = psi[w].reshape(1, psi.shape[1])
+            spread, x = _spread(shape, room, k, w, d), _input(shape, psi, room, k, w)
+            add_correlation(spread, size - 1, n_places, x, 0, size, filters.gradient[filters.at_gradient[k] :])
             if k:
-                below = shape.places[k - 1, 2] * shape.lengths[k - 1, 2]
-                x = matrix(room.values[k - 1], w * below, shape.places[k - 1, 2], shape.lengths[k - 1, 2])
-            columns = matrix(room.columns, 0, n_numbers, n_places)
-            _unfold(x, shape.filter_size, columns)
-            _add_product(dz, columns, room.filters, matrix(gradient, at, n_channels, n_numbers))
-            if k:
-                d_columns = matrix(room.d_columns, 0, n_numbers, n_places)
-                _times_turned(matrix(row, at, n_channels, n_numbers), dz, d_columns)
-                d = matrix(room.d[k % 2], 0, len(x), x.shape[1])
-                _fold(d_columns, shape.filter_size, d)
+                panels, d_run, stride = filters.backward[filters.begins[k] :], room.d[k % 2], round_up(n_in)
+                correlate(panels, len(x), size, spread, size // 2, n_in, d_run, stride)
+                d = matrix(d_run, 0, len(x), stride)
 
 
 @compiled_elements
@@ -267,13 +250,14 @@ def conv_epoch(
     n_inputs, width, n_out = shape.head.places[0, 1], shape.head.places[0, 2], shape.head.places[1, 2]
     slopes, hidden = np.empty((1, _BLOCK * width), dtype=np.float32), np.empty((1, _BLOCK * width), dtype=np.float32)
     spare, of_flat = np.empty((2, _BLOCK * width), dtype=np.float32), np.empty(_BLOCK * n_inputs, dtype=np.float32)
-    gradient, of_head = np.empty_like(row), np.zeros_like(row)
+    gradient, of_head, filters = np.empty_like(row), np.zeros_like(row), _make_filters(shape)
     head = matrix(row, shape.head.places[0, 0], n_inputs, width)
     total, count = 0.0, 0.0
     for batch in range(-(-len(order) // batch_size)):
         end = min((batch + 1) * batch_size, len(order))
         n_known = count_known(windows.known, order[batch * batch_size : end])
         gradient[:] = _ZERO
+        _pack(row, shape, filters)
         for start in range(batch * batch_size, end, _BLOCK):
             n = min(_BLOCK, end - start)
             if n != len(block.psi):
@@ -281,7 +265,7 @@ def conv_epoch(
             gather(windows, order[start : start + n], block)
             out = np.empty((n, n_out), dtype=np.float32)
             d_out = np.zeros_like(out)
-            flat = _forward(row, shape, block.psi, room)
+            flat = _forward(row, filters, shape, block.psi, room)
             dense_forward(row, shape.head, flat, drawn, start, slopes, hidden, out)
             total += square_errors(block, out, n_known, d_out)
             d = dense_backward(row, shape.head, flat, slopes, hidden, d_out, spare, of_head)
@@ -289,7 +273,8 @@ def conv_epoch(
                 gradient[i] += of_head[i]
             d_flat = matrix(of_flat, 0, n, n_inputs)
             np.dot(d, head.T, d_flat)
-            _backward(row, shape, block.psi, d_flat, room, gradient)
+            _backward(filters, shape, block.psi, d_flat, room, gradient)
+        _put_back(filters, shape, gradient)
         adam_step(row, moments, gradient, adam, adam.n_done + batch)
         count += n_known
     return total, count
@@ -301,12 +286,14 @@ def conv_forecasts(row: ndarray, shape: ConvShape, windows: DenseWindows, rows: 
     n_leads, width = windows.target.shape[1], shape.head.places[0, 2]
     room, nothing = _make_room(shape, _BLOCK), np.empty((0, 0, 0), dtype=np.float32)
     slopes, hidden = np.empty((1, _BLOCK * width), dtype=np.float32), np.empty((1, _BLOCK * width), dtype=np.float32)
-    found = np.empty((len(rows), n_leads), dtype=np.float32)
+    found, filters = np.empty((len(rows), n_leads), dtype=np.float32), _make_filters(shape)
+    _pack(row, shape, filters)
     for start in range(0, len(rows), _BLOCK):
         n = min(_BLOCK, len(rows) - start)
         block = make_windows(n, windows)
         gather(windows, rows[start : start + n], block)
         out = np.empty((n, shape.head.places[1, 2]), dtype=np.float32)
-        dense_forward(row, shape.head, _forward(row, shape, block.psi, room), nothing, 0, slopes, hidden, out)
+        flat = _forward(row, filters, shape, block.psi, room)
+        dense_forward(row, shape.head, flat, nothing, 0, slopes, hidden, out)
         found[start : start + n] = block.base + out[:, :n_leads]
     return found

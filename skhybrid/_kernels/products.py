@@ -62,26 +62,47 @@ def pack(weight: ndarray, panels: ndarray) -> None:
 
 
 @compiled_elements
+def _set_tiles(
+    panels: ndarray, n_rows: int, b: ndarray, b_at: int, b_stride: int, n: int, n_groups: int, b_group: int,
+    out: ndarray, out_stride: int, n_columns: int,
+) -> None:  # fmt: skip
+    """``out = A B`` tile by tile; ``A`` is packed, the last tile may write beyond ``n_columns``."""
+    for first in range(0, n_rows, ROWS):
+        at, n_here = first * n * n_groups, n_rows - first
+        for j in range(0, n_columns, COLUMNS):
+            start, to = b_at + j, first * out_stride + j
+            if n_here >= 6:
+                set_6(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+            elif n_here == 5:
+                set_5(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+            elif n_here == 4:
+                set_4(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+            elif n_here == 3:
+                set_3(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+            elif n_here == 2:
+                set_2(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+            else:
+                set_1(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+
+
+@compiled_elements
 def multiply(panels: ndarray, n_rows: int, x: ndarray, out: ndarray) -> None:
     """``out = A x``: packed ``A`` (n_rows, n), ``x`` (n, width), and the run of ``out`` (n_rows, width)."""
     n, width = x.shape
-    run = x.reshape(x.size)
-    for first in range(0, n_rows, ROWS):
-        at, n_here = first * n, n_rows - first
-        for j in range(0, width, COLUMNS):
-            to = first * width + j
-            if n_here >= 6:
-                set_6(panels, at, 0, run, j, width, out, to, width, n)
-            elif n_here == 5:
-                set_5(panels, at, 0, run, j, width, out, to, width, n)
-            elif n_here == 4:
-                set_4(panels, at, 0, run, j, width, out, to, width, n)
-            elif n_here == 3:
-                set_3(panels, at, 0, run, j, width, out, to, width, n)
-            elif n_here == 2:
-                set_2(panels, at, 0, run, j, width, out, to, width, n)
-            else:
-                set_1(panels, at, 0, run, j, width, out, to, width, n)
+    _set_tiles(panels, n_rows, x.reshape(x.size), 0, width, n, 1, 0, out, width, width)
+
+
+@compiled_elements
+def correlate(
+    panels: ndarray, n_rows: int, size: int, x: ndarray, first: int, n_places: int, out: ndarray, stride: int
+) -> None:
+    """``out[r, p] = sum of A[r, c, f] x[c, first + p + f]`` over channels c and the ``size`` numbers f of a filter.
+
+    ``A`` is packed; ``x`` is (n_channels, n), of which so much is read as the last of whole tiles needs; ``out`` is a
+    run, from row to row ``stride``.
+    """
+    n_channels, n = x.shape
+    _set_tiles(panels, n_rows, x.reshape(x.size), first, 1, size, n_channels, n, out, stride, n_places)
 
 
 @compiled_elements
@@ -101,23 +122,45 @@ def turn(x: ndarray, slices: ndarray) -> None:
 
 
 @compiled_elements
+def _add_tiles(
+    a: ndarray, a_at: int, a_stride: int, n_rows: int, b: ndarray, b_at: int, b_stride: int, n: int, out: ndarray,
+    out_at: int, out_stride: int,
+) -> None:  # fmt: skip
+    """``out += A B`` for the columns of one tile."""
+    for first in range(0, n_rows, ROWS):
+        at, to, n_here = a_at + first * a_stride, out_at + first * out_stride, n_rows - first
+        if n_here >= 6:
+            add_6(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        elif n_here == 5:
+            add_5(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        elif n_here == 4:
+            add_4(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        elif n_here == 3:
+            add_3(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        elif n_here == 2:
+            add_2(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        else:
+            add_1(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+
+
+@compiled_elements
 def add_outer(x: ndarray, slices: ndarray, n_columns: int, out: ndarray) -> None:
     """``out += x d.T``: ``x`` (n_rows, width), ``d`` in slices, and the run of ``out`` (n_rows, rounded n_columns)."""
     n_rows, width = x.shape
     run, stride = x.reshape(x.size), round_up(n_columns)
     for j in range(0, stride, COLUMNS):
-        d = j * width
-        for first in range(0, n_rows, ROWS):
-            at, to, n_here = first * width, first * stride + j, n_rows - first
-            if n_here >= 6:
-                add_6(run, at, width, slices, d, COLUMNS, out, to, stride, width)
-            elif n_here == 5:
-                add_5(run, at, width, slices, d, COLUMNS, out, to, stride, width)
-            elif n_here == 4:
-                add_4(run, at, width, slices, d, COLUMNS, out, to, stride, width)
-            elif n_here == 3:
-                add_3(run, at, width, slices, d, COLUMNS, out, to, stride, width)
-            elif n_here == 2:
-                add_2(run, at, width, slices, d, COLUMNS, out, to, stride, width)
-            else:
-                add_1(run, at, width, slices, d, COLUMNS, out, to, stride, width)
+        _add_tiles(run, 0, width, n_rows, slices, j * width, COLUMNS, width, out, j, stride)
+
+
+@compiled_elements
+def add_correlation(d: ndarray, first: int, n_places: int, x: ndarray, at: int, size: int, out: ndarray) -> None:
+    """``out[r, c, f] += sum of d[r, first + p] x[c, at + p + f]`` over places p.
+
+    Of ``x`` (n_channels, n) so much is read as whole tiles need; ``out`` is a run, ``size`` rounded up.
+    """
+    (n_rows, d_stride), (n_channels, n), rounded = d.shape, x.shape, round_up(size)
+    left, right = d.reshape(d.size), x.reshape(x.size)
+    for c in range(n_channels):
+        for f in range(0, rounded, COLUMNS):
+            to = c * rounded + f
+            _add_tiles(left, first, d_stride, n_rows, right, c * n + at + f, 1, n_places, out, to, n_channels * rounded)

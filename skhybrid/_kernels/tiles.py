@@ -43,7 +43,8 @@ def _places(builder: Any, start: Any, stride: Any, n_rows: int) -> list[list[Any
 
 
 def _emit_tile(
-    builder: Any, n_rows: int, packed: bool, a: Any, a_stride: Any, b: Any, b_stride: Any, c: Any, c_stride: Any, n: Any
+    builder: Any, n_rows: int, packed: bool, a: Any, a_stride: Any, b: Any, b_stride: Any, c: Any, c_stride: Any,
+    n: Any, n_groups: Any, b_group: Any,
 ) -> None:  # fmt: skip
     """Instructions of a tile; sums begin at 0 where ``packed``, else at what stands in ``c``."""
     offset = n.type
@@ -53,16 +54,19 @@ def _emit_tile(
         for place, total in zip(row, row_sums, strict=True):
             zero = ir.Constant(_VECTOR, [0.0] * _LANES)
             builder.store(zero if packed else builder.load(place, align=4), total)
-    with cgutils.for_range(builder, n, intp=offset) as loop:
-        k = loop.index
-        (here,) = _places(builder, builder.gep(b, [builder.mul(k, b_stride)]), b_stride, 1)
-        vectors = [builder.load(place, align=4) for place in here]
-        for r in range(n_rows):
-            if packed:
-                at = builder.add(builder.mul(k, offset(n_rows)), offset(r))
-            else:
-                at = builder.add(k, builder.mul(a_stride, offset(r)))
-            _add_product(builder, builder.load(builder.gep(a, [at])), vectors, sums[r])
+    with cgutils.for_range(builder, n_groups, intp=offset) as groups:
+        group = builder.gep(b, [builder.mul(groups.index, b_group)])
+        before = builder.mul(groups.index, n)
+        with cgutils.for_range(builder, n, intp=offset) as loop:
+            (here,) = _places(builder, builder.gep(group, [builder.mul(loop.index, b_stride)]), b_stride, 1)
+            vectors = [builder.load(place, align=4) for place in here]
+            k = builder.add(before, loop.index)
+            for r in range(n_rows):
+                if packed:
+                    at = builder.add(builder.mul(k, offset(n_rows)), offset(r))
+                else:
+                    at = builder.add(k, builder.mul(a_stride, offset(r)))
+                _add_product(builder, builder.load(builder.gep(a, [at])), vectors, sums[r])
     for row, row_sums in zip(places, sums, strict=True):
         for place, total in zip(row, row_sums, strict=True):
             builder.store(builder.load(total), place, align=4)
@@ -72,15 +76,18 @@ def _tile(n_rows: int, packed: bool) -> Callable[..., None]:
     """A tile of ``n_rows``: ``c = a b`` where the rows of ``a`` are packed, else ``c += a b``.
 
     Its arguments are three runs of float32, each with the place of its first number and its stride from row to row
-    (not used for a packed ``a``), and how many numbers are multiplied for each result.
+    (not used for a packed ``a``); how many numbers are multiplied for each result, in how many groups; and the stride
+    from group to group of ``b``.
     """
 
     def plain(
-        a: Any, a_at: int, a_stride: int, b: Any, b_at: int, b_stride: int, c: Any, c_at: int, c_stride: int, n: int
+        a: Any, a_at: int, a_stride: int, b: Any, b_at: int, b_stride: int, c: Any, c_at: int, c_stride: int, n: int,
+        n_groups: int, b_group: int,
     ) -> None:  # fmt: skip
-        rows, inner, columns = np.arange(n_rows)[:, None], np.arange(n), np.arange(COLUMNS)
+        rows, inner, columns = np.arange(n_rows)[:, None], np.arange(n * n_groups), np.arange(COLUMNS)
         left = a[a_at + (inner * n_rows + rows if packed else rows * a_stride + inner)]
-        result = left @ b[b_at + inner[:, None] * b_stride + columns]
+        b_rows = b_at + inner // n * b_group + inner % n * b_stride
+        result = left @ b[b_rows[:, None] + columns]
         places = c_at + rows * c_stride + columns
         c[places] = result if packed else c[places] + result
 
@@ -90,16 +97,16 @@ def _tile(n_rows: int, packed: bool) -> Callable[..., None]:
     @intrinsic
     def tile(
         context: Any, a: Any, a_at: Any, a_stride: Any, b: Any, b_at: Any, b_stride: Any, c: Any, c_at: Any,
-        c_stride: Any, n: Any,
+        c_stride: Any, n: Any, n_groups: Any, b_group: Any,
     ) -> Any:  # fmt: skip
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
             left, right, to = _starts(context, builder, (a, b, c), given[0:9:3], given[1:9:3])
             a_row, b_row, c_row = given[2:9:3]
-            _emit_tile(builder, n_rows, packed, left, a_row, right, b_row, to, c_row, given[9])
+            _emit_tile(builder, n_rows, packed, left, a_row, right, b_row, to, c_row, *given[9:])
             return context.get_dummy_value()
 
         three = [value for run in (a, b, c) for value in (run, types.intp, types.intp)]
-        return types.void(*three, types.intp), generate
+        return types.void(*three, types.intp, types.intp, types.intp), generate
 
     return tile
 
