@@ -99,14 +99,17 @@ def _make_room(shape: ConvShape, n_block: int) -> _Room:
 
 @compiled_elements
 def _make_filters(shape: ConvShape) -> _Filters:
-    sizes = shape.places[:, 1] * shape.places[:, 2]
-    rounded = sizes // shape.filter_size * round_up(shape.filter_size)
-    begins, at_gradient = np.zeros(len(sizes), dtype=np.int64), np.zeros(len(sizes), dtype=np.int64)
-    begins[1:], at_gradient[1:] = np.cumsum(sizes)[:-1], np.cumsum(rounded)[:-1]
-    forward = np.empty(sizes.sum(), dtype=np.float32)
-    flipped = np.empty(sizes.max(), dtype=np.float32)
-    gradient = np.empty(rounded.sum(), dtype=np.float32)
-    return _Filters(begins, forward, np.empty_like(forward), flipped, at_gradient, gradient)
+    n, size = len(shape.places), shape.filter_size
+    begins, at_gradient = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    n_weights, n_gradient, most = 0, 0, 0
+    for k in range(n):
+        n_here = shape.places[k, 1] * shape.places[k, 2]
+        begins[k], at_gradient[k] = n_weights, n_gradient
+        n_weights, n_gradient = n_weights + n_here, n_gradient + n_here // size * round_up(size)
+        most = max(most, n_here)
+    forward, backward = np.empty(n_weights, dtype=np.float32), np.empty(n_weights, dtype=np.float32)
+    flipped, gradient = np.empty(most, dtype=np.float32), np.empty(n_gradient, dtype=np.float32)
+    return _Filters(begins, forward, backward, flipped, at_gradient, gradient)
 
 
 @compiled_elements
@@ -294,6 +297,6 @@ def conv_forecasts(row: ndarray, shape: ConvShape, windows: DenseWindows, rows: 
         gather(windows, rows[start : start + n], block)
         out = np.empty((n, shape.head.places[1, 2]), dtype=np.float32)
         flat = _forward(row, filters, shape, block.psi, room)
-        dense_forward(row, shape.head, flat, nothing, 0, slopes, hidden, out)
+        dense_forward(row, shape.head, flat, nothing, len(nothing), slopes, hidden, out)  # 0 would compile it anew
         found[start : start + n] = block.base + out[:, :n_leads]
     return found

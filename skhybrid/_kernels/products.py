@@ -1,7 +1,7 @@
 """Products of small matrices of float32 that are made over and over with the same weights.
 
 Windows stand in columns, and there are a multiple of :data:`~.tiles.COLUMNS` of them.  Weights are packed once: six
-rows are one panel, column by column.
+rows are one panel, column by column; what is left over are panels of four, two and one.
 """
 
 from __future__ import annotations
@@ -9,23 +9,7 @@ from __future__ import annotations
 from numpy import ndarray
 
 from ._compile import compiled_elements
-from .tiles import (
-    COLUMNS,
-    ROWS,
-    add_1,
-    add_2,
-    add_3,
-    add_4,
-    add_5,
-    add_6,
-    set_1,
-    set_2,
-    set_3,
-    set_4,
-    set_5,
-    set_6,
-    turn_square,
-)
+from .tiles import COLUMNS, add_1, add_2, add_4, add_6, set_1, set_2, set_4, set_6, turn_square
 
 #: of the squares that are turned
 _SIDE = 8
@@ -38,27 +22,35 @@ def round_up(n: int) -> int:
 
 
 @compiled_elements
+def _rows(n_left: int) -> int:
+    """Rows of the next panel."""
+    return 6 if n_left >= 6 else 4 if n_left >= 4 else min(n_left, 2)
+
+
+@compiled_elements
 def pack_turned(weight: ndarray, bias: ndarray, panels: ndarray) -> None:
     """Pack the columns of ``weight`` (n_in, n_out) as rows, a number of ``bias`` behind each, unless there is none."""
     n_in, n_out = weight.shape
-    n_inner = n_in + (len(bias) > 0)
-    for first in range(0, n_out, ROWS):
-        n = min(ROWS, n_out - first)
+    n_inner, first = n_in + (len(bias) > 0), 0
+    while first < n_out:
+        n = _rows(n_out - first)
         for k in range(n_inner):
             at = first * n_inner + k * n
             for r in range(n):
                 panels[at + r] = weight[k, first + r] if k < n_in else bias[first + r]
+        first += n
 
 
 @compiled_elements
 def pack(weight: ndarray, panels: ndarray) -> None:
     """Pack the rows of ``weight``."""
-    n_rows, n_inner = weight.shape
-    for first in range(0, n_rows, ROWS):
-        n = min(ROWS, n_rows - first)
+    (n_rows, n_inner), first = weight.shape, 0
+    while first < n_rows:
+        n = _rows(n_rows - first)
         for r in range(n):
             for k in range(n_inner):
                 panels[first * n_inner + k * n + r] = weight[first + r, k]
+        first += n
 
 
 @compiled_elements
@@ -67,22 +59,20 @@ def _set_tiles(
     out: ndarray, out_stride: int, n_columns: int,
 ) -> None:  # fmt: skip
     """``out = A B`` tile by tile; ``A`` is packed, the last tile may write beyond ``n_columns``."""
-    for first in range(0, n_rows, ROWS):
-        at, n_here = first * n * n_groups, n_rows - first
+    first = 0
+    while first < n_rows:
+        at, n_here = first * n * n_groups, _rows(n_rows - first)
         for j in range(0, n_columns, COLUMNS):
             start, to = b_at + j, first * out_stride + j
-            if n_here >= 6:
+            if n_here == 6:
                 set_6(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
-            elif n_here == 5:
-                set_5(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
             elif n_here == 4:
                 set_4(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
-            elif n_here == 3:
-                set_3(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
             elif n_here == 2:
                 set_2(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
             else:
                 set_1(panels, at, 0, b, start, b_stride, out, to, out_stride, n, n_groups, b_group)
+        first += n_here
 
 
 @compiled_elements
@@ -127,20 +117,18 @@ def _add_tiles(
     out_at: int, out_stride: int,
 ) -> None:  # fmt: skip
     """``out += A B`` for the columns of one tile."""
-    for first in range(0, n_rows, ROWS):
-        at, to, n_here = a_at + first * a_stride, out_at + first * out_stride, n_rows - first
-        if n_here >= 6:
+    first = 0
+    while first < n_rows:
+        at, to, n_here = a_at + first * a_stride, out_at + first * out_stride, _rows(n_rows - first)
+        if n_here == 6:
             add_6(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
-        elif n_here == 5:
-            add_5(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
         elif n_here == 4:
             add_4(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
-        elif n_here == 3:
-            add_3(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
         elif n_here == 2:
             add_2(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
         else:
             add_1(a, at, a_stride, b, b_at, b_stride, out, to, out_stride, n, 1, 0)
+        first += n_here
 
 
 @compiled_elements

@@ -73,14 +73,17 @@ class _Room(NamedTuple):
 
 @compiled_elements
 def _make_weights(places: ndarray) -> _Weights:
-    n_inner, n_out = places[:-1, 1] + 1, places[:-1, 2]
-    begins, at_gradient = np.zeros(len(n_out), dtype=np.int64), np.zeros(len(n_out), dtype=np.int64)
-    widths = np.array([round_up(n) for n in n_out])
-    begins[1:], at_gradient[1:] = np.cumsum(n_inner * n_out)[:-1], np.cumsum(n_inner * widths)[:-1]
-    forward = np.empty((n_inner * n_out).sum(), dtype=np.float32)
-    gradient = np.empty((n_inner * widths).sum(), dtype=np.float32)
-    slices = np.zeros(widths.max() * _BLOCK, dtype=np.float32)
-    return _Weights(begins, forward, np.empty_like(forward), at_gradient, gradient, slices)
+    n = len(places) - 1
+    begins, at_gradient = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    n_weights, n_gradient, widest = 0, 0, 0
+    for k in range(n):
+        n_inner, n_out = places[k, 1] + 1, places[k, 2]
+        begins[k], at_gradient[k] = n_weights, n_gradient
+        n_weights, n_gradient = n_weights + n_inner * n_out, n_gradient + n_inner * round_up(n_out)
+        widest = max(widest, round_up(n_out))
+    forward, backward = np.empty(n_weights, dtype=np.float32), np.empty(n_weights, dtype=np.float32)
+    gradient, slices = np.empty(n_gradient, dtype=np.float32), np.zeros(widest * _BLOCK, dtype=np.float32)
+    return _Weights(begins, forward, backward, at_gradient, gradient, slices)
 
 
 @compiled_elements
@@ -374,7 +377,7 @@ def recurrent_forecasts(row: ndarray, shape: RecurrentShape, windows: RecurrentW
         if round_up(len(part)) != room.lowest.shape[2]:
             room = _make_room(shape, windows, round_up(len(part)))
         _load(windows, part, shape, room)
-        _forward(row, weights, shape, windows, part, nothing, 0, room)
+        _forward(row, weights, shape, windows, part, nothing, len(nothing), room)  # a literal 0 would compile it anew
         for i in range(len(part)):
             found[start + i] = room.outputs[:, i]
     return found
