@@ -1,7 +1,8 @@
 """Products of small matrices of float32 that are made over and over with the same weights.
 
-Windows stand in columns, and there are a multiple of :data:`~.tiles.COLUMNS` of them.  Weights are packed once: six
-rows are one panel, column by column; what is left over are panels of four, two and one.
+Weights are packed once: six rows are one panel, column by column; what is left over are panels of four, two and one.
+Columns, of windows or places, are taken by whole tiles: nobody looks whether memory ends before, so that who calls has
+room for it.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ def _rows(n_left: int) -> int:
 
 @compiled_elements
 def pack_turned(weight: ndarray, bias: ndarray, panels: ndarray) -> None:
-    """Pack the columns of ``weight`` (n_in, n_out) as rows, a number of ``bias`` behind each, unless there is none."""
+    """Pack the columns of ``weight`` (n_in, n_out) as rows, a number of ``bias`` behind each."""
     n_in, n_out = weight.shape
-    n_inner, first = n_in + (len(bias) > 0), 0
+    n_inner, first = n_in + 1, 0
     while first < n_out:
         n = _rows(n_out - first)
         for k in range(n_inner):
@@ -77,7 +78,7 @@ def _set_tiles(
 
 @compiled_elements
 def multiply(panels: ndarray, n_rows: int, x: ndarray, out: ndarray) -> None:
-    """``out = A x``: packed ``A`` (n_rows, n), ``x`` (n, width), and the run of ``out`` (n_rows, width)."""
+    """``out = A x``: packed ``A`` (n_rows, n), ``x`` (n, width) of whole tiles, and the run of ``out`` (n_rows, width)."""
     n, width = x.shape
     _set_tiles(panels, n_rows, x.reshape(x.size), 0, width, n, 1, 0, out, width, width)
 
