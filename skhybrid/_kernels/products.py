@@ -78,7 +78,7 @@ def _set_tiles(
 
 @compiled_elements
 def multiply(panels: ndarray, n_rows: int, x: ndarray, out: ndarray) -> None:
-    """``out = A x``: packed ``A`` (n_rows, n), ``x`` (n, width), whole tiles, and the run of ``out`` (n_rows, width)."""
+    """``out = A x``: ``A`` (n_rows, n) packed, ``x`` (n, width) of whole tiles, ``out`` the run of (n_rows, width)."""
     n, width = x.shape
     _set_tiles(panels, n_rows, x.reshape(x.size), 0, width, n, 1, 0, out, width, width)
 
