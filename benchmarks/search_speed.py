@@ -1,4 +1,4 @@
-"""Candidates a minute: ``fit_many`` beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
+"""Candidates a minute: our search beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
 
 Writes ``results/search_speed.md`` (a quarter of an hour on two cores):
 ``python benchmarks/search_speed.py``.
@@ -7,6 +7,8 @@ Writes ``results/search_speed.md`` (a quarter of an hour on two cores):
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,24 +19,27 @@ import psutil
 import torch
 from _network_loops import PlainNetwork
 from _report import write_table
-from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.model_selection import GridSearchCV, ParameterGrid
+from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 from skorch import NeuralNetRegressor
 from skorch.callbacks import EarlyStopping
 
 from skhybrid.datasets import make_office
-from skhybrid.forecasting import DisturbanceForecaster, fit_many, list_sizes
+from skhybrid.forecasting import DisturbanceForecaster, list_sizes
 from skhybrid.forecasting.cases import resolve_case
 from skhybrid.forecasting.nets import NetworkSpec
 from skhybrid.forecasting.trained import columns_of
 from skhybrid.forecasting.training import chronological_split
+from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
+from skhybrid.model_selection.design_matrix import DesignMatrix
 
 COMMAND = "python benchmarks/search_speed.py"
 #: cases of a block and its epochs: every size of paper 3.2 for each of them.
 BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 12)}
 N_DAYS, N_LEADS, PATIENCE, N_ROUNDS = 28, 24, 150, 2
+#: candidates that a worker of our search takes at once
+CHUNK = 6
 TRAINING = {"learning_rate": 0.003, "batch_size": 128, "validation_fraction": 0.2}
 
 
@@ -141,33 +146,29 @@ def plain_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
         pipeline, grid, cv=[(rows, rows)], scoring="neg_mean_squared_error", n_jobs=2, refit=False, error_score="raise"
     )
     search.fit(X, targets)
-    assert len(search.cv_results_["params"]) == len(_candidates(model))
+    assert len(search.cv_results_["params"]) == len(_matrix(model).candidates())
 
 
 # ---------------------------------------------------------------------------------------------------------------- ours
-def _candidates(model: str) -> list[DisturbanceForecaster]:
-    cases, n_epochs = BLOCKS[model]
-    settings = {"max_epochs": n_epochs, "patience": PATIENCE, "residual_of": None, "random_state": 0} | TRAINING
-    sizes = list(ParameterGrid(list_sizes(model)))
-    return [DisturbanceForecaster(model, case, **size, **settings) for case in cases for size in sizes]
+def _matrix(model: str) -> DesignMatrix:
+    return design_matrix([model], list(BLOCKS[model][0]), disturbance="input")
 
 
-def _work(forecaster: DisturbanceForecaster) -> float:
-    """Grows as the time of a network does, so that the longest groups are begun first."""
-    return forecaster.n_layers * (forecaster.hidden_size + 20) ** 1.5
-
-
-def batched_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
-    """``fit_many`` in two processes; those of equal width and depth go to the same one, and each is scored."""
-    groups: dict[Any, list[DisturbanceForecaster]] = {}
-    for one in _candidates(model):
-        groups.setdefault((one.n_layers, one.hidden_size), []).append(one)
-    ordered = sorted(groups.values(), key=lambda group: -_work(group[0]))
-    Parallel(n_jobs=2, batch_size=1)(delayed(_fit_and_score)(group, X, y) for group in ordered)
-
-
-def _fit_and_score(group: list[DisturbanceForecaster], X: pd.DataFrame, y: pd.Series) -> list[float]:
-    return [one.score(X, y) for one in fit_many(group, X, y)]
+def design_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
+    """``DesignMatrixSearchCV`` of two processes."""
+    settings = {"max_epochs": BLOCKS[model][1], "patience": PATIENCE, "residual_of": None, "random_state": 0}
+    rows = np.arange(len(X))
+    search = DesignMatrixSearchCV(
+        DisturbanceForecaster(model, **settings | TRAINING),
+        _matrix(model),
+        cv=[(rows, rows)],
+        n_jobs=2,
+        refit=False,
+        chunk_size=CHUNK,
+        error_score="raise",
+        verbose=0,
+    )
+    search.fit(X, y)
 
 
 # ------------------------------------------------------------------------------------------------------------- measure
@@ -176,32 +177,50 @@ def _processor_time() -> float:
     return sum(sum(process.cpu_times()[:2]) for process in processes)
 
 
+SEARCHES: dict[str, Callable[..., None]] = {"plain": plain_search, "ours": design_search}
+
+
 def _timed(search: Callable[..., None], model: str, X: pd.DataFrame, y: pd.Series) -> tuple[float, float]:
     begin, used = time.perf_counter(), _processor_time()
     search(model, X, y)
     return time.perf_counter() - begin, _processor_time() - used
 
 
-def measure(model: str, X: pd.DataFrame, y: pd.Series, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
-    """A row of the table: both searches take turns, after a first round that is not counted."""
-    searches = {"plain": plain_search, "ours": batched_search}
+def serve(name: str, model: str) -> None:
+    """A search that keeps its worker processes: a round for every line that comes, its two times back."""
+    search, (X, y) = SEARCHES[name], hourly_office()
     cases, n_epochs = BLOCKS[model]
     BLOCKS[model] = (cases[:1], 1)
-    for search in searches.values():
-        search(model, X, y)  # imports, compiled kernels, warm processes
+    search(model, X, y)  # imports, compiled kernels, warm processes
     BLOCKS[model] = (cases, n_epochs)
-    times = {name: np.empty((n_rounds, 2)) for name in searches}
+    print("ready", flush=True)
+    for _ in sys.stdin:
+        print(*_timed(search, model, X, y), flush=True)
+
+
+def measure(model: str, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
+    """A row of the table: both searches take turns, each with worker processes of its own, after a round of warming."""
+    servers = {}
+    for name in SEARCHES:
+        command = [sys.executable, __file__, "--serve", name, model]
+        servers[name] = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+        assert servers[name].stdout.readline() == "ready\n", f"{name} ended early"
+    times = {name: np.empty((n_rounds, 2)) for name in SEARCHES}
     for i in range(n_rounds):
-        for name, search in searches.items():
-            times[name][i] = _timed(search, model, X, y)
+        for name, server in servers.items():
+            server.stdin.write("go\n")
+            times[name][i] = [float(value) for value in server.stdout.readline().split()]
             print(model, name, times[name][i], flush=True)
-    n = len(_candidates(model))
+    for server in servers.values():
+        server.communicate()
+    n_epochs = BLOCKS[model][1]
+    n = len(_matrix(model).candidates())
     wall, cpu = ({name: values[:, k] for name, values in times.items()} for k in (0, 1))
     return {
         "candidates": n,
         "epochs": n_epochs,
         "GridSearchCV [candidates/min]": 60.0 * n / float(np.median(wall["plain"])),
-        "fit_many [candidates/min]": 60.0 * n / float(np.median(wall["ours"])),
+        "DesignMatrixSearchCV [candidates/min]": 60.0 * n / float(np.median(wall["ours"])),
         "ratio": _spread(wall["plain"], wall["ours"]),
         "ratio of processor time": _spread(cpu["plain"], cpu["ours"]),
     }
@@ -214,8 +233,7 @@ def _spread(above: np.ndarray, below: np.ndarray) -> str:
 
 def main() -> None:
     """Measure both frameworks and write the table."""
-    X, y = hourly_office()
-    rows = {model: measure(model, X, y) for model in BLOCKS}
+    rows = {model: measure(model) for model in BLOCKS}
     chosen = "; ".join(f"{model} {' and '.join(cases)}" for model, (cases, _) in BLOCKS.items())
     write_table(
         "search_speed",
@@ -234,4 +252,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    serve(*sys.argv[2:]) if sys.argv[1:2] == ["--serve"] else main()

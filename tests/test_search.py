@@ -344,6 +344,21 @@ def test_what_trains_as_one_stack_is_handed_over_together():
     assert changes + 1 == len(set(shapes)) == 4 * 3 * 4  # histories, layers, widths
 
 
+def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
+    begun = []
+
+    def noted(problem, base, tasks, split, careful=True):
+        begun.append(sorted(params["forecaster__hidden_size"] for params in tasks.values()))
+        return evaluation.evaluate(problem, base, tasks, split, careful)
+
+    monkeypatch.setattr("skhybrid.model_selection.runner.evaluate", noted)
+    matrix = design_matrix(["mlp"], ["case01"], disturbance="input", size={"mlp": SIZE | {"hidden_size": [2, 5, 3, 4]}})
+    DesignMatrixSearchCV(estimator, matrix, cv=CV, chunk_size=1, refit=False, verbose=0).fit(office.X, office.y)
+    assert begun == [[size] for size in (5, 4, 3, 2) for _ in range(CV.get_n_splits(office.X))]
+    week, day = ({"model": "lstm", "case": case, "hidden_size": 5} for case in ("case09", "case01"))
+    assert evaluation.effort_of(week) > evaluation.effort_of(day) > evaluation.effort_of({"model": "ridge"})
+
+
 def test_rivals_of_one_s_own_stand_beside_the_matrix_on_the_same_splits(office, estimator, tmp_path):
     matrix = design_matrix(["ridge", "profile"], disturbance="input")
     rivals = {"arx": ARXRegressor(), "broken": Breaks()}

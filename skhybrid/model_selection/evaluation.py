@@ -33,6 +33,8 @@ except ImportError:  # before 1.6, joblib brought its own
 RIVAL = "rival"
 #: unpacked things that a worker keeps at most: the data, and the networks of the splits that it works on
 _KEPT = 32
+#: sizes with which the time grows that a candidate takes to fit
+_COSTLY = ("n_layers", "hidden_size", "n_channels", "filter_size", "max_epochs", "n_repeats", "n_estimators")
 _unpacked: OrderedDict[str, Any] = OrderedDict()
 
 
@@ -180,14 +182,43 @@ def stack_of(params: Mapping[str, Any]) -> tuple[str, ...]:
     tuple of str
         The case (of a recurrent network its history alone), then the sizes, then what leaves the shape as it is.
     """
-    own = {name.split("__")[-1]: value for name, value in params.items()}
+    own = _own(params)
     model, case = own.pop("model", None), own.pop("case", None)
-    history = str(case)
-    if isinstance(model, str) and model in RECURRENT and case is not None:
-        with suppress(ValueError):
-            history = f"{resolve_case(case, model).pattern_days} d"
+    history = f"{_days(model, case)} d" if isinstance(model, str) and model in RECURRENT else str(case)
     alike = {name: own.pop(name, None) for name in ("activation", "dropout", "random_state")}
     return (history, as_plain(dict(sorted(own.items()))), str(case), as_plain(alike))
+
+
+def effort_of(params: Mapping[str, Any]) -> float:
+    """A rough measure of the time that a candidate takes, for the longest are begun first.
+
+    Whoever begins with the shortest waits at the end for one worker that has begun the longest last.
+
+    Parameters
+    ----------
+    params : Mapping of str to object
+        Of a candidate.
+
+    Returns
+    -------
+    float
+        The product of those of its sizes with which the time grows, and of the days that its case reads.
+    """
+    own = _own(params)
+    sizes = [value for name in _COSTLY if isinstance(value := own.get(name), int | float) and value > 0]
+    return float(np.prod([*sizes, _days(own.get("model"), own.get("case")) or 1]))
+
+
+def _own(params: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters by their own names, without those of the steps that they belong to."""
+    return {name.split("__")[-1]: value for name, value in params.items()}
+
+
+def _days(model: Any, case: Any) -> int:
+    """Days of history that a network's case reads; 0 of what has none."""
+    with suppress(ValueError, TypeError, AttributeError):
+        return resolve_case(case, model).pattern_days
+    return 0
 
 
 def _hybrid(estimator: Any) -> Any:

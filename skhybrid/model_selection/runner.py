@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 from joblib import Parallel, delayed, effective_n_jobs
 from tqdm.auto import tqdm
 
-from .evaluation import RIVAL, Problem, Shared, evaluate, identify, outside_params, shares_network, stack_of
+from .evaluation import RIVAL, Problem, Shared, effort_of, evaluate, identify, outside_params, shares_network, stack_of
 from .fingerprint import as_plain, candidate_id
 from .store import Result, ResultStore, Task
 
@@ -124,7 +124,10 @@ class Runner:
         return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
 
     def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[_Chunk]:
-        """Candidates of the same network and kind of disturbance, those that can be trained as one stack together."""
+        """Candidates of the same network and kind of disturbance, those that can be trained as one stack together.
+
+        What takes longest stands first.
+        """
         groups: dict[tuple[str, str], list[str]] = {}
         bases = {name: self._base_of(params) for name, params in named.items()}
         for name, params in named.items():
@@ -136,7 +139,7 @@ class Runner:
             names = sorted(names, key=lambda name: stack_of(named[name]))
             parts = [names[start : start + size] for start in range(0, len(names), size)]
             chunks += [_Chunk(bases[part[0]], {name: named[name] for name in part}) for part in parts]
-        return chunks
+        return sorted(chunks, key=lambda chunk: -sum(map(effort_of, chunk.params.values())))
 
     def _base_of(self, params: Mapping[str, Any]) -> str | None:
         """The name of a candidate's network, or None where it is fitted whole."""
