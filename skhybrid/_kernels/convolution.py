@@ -217,7 +217,7 @@ def _spread(shape: ConvShape, room: _Room, k: int, w: int, d: ndarray) -> ndarra
 @compiled_elements
 def _backward(
     filters: _Filters, shape: ConvShape, psi: ndarray, d_flat: ndarray, room: _Room, gradient: ndarray
-) -> None:  # fmt: skip
+) -> None:
     """Add the gradient of filters and biases, from that of what the head reads, (n_windows, n_channels * n_places)."""
     last, size = len(shape.places) - 1, shape.filter_size
     for w in range(len(psi)):

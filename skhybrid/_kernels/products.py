@@ -10,10 +10,7 @@ from __future__ import annotations
 from numpy import ndarray
 
 from ._compile import compiled_elements
-from .tiles import COLUMNS, add_1, add_2, add_4, add_6, set_1, set_2, set_4, set_6, turn_square
-
-#: of the squares that are turned
-_SIDE = 8
+from .tiles import COLUMNS, LANES, add_1, add_2, add_4, add_6, set_1, set_2, set_4, set_6, turn_square
 
 
 @compiled_elements
@@ -101,10 +98,10 @@ def turn(x: ndarray, slices: ndarray) -> None:
     """Turn ``x`` (n_rows, width) into slices of 16 rows each, one behind the other: (width, 16)."""
     n_rows, width = x.shape
     run = x.reshape(x.size)
-    for first in range(0, n_rows, _SIDE):
+    for first in range(0, n_rows, LANES):
         to = first // COLUMNS * COLUMNS * width + first % COLUMNS
-        if first + _SIDE <= n_rows:
-            for k in range(0, width, _SIDE):
+        if first + LANES <= n_rows:
+            for k in range(0, width, LANES):
                 turn_square(run, first * width + k, width, slices, to + k * COLUMNS, COLUMNS)
             continue
         for r in range(first, n_rows):

@@ -8,6 +8,7 @@ factors go by.  Numba has no type for such a vector; these few instructions are 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -18,18 +19,19 @@ from numba.extending import intrinsic
 
 #: columns of a tile: with six rows twelve sums of eight numbers, which with what is multiplied fill sixteen registers.
 COLUMNS = 16
-_LANES = 8
-_VECTOR = ir.VectorType(ir.FloatType(), _LANES)
+#: numbers of a vector, and the side of a square that is turned.
+LANES = 8
+_VECTOR = ir.VectorType(ir.FloatType(), LANES)
 _INDEX = ir.IntType(32)
 
 
 def _add_product(builder: Any, factor: Any, vectors: list[Any], sums: list[Any]) -> None:
     """Add a number times the vectors to the sums."""
     nothing = ir.Constant(_VECTOR, ir.Undefined)
-    everywhere = ir.Constant(ir.VectorType(_INDEX, _LANES), [0] * _LANES)
+    everywhere = ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
     wide = builder.shuffle_vector(builder.insert_element(nothing, factor, _INDEX(0)), nothing, everywhere)
     kind = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
-    multiply_add = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fmuladd.v{_LANES}f32")
+    multiply_add = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fmuladd.v{LANES}f32")
     for vector, total in zip(vectors, sums, strict=True):
         builder.store(builder.call(multiply_add, [wide, vector, builder.load(total)]), total)
 
@@ -38,7 +40,7 @@ def _places(builder: Any, start: Any, stride: Any, n_rows: int) -> list[list[Any
     """Where the vectors of each row begin."""
     offset = stride.type
     rows = [builder.gep(start, [builder.mul(stride, offset(r))]) for r in range(n_rows)]
-    steps = [offset(column) for column in range(0, COLUMNS, _LANES)]
+    steps = [offset(column) for column in range(0, COLUMNS, LANES)]
     return [[builder.bitcast(builder.gep(row, [s]), _VECTOR.as_pointer()) for s in steps] for row in rows]
 
 
@@ -50,10 +52,10 @@ def _emit_tile(
     offset = n.type
     places = _places(builder, c, c_stride, n_rows)
     sums = [[cgutils.alloca_once(builder, _VECTOR) for _ in row] for row in places]
-    for row, row_sums in zip(places, sums, strict=True):
-        for place, total in zip(row, row_sums, strict=True):
-            zero = ir.Constant(_VECTOR, [0.0] * _LANES)
-            builder.store(zero if packed else builder.load(place, align=4), total)
+    cells = list(zip(chain(*places), chain(*sums), strict=True))
+    zero = ir.Constant(_VECTOR, [0.0] * LANES)
+    for place, total in cells:
+        builder.store(zero if packed else builder.load(place, align=4), total)
     with cgutils.for_range(builder, n_groups, intp=offset) as groups:
         group = builder.gep(b, [builder.mul(groups.index, b_group)])
         before = builder.mul(groups.index, n)
@@ -67,9 +69,8 @@ def _emit_tile(
                 else:
                     at = builder.add(k, builder.mul(a_stride, offset(r)))
                 _add_product(builder, builder.load(builder.gep(a, [at])), vectors, sums[r])
-    for row, row_sums in zip(places, sums, strict=True):
-        for place, total in zip(row, row_sums, strict=True):
-            builder.store(builder.load(total), place, align=4)
+    for place, total in cells:
+        builder.store(builder.load(total), place, align=4)
 
 
 def _tile(n_rows: int, packed: bool) -> Callable[..., None]:
@@ -121,7 +122,7 @@ def _turner() -> Callable[..., None]:
     """Eight rows of eight numbers become eight columns."""
 
     def plain(a: Any, a_at: int, a_stride: int, c: Any, c_at: int, c_stride: int) -> None:
-        rows, columns = np.arange(_LANES)[:, None], np.arange(_LANES)
+        rows, columns = np.arange(LANES)[:, None], np.arange(LANES)
         c[c_at + rows * c_stride + columns] = a[a_at + columns * a_stride + rows]
 
     if config.DISABLE_JIT:
@@ -131,11 +132,11 @@ def _turner() -> Callable[..., None]:
     def turn(context: Any, a: Any, a_at: Any, a_stride: Any, c: Any, c_at: Any, c_stride: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
             start, end = _starts(context, builder, (a, c), given[0:6:3], given[1:6:3])
-            rows = [row[0] for row in _places(builder, start, given[2], _LANES)]
+            rows = [row[0] for row in _places(builder, start, given[2], LANES)]
             vectors = [builder.load(row, align=4) for row in rows]
             for distance in (4, 2, 1):
                 vectors = _swap(builder, vectors, distance)
-            for vector, row in zip(vectors, _places(builder, end, given[5], _LANES), strict=True):
+            for vector, row in zip(vectors, _places(builder, end, given[5], LANES), strict=True):
                 builder.store(vector, row[0], align=4)
             return context.get_dummy_value()
 
@@ -146,14 +147,14 @@ def _turner() -> Callable[..., None]:
 
 def _swap(builder: Any, vectors: list[Any], distance: int) -> list[Any]:
     """Exchange the blocks beside the diagonal, as wide as ``distance``: all three of them turn a square."""
-    lanes, found = range(_LANES), list(vectors)
-    lower = [c + _LANES - distance if c & distance else c for c in lanes]
-    upper = [c + _LANES if c & distance else c + distance for c in lanes]
+    lanes, found = range(LANES), list(vectors)
+    lower = [c + LANES - distance if c & distance else c for c in lanes]
+    upper = [c + LANES if c & distance else c + distance for c in lanes]
     for r in lanes:
         if not r & distance:
             pair = vectors[r], vectors[r + distance]
             for place, order in ((r, lower), (r + distance, upper)):
-                found[place] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_INDEX, _LANES), order))
+                found[place] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_INDEX, LANES), order))
     return found
 
 

@@ -216,7 +216,7 @@ def _own(params: Mapping[str, Any]) -> dict[str, Any]:
 
 def _days(model: Any, case: Any) -> int:
     """Days of history that a network's case reads; 0 of what has none."""
-    with suppress(ValueError, TypeError, AttributeError):
+    with suppress(ValueError):
         return resolve_case(case, model).pattern_days
     return 0
 
