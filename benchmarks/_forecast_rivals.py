@@ -13,7 +13,7 @@ from _forecast_data import Truth
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 
-from skhybrid._clock import rows_of
+from skhybrid._time import rows_of
 from skhybrid.datasets.office import true_system
 
 

@@ -26,9 +26,9 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
-from skhybrid._kernels import one_step_errors
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
+from skhybrid.filtering import one_step_errors
 
 KNOWN = {"Q_h": 6.0}
 N_STARTS, PASSES, WEEK = 50, 50_000, 672
@@ -170,8 +170,8 @@ def fit_quietly(model: object, X: pd.DataFrame, y: pd.Series) -> object:
 
 def all_starts(model: OutputDisturbanceID) -> OutputDisturbanceID:
     """The same model with no early end of the search."""
-    import skhybrid.identification.least_squares as module
-    from skhybrid.identification.multi_start import search
+    import skhybrid.identification.conventional as module
+    from skhybrid.identification.fitting.starts import search
 
     def search_all(*args: object, **settings: object) -> object:
         return search(*args, **{**settings, "enough": model.n_starts + 1})

@@ -32,7 +32,7 @@ from skhybrid.forecasting.nets import NetworkSpec
 from skhybrid.forecasting.trained import columns_of
 from skhybrid.forecasting.training import chronological_split
 from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
-from skhybrid.model_selection.design_matrix import DesignMatrix
+from skhybrid.model_selection.search.design_matrix import DesignMatrix
 
 COMMAND = "python benchmarks/search_speed.py"
 #: cases of a block and its epochs: every size of paper 3.2 for each of them.

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         model_selection,
         persistence,
         preprocessing,
-        report,
         study,
         thermal,
     )
@@ -55,7 +54,6 @@ _SUBMODULES = (
     "model_selection",
     "persistence",
     "preprocessing",
-    "report",
     "study",
     "thermal",
 )
@@ -78,7 +76,6 @@ __all__ = [
     "model_selection",
     "persistence",
     "preprocessing",
-    "report",
     "study",
     "thermal",
 ]

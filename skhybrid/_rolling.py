@@ -16,9 +16,9 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
-from ._clock import origin_rows, rows_of
-from ._contract import ZoneTable, append_tables
+from ._table import ZoneTable, append_tables
 from ._threads import one_blas_thread
+from ._time import origin_rows, rows_of
 
 
 class RollingForecastMixin(RegressorMixin):
@@ -69,7 +69,7 @@ class RollingForecastMixin(RegressorMixin):
         return np.concatenate([self._predict_piece(piece) for piece in self._read_X(X).pieces])
 
     def _predict_piece(self, piece: ZoneTable) -> np.ndarray:
-        table, n_tail = self._behind_tail(piece)
+        table, n_tail = self._after_tail(piece)
         here = table.rows(slice(n_tail, None))
         origins, leads = self._rolled_origins(table, n_tail)
         if not leads.max():
@@ -173,9 +173,9 @@ class RollingForecastMixin(RegressorMixin):
             raise ValueError(
                 f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one stretch at a time."
             )
-        return self._behind_tail(table)
+        return self._after_tail(table)
 
-    def _behind_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
+    def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         tail = getattr(self, "_tail", None)
         if tail is not None and table.follows(tail):
             return append_tables(tail, table), tail.n_rows

@@ -17,14 +17,14 @@ import pytest
 
 from skhybrid import PeriodicDisturbanceID
 from skhybrid.cli import main
-from skhybrid.identification.scheduled import ScheduledNetwork
 from skhybrid.persistence import load_model
 from skhybrid.preprocessing import FacadeIrradiance
+from skhybrid.schedule import ScheduledNetwork
 from skhybrid.study import (
     Settings,
     Yesterday,
     format_table,
-    make_rivals,
+    make_models,
     propose_settings,
     read_log,
     read_settings,
@@ -199,7 +199,7 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
         assert facades < set(table)
     expected = FacadeIrradiance(52.4, 4.9).fit_transform(data.train[["q_sol"]])
     pd.testing.assert_frame_equal(data.train[sorted(facades)], expected[sorted(facades)])
-    rivals = {rival.label: rival.estimator for rival in make_rivals(settings)}
+    rivals = {rival.label: rival.estimator for rival in make_models(settings)}
     fitted = {name: rivals[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "conventional CONV")}
     assert "q_sol_south->za" in fitted["hybrid"].gray_box_.coef_
     assert [name for name in fitted["conventional CONV"].theta_.index if name.startswith("A_win")] == ["A_win"]
@@ -450,7 +450,7 @@ def test_the_kept_configurations_fit_their_logs(shared_data, name):
     assert str(data.test_start.date()) == str(settings.test["start"])
     if "u_heat" in data.train:
         assert 0.5 < data.train["u_heat"].max() <= 1.0
-    assert make_rivals(settings)[0].label == "hybrid"
+    assert make_models(settings)[0].label == "hybrid"
 
 
 # -------------------------------------------------------------------------------------------------------------- parts
@@ -461,19 +461,19 @@ def test_a_declared_network_is_understood():
             "capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"]}, "solar": {"za": "rest"},
         }
     )  # fmt: skip
-    for rival in make_rivals(settings)[:2]:  # the default scheme's, and an identification's
+    for rival in make_models(settings)[:2]:  # the default scheme's, and an identification's
         network = getattr(rival.estimator, "gray_box", rival.estimator).network
         assert network.states == ("T_za",)
         assert network.resistors["R_zo"] == ("za", "T_oa")
 
 
 def test_the_hybrid_is_the_predictors_default_unless_more_is_said():
-    hybrid = make_rivals(Settings())[0].estimator
+    hybrid = make_models(Settings())[0].estimator
     assert hybrid.gray_box is None
     assert hybrid.forecaster.model == "linear"
-    known = make_rivals(Settings(estimator={"known": {"Q_h": 8.0}}))[0].estimator.gray_box
+    known = make_models(Settings(estimator={"known": {"Q_h": 8.0}}))[0].estimator.gray_box
     assert (known.network, known.known) == ("4R3C", {"Q_h": 8.0})
-    published = make_rivals(Settings(forecaster={"model": "profile"}))
+    published = make_models(Settings(forecaster={"model": "profile"}))
     assert isinstance(published[0].estimator.gray_box, PeriodicDisturbanceID)
     assert published[0].estimator.gray_box.network.name == "2R2C"
     assert "hybrid, profile" not in [rival.label for rival in published]

@@ -10,8 +10,8 @@ import pytest
 from sklearn.base import BaseEstimator
 
 from skhybrid import GrayBoxRC
-from skhybrid._clock import ASSUMED_START, origin_rows, rows_covering, rows_of
-from skhybrid._contract import append_tables, read_table, read_target, role_of
+from skhybrid._table import append_tables, read_table, read_target, role_of
+from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import RoleWarning, UnitWarning
 

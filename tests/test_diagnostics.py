@@ -19,7 +19,7 @@ from skhybrid.identification import (
     ljung_box,
     make_state_space,
 )
-from skhybrid.identification.innovations import arma_errors
+from skhybrid.identification.one_step_errors import arma_errors
 from skhybrid.inspection import ResidualDisplay
 
 STEP_H = 0.25

@@ -13,9 +13,8 @@ from scipy.linalg import expm
 from skhybrid import OutputDisturbanceID
 from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
-from skhybrid.identification.disturbance import HIDDEN_SD, MEASURED_SD
-from skhybrid.identification.experiment_design import _Case, _make_plan
-from skhybrid.identification.information import (
+from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
+from skhybrid.identification.experiment_design.information import (
     Calendar,
     FilterInformation,
     Zone,
@@ -25,6 +24,7 @@ from skhybrid.identification.information import (
     relative_errors,
     run_thermostat,
 )
+from skhybrid.identification.experiment_design.plan import _Case, _make_plan
 from skhybrid.thermal import get_network
 
 THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -5.0}

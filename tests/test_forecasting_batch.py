@@ -10,7 +10,7 @@ from sklearn.base import clone
 from sklearn.linear_model import Ridge
 from threadpoolctl import threadpool_info
 
-from skhybrid._kernels import tanh32
+from skhybrid.filtering import tanh32
 from skhybrid.forecasting import DisturbanceForecaster, ModelCase, fit_many, training
 
 QUICK = {"max_epochs": 3, "patience": 2, "learning_rate": 0.02, "hidden_size": 6, "residual_of": None}

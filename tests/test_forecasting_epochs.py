@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import nn
 
-from skhybrid._kernels.dense import ACTIVATIONS, activate, exp32
+from skhybrid.filtering.dense import ACTIVATIONS, activate, exp32
 from skhybrid.forecasting import epochs, loop, nets, training
 from skhybrid.forecasting.cases import NETWORKS, RECURRENT
 from skhybrid.forecasting.compiled import room_of

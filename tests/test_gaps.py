@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from skhybrid import ARXRegressor, GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
-from skhybrid._clock import stretches
+from skhybrid._time import stretches
 from skhybrid.datasets import make_office
-from skhybrid.identification.multi_start import random_starts
+from skhybrid.identification.fitting.starts import random_starts
 
 KNOWN = {"Q_h": 6.0}
 MODELS = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID]
@@ -64,7 +64,7 @@ def test_forecasters_without_stretches_refuse_a_gap(office):
 @pytest.fixture
 def problems(monkeypatch):
     """What every fit of this test minimised."""
-    from skhybrid.identification.least_squares_base import LeastSquaresIdentifier
+    from skhybrid.identification.least_squares import LeastSquaresIdentifier
 
     seen, plain = [], LeastSquaresIdentifier._minima
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.linalg import block_diag, expm
 
-from skhybrid.identification.disturbance import (
+from skhybrid.identification.disturbance_models import (
     HIDDEN_SD,
     MEASURED_SD,
     Conventional,
@@ -15,6 +15,8 @@ from skhybrid.identification.disturbance import (
     OutputARMA,
 )
 from skhybrid.identification.experiment import Experiment
+from skhybrid.identification.fitting.periodic_likelihood import PRIOR_LOG_SD, PeriodicProblem
+from skhybrid.identification.fitting.prediction_errors import PredictionErrorProblem
 from skhybrid.identification.gain_model import (
     DAY_PRIOR,
     DAY_TYPES,
@@ -27,8 +29,6 @@ from skhybrid.identification.gain_model import (
     own_parameters,
     profile_basis,
 )
-from skhybrid.identification.periodic import PRIOR_LOG_SD, PeriodicProblem
-from skhybrid.identification.prediction_error import PredictionErrorProblem
 from skhybrid.thermal import RCNetwork, get_network
 
 ROLES = ("T_oa", "q_sol", "u_cool", "u_heat")

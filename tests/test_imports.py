@@ -14,47 +14,53 @@ import pytest
 import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
-#: modules that every part but the kernels may import.
-BASE = {"_clock", "_contract", "_rolling", "_threads", "exceptions"}
+#: modules that every part but the filters may import.
+BASE = {"_rolling", "_table", "_threads", "_time", "exceptions"}
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
-    "thermal": {"_kernels"},
-    "identification": {"_kernels", "thermal"},
-    "forecasting": {"_kernels"},
-    "hybrid": {"thermal", "identification", "forecasting"},
+    "thermal": {"filtering"},
+    "control": {"filtering"},
+    "identification": {"filtering", "thermal", "control"},
+    "schedule": {"filtering", "thermal", "control"},
+    "forecasting": {"filtering"},
+    "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
     "persistence": set(),
     "preprocessing": set(),
     "datasets": {"thermal", "preprocessing"},
     "model_selection": {"identification", "forecasting", "hybrid"},
     "inspection": {"thermal", "identification", "forecasting", "hybrid", "model_selection"},
-    "report": {"thermal", "identification", "forecasting", "hybrid", "model_selection", "inspection", "persistence"},
     "study": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
-        "model_selection", "inspection", "report",
+        "model_selection", "inspection",
     },
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
-        "model_selection", "inspection", "report", "study",
+        "model_selection", "inspection", "study",
     },
 }  # fmt: skip
 #: these may import less than BASE.
 STRICT = {
-    "_kernels": set(),
+    "filtering": set(),
     "exceptions": set(),
-    "_clock": set(),
+    "_time": set(),
     "_threads": set(),
-    "_contract": {"_clock", "exceptions"},
-    "_rolling": {"_clock", "_contract", "_threads", "exceptions"},
+    "_table": {"_time", "exceptions"},
+    "_rolling": {"_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "report", "study", "cli"}
+READERS = {"model_selection", "inspection", "study", "cli"}
+_BAYES = (
+    "identification/uncertainty/posterior.py",
+    "model_selection/choice/pattern_expressiveness.py",
+    "model_selection/choice/robustness_comparison.py",
+)
 #: a heavy library -> the files that may import it.
 HOMES = {
     "torch": ("forecasting/",),
     "skorch": ("forecasting/",),
-    "pymc": ("identification/posterior.py", "model_selection/expressiveness.py", "model_selection/robustness.py"),
-    "arviz": ("identification/posterior.py", "model_selection/expressiveness.py", "model_selection/robustness.py"),
-    "pytensor": ("identification/posterior.py",),
+    "pymc": _BAYES,
+    "arviz": _BAYES,
+    "pytensor": ("identification/uncertainty/posterior.py",),
     "matplotlib": ("inspection/",),
 }
 
@@ -106,7 +112,7 @@ MODULES = _modules()
 
 
 def _part(path: str) -> str:
-    """The part of the package that a file or a dotted name belongs to: "thermal", "cli", "_contract" ..."""
+    """The part of the package that a file or a dotted name belongs to: "thermal", "cli", "_table" ..."""
     return path.removesuffix(".py").replace("/", ".").split(".")[0]
 
 
@@ -131,7 +137,7 @@ from . import rivals
 if TYPE_CHECKING:
     import torch
 def f():
-    from skhybrid._contract import read_table
+    from skhybrid._table import read_table
 class A:
     def g(self):
         import matplotlib
@@ -146,7 +152,7 @@ except ImportError:
         ("skhybrid.thermal", "RCNetwork", True),
         ("skhybrid.forecasting", "rivals", True),
         ("torch", None, False),
-        ("skhybrid._contract", "read_table", False),
+        ("skhybrid._table", "read_table", False),
         ("matplotlib", None, False),
         ("pymc", None, True),
     }
@@ -195,12 +201,12 @@ def test_a_reader_of_fitted_estimators_uses_public_modules_only(path):
     assert not wrong, "\n".join(wrong)
 
 
-def test_kernels_import_numpy_scipy_and_numba_only():
+def test_filters_import_numpy_scipy_and_numba_only():
     allowed = {"numpy", "scipy", "numba", "llvmlite", "skhybrid"} | set(sys.stdlib_module_names)
     wrong = [
         _shown(path, one)
         for path, imports in MODULES.items()
-        if _part(path) == "_kernels"
+        if _part(path) == "filtering"
         for one in imports
         if one.top not in allowed
     ]

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from skhybrid._kernels.products import (
+from skhybrid.filtering.products import (
     add_correlation,
     add_outer,
     correlate,
@@ -19,7 +19,7 @@ from skhybrid._kernels.products import (
     round_up,
     turn,
 )
-from skhybrid._kernels.tiles import COLUMNS
+from skhybrid.filtering.tiles import COLUMNS
 
 #: inputs, outputs, windows: every number of rows that is left over by panels of six, and squares that are not whole
 SIZES = [

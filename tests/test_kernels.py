@@ -9,12 +9,12 @@ import pytest
 from scipy.linalg import block_diag, expm
 from scipy.signal import cont2discrete
 
-from skhybrid._kernels import (
+from skhybrid.filtering import (
     discretize,
     divided_difference,
     filter_channels,
     filter_channels_adjoint,
-    kalman_track,
+    kalman_filter,
     one_step_errors,
     simulate_inverse,
     simulate_path,
@@ -180,7 +180,7 @@ MODELS = [drawn_model(seed=0), drawn_model(n=2, seed=1), drawn_model(n=4, seed=2
 
 
 def run_track(m):
-    return kalman_track(m.A, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
+    return kalman_filter(m.A, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
 
 
 def run_errors(m, K):

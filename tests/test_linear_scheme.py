@@ -13,15 +13,16 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, PeriodicDisturbanceID
+from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import make_office
+from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.echo import echo
 from skhybrid.hybrid.members import BlackBox, DayBefore, Rows
-from skhybrid.identification.scheduled import Later, Sample, fit_leads, follow, loads, make_stretch
-from skhybrid.identification.scheduled.load import _rising
-from skhybrid.identification.setpoints import Band, Limits
+from skhybrid.hybrid.residual_correction import echo
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
+from skhybrid.schedule import Later, fit_leads, follow, loads, make_stretch
+from skhybrid.schedule.required_heat import _rising
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
@@ -247,7 +248,7 @@ def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
     rows, _ = scheme._rows(fitted._with_history(X[N_TRAIN:])[0])
     assert rows.table.index[rows.begin] == X.index[N_TRAIN]
     origin, leads = rows.begin + 3 * DAY, np.array([1, 8, 48])
-    course = box.course(rows, Sample(np.empty(0, dtype=np.int64), leads), "linear")
+    course = box.course(rows, ForecastSample(np.empty(0, dtype=np.int64), leads), "linear")
     view = box.view(rows)
     for stop in (rows.begin + 2, rows.begin + 50, origin):  # in pieces
         course.advance(view, stop)
@@ -354,7 +355,9 @@ def test_the_rule_of_the_day_before_by_plain_loops(office):
         last = value if np.isfinite(value) else last
         held.append(last)
     leads, begin = np.array([1, 30, DAY, DAY + 1]), 3 * DAY
-    course = rule.course(Rows(table, T, begin, joined=True), Sample(np.empty(0, dtype=np.int64), leads), "linear")
+    course = rule.course(
+        Rows(table, T, begin, joined=True), ForecastSample(np.empty(0, dtype=np.int64), leads), "linear"
+    )
     for origin in (begin + 3, begin + 70, begin + 2 * DAY + 1):
         first = max(0, origin - 4 * DAY)  # the last rows are enough
         view = rule.view(Rows(table.rows(slice(first, None)), T[first:], begin, True, first))
@@ -365,7 +368,7 @@ def test_the_rule_of_the_day_before_by_plain_loops(office):
         o = begin + 2 * place
         expected = [T[o + h] - held[o + h - DAY * (1 + (h - 1) // DAY)] if o + h <= origin else np.nan for h in leads]
         np.testing.assert_allclose(course.errors[place, :, 0], expected, atol=1e-12)
-    sample = Sample(np.arange(0, 2 * DAY, 5), leads)
+    sample = ForecastSample(np.arange(0, 2 * DAY, 5), leads)
     errors = rule.left_out(sample, np.zeros(len(sample.origins), dtype=int))
     assert errors[19, 1] == pytest.approx(T[125] - held[125 - DAY])
 

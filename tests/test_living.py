@@ -19,7 +19,7 @@ from skhybrid import (
     PeriodicDisturbanceID,
 )
 from skhybrid.datasets import make_office
-from skhybrid.hybrid.ledger import Ledger
+from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.persistence import load_model, save_model
 
 DAY = 96
@@ -259,7 +259,7 @@ def test_the_ledger_gathers_as_a_plain_loop_does():
     stamps = np.arange(300) * 15 * 60 * 10**9 + 7 * 60 * 10**9
     rows = rng.normal(size=(300, 2))
     rows[rng.uniform(size=300) < 0.4, 1] = np.nan
-    ledger = Ledger(["T_oa", "zeta"], pd.Timedelta("1h"), True, None)
+    ledger = HourlyAggregation(["T_oa", "zeta"], pd.Timedelta("1h"), True, None)
     for a, b in _blocks(260, [1, 2, 9, 31]):
         ledger.add(stamps[a:b], rows[a:b])
     hours = stamps // (3600 * 10**9)

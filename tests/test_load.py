@@ -8,10 +8,10 @@ import pytest
 from scipy.linalg import expm
 
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
-from skhybrid._kernels import simulate_inverse
+from skhybrid.control import steps_ahead
 from skhybrid.datasets import make_office
 from skhybrid.datasets.office import TRUE_THETA as TRUE
-from skhybrid.identification.load import steps_ahead
+from skhybrid.filtering import simulate_inverse
 
 DAY = 96
 #: rows that begin at a midnight and do not follow the training: every node starts at the first measurement

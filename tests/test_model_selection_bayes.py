@@ -14,18 +14,17 @@ from sklearn.base import clone
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import ModelCase
 from skhybrid.identification import posterior
-from skhybrid.identification.posterior import refuse_bad_chains
+from skhybrid.identification.uncertainty.posterior import refuse_bad_chains
 from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import (
     PatternExpressiveness,
     RobustnessComparison,
-    expressiveness,
-    robustness,
     select_case,
 )
-from skhybrid.model_selection.results_table import finished, ingredients
-from skhybrid.model_selection.select_case import _narrowed, _overview, _rivals, _with_helpful_ingredients
-from skhybrid.model_selection.terms import build_terms
+from skhybrid.model_selection.choice import pattern_expressiveness, robustness_comparison
+from skhybrid.model_selection.choice.case_rules import _narrowed, _overview, _rivals, _with_helpful_ingredients
+from skhybrid.model_selection.choice.regression_terms import build_terms
+from skhybrid.model_selection.choice.results_table import finished, ingredients
 from skhybrid.persistence import load_model, save_model
 
 pytest.importorskip("pymc")
@@ -143,7 +142,7 @@ def test_the_density_is_that_of_the_dense_gaussian(grouped):
     X = np.column_stack([np.ones(17), rng.standard_normal((17, 2))])
     y, groups = rng.standard_normal(17), rng.permutation(np.arange(17) % 5)
     X[:, 2] = groups - groups.mean()  # one term that does not vary within a group
-    model, _ = expressiveness.regression_model(X, y, 1.3, 4.0, groups if grouped else None)
+    model, _ = pattern_expressiveness.regression_model(X, y, 1.3, 4.0, groups if grouped else None)
     points = [
         {"variance": v, "sigma_group": s, "coefficients": rng.standard_normal(3)}
         for v, s in [(1.0, 0.5), (0.3, 1.7), (2.2, 0.1)]
@@ -314,8 +313,8 @@ def test_the_set_that_cannot_be_told_from_the_best(comparison):
 
 
 def test_the_density_is_that_of_one_error_at_a_time(errors):
-    spreads = robustness._spreads(pd.Series(errors["rmse"].to_numpy(), index=errors["case"]))
-    model, _ = robustness._model(spreads)
+    spreads = robustness_comparison._spreads(pd.Series(errors["rmse"].to_numpy(), index=errors["case"]))
+    model, _ = robustness_comparison._model(spreads)
     rng = np.random.default_rng(4)
     points = [{"sigma": s * rng.uniform(0.5, 2.0, 5), "z": rng.standard_normal(5)} for s in (0.2, 0.6, 1.1)]
     found = _density_differences(model, points)

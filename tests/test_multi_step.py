@@ -8,11 +8,11 @@ import pytest
 from sklearn.base import clone
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
-from skhybrid._kernels import Model, multi_step_sensitivities
 from skhybrid.datasets import make_office
+from skhybrid.filtering import Model, multi_step_sensitivities
 from skhybrid.identification import profile_likelihood
-from skhybrid.identification.multi_start import random_starts
-from skhybrid.identification.uncertainty import jackknife_covariance
+from skhybrid.identification.fitting.starts import random_starts
+from skhybrid.identification.uncertainty.standard_errors import jackknife_covariance
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 KINDS = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skhybrid._kernels import Model, one_step_errors, one_step_sensitivities
+from skhybrid.filtering import Model, one_step_errors, one_step_sensitivities
 
 S, N, STATES, INPUTS, P = 3, 60, 4, 3, 5
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.report import study_picture, verdict, write_report
+from skhybrid.study.report import study_picture, verdict, write_report
 
 INDEX = pd.date_range("2024-01-01", periods=24, freq="1h", tz="UTC")
 

@@ -9,8 +9,8 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC
-from skhybrid._contract import read_table
 from skhybrid._rolling import RollingForecastMixin
+from skhybrid._table import read_table
 from skhybrid.datasets import make_office
 
 

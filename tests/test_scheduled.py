@@ -9,18 +9,20 @@ import pandas as pd
 import pytest
 from scipy.optimize import lsq_linear
 
-from skhybrid._contract import ZoneTable
-from skhybrid._kernels import (
+from skhybrid._table import ZoneTable
+from skhybrid.datasets import make_office
+from skhybrid.filtering import (
+    ForecastSample,
     filter_gains,
     filter_series,
+    hourly_sample,
     lead_errors,
     lead_rows,
     lead_sensitivities,
     simulate_inputs,
 )
-from skhybrid.datasets import make_office
-from skhybrid.identification.scheduled import Later, Learner, Sample, ScheduledNetwork, fit_leads, follow, make_stretch
-from skhybrid.identification.scheduled.channels import (
+from skhybrid.schedule import Later, Learner, ScheduledNetwork, fit_leads, follow, make_stretch
+from skhybrid.schedule.channels import (
     GROUPS,
     emitter_series,
     heat_of,
@@ -28,11 +30,10 @@ from skhybrid.identification.scheduled.channels import (
     make_plan,
     with_contrast,
 )
-from skhybrid.identification.scheduled.coefficients import gram, solve_coefficients
-from skhybrid.identification.scheduled.fit import hourly_sample
-from skhybrid.identification.scheduled.model import NOISE, LeadModel
-from skhybrid.identification.scheduled.problem import LeadProblem, Part, Shrinkage, penalty_of
-from skhybrid.identification.scheduled.responses import error_columns, respond
+from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
+from skhybrid.schedule.filter_model import NOISE, LeadModel
+from skhybrid.schedule.lead_problem import LeadProblem, Part, Shrinkage, penalty_of
+from skhybrid.schedule.responses import error_columns, respond
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
@@ -461,10 +462,13 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
         x = M.A @ x + M.B[:, 0] * (part.inputs["T_oa"][k] - 20.0) + M.B[:, 1 + plan.heated] * air
     T[50:70], T[200] = np.nan, np.nan
     stretch = make_stretch(plan, part, T, 20.0)
-    sample = Sample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
+    sample = ForecastSample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
     spread = np.full(len(psi), 1.2)
     precision = np.array([4.0, 3.0, 2.0, 1.0])
-    parts = (Part(stretch, sample), Part(stretch.between(0, 150), Sample(np.arange(60, 140, 7), sample.leads), 2.0))
+    parts = (
+        Part(stretch, sample),
+        Part(stretch.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
+    )
     return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
 
 
@@ -638,7 +642,7 @@ def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, 
 
 
 def history(later, origins, leads, every=2):
-    return Sample(np.arange(later.begin, max(later.begin, int(origins[-1])), every), leads)
+    return ForecastSample(np.arange(later.begin, max(later.begin, int(origins[-1])), every), leads)
 
 
 @pytest.mark.parametrize(("memory", "days"), [(0, 30.0), (1, 7.0)], ids=["long", "short"])
@@ -784,6 +788,7 @@ def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     origins = np.arange(DAY, mark, 4)
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
     window = replace(
-        fit.problem, parts=(Part(later.stretch.between(0, mark + 1), Sample(origins, fit.sample.leads), weight),)
+        fit.problem,
+        parts=(Part(later.stretch.between(0, mark + 1), ForecastSample(origins, fit.sample.leads), weight),),
     )
     assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss

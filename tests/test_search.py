@@ -17,7 +17,8 @@ from sklearn.preprocessing import FunctionTransformer
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import list_cases
-from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, evaluation, runner
+from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
+from skhybrid.model_selection.search import candidates, workers
 from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
@@ -48,8 +49,10 @@ def count(monkeypatch):
 
         return call
 
-    monkeypatch.setattr(runner, "identify", counted("identify", runner.identify, lambda *args: 1))
-    monkeypatch.setattr(runner, "evaluate", counted("tasks", runner.evaluate, lambda p, base, tasks, *rest: len(tasks)))
+    monkeypatch.setattr(workers, "identify", counted("identify", workers.identify, lambda *args: 1))
+    monkeypatch.setattr(
+        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, base, tasks, *rest: len(tasks))
+    )
     fit = counted("networks", OutputDisturbanceID.fit, lambda *args: 1)
     monkeypatch.setattr(OutputDisturbanceID, "fit", fit)
     return counts
@@ -258,7 +261,7 @@ def test_a_store_of_other_data_or_settings_is_refused(office, estimator, tmp_pat
 def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, monkeypatch, tmp_path):
     matrix = design_matrix(["mlp"], ["case01"], size=SIZE)
     given = {"cv": CV, "store": tmp_path / "r.sqlite", "refit": False, "verbose": 0, "chunk_size": 1}
-    evaluate, calls = runner.evaluate, []
+    evaluate, calls = workers.evaluate, []
 
     def stopped(*args, **kwargs):
         calls.append(args)
@@ -266,7 +269,7 @@ def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, 
             raise KeyboardInterrupt
         return evaluate(*args, **kwargs)
 
-    monkeypatch.setattr(runner, "evaluate", stopped)
+    monkeypatch.setattr(workers, "evaluate", stopped)
     with pytest.raises(KeyboardInterrupt):
         DesignMatrixSearchCV(estimator, matrix, **given).fit(office.X, office.y)
     search = DesignMatrixSearchCV(estimator, matrix, **given).fit(office.X, office.y)
@@ -327,15 +330,15 @@ def test_what_cannot_be_searched_is_refused(changed, said, office, estimator):
 
 
 def test_the_linear_scheme_shares_no_network(estimator):
-    assert evaluation.shares_network(estimator, {"forecaster__model": "ridge", "disturbance": "output"})
-    assert not evaluation.shares_network(estimator, {"forecaster__model": "linear"})
-    assert not evaluation.shares_network(estimator, {"forecaster__no_such": 1})
-    assert not evaluation.shares_network(Ridge(), {"alpha": 1.0})
+    assert candidates.shares_network(estimator, {"forecaster__model": "ridge", "disturbance": "output"})
+    assert not candidates.shares_network(estimator, {"forecaster__model": "linear"})
+    assert not candidates.shares_network(estimator, {"forecaster__no_such": 1})
+    assert not candidates.shares_network(Ridge(), {"alpha": 1.0})
 
 
 def test_what_trains_as_one_stack_is_handed_over_together():
     matrix = design_matrix(["lstm"], disturbance="input")
-    order = sorted(matrix.candidates(), key=evaluation.stack_of)
+    order = sorted(matrix.candidates(), key=candidates.stack_of)
     shapes = [(list_cases("lstm").set_index("name")["pattern_days"][c["forecaster__case"]],) for c in order]
     shapes = [
         (*days, c["forecaster__n_layers"], c["forecaster__hidden_size"]) for days, c in zip(shapes, order, strict=True)
@@ -349,14 +352,14 @@ def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
 
     def noted(problem, base, tasks, split, careful=True):
         begun.append(sorted(params["forecaster__hidden_size"] for params in tasks.values()))
-        return evaluation.evaluate(problem, base, tasks, split, careful)
+        return candidates.evaluate(problem, base, tasks, split, careful)
 
-    monkeypatch.setattr("skhybrid.model_selection.runner.evaluate", noted)
+    monkeypatch.setattr("skhybrid.model_selection.search.workers.evaluate", noted)
     matrix = design_matrix(["mlp"], ["case01"], disturbance="input", size={"mlp": SIZE | {"hidden_size": [2, 5, 3, 4]}})
     DesignMatrixSearchCV(estimator, matrix, cv=CV, chunk_size=1, refit=False, verbose=0).fit(office.X, office.y)
     assert begun == [[size] for size in (5, 4, 3, 2) for _ in range(CV.get_n_splits(office.X))]
     week, day = ({"model": "lstm", "case": case, "hidden_size": 5} for case in ("case09", "case01"))
-    assert evaluation.effort_of(week) > evaluation.effort_of(day) > evaluation.effort_of({"model": "ridge"})
+    assert candidates.effort_of(week) > candidates.effort_of(day) > candidates.effort_of({"model": "ridge"})
 
 
 def test_rivals_of_one_s_own_stand_beside_the_matrix_on_the_same_splits(office, estimator, tmp_path):
@@ -392,6 +395,6 @@ def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):
 
 
 def test_something_shared_tells_its_size_and_travels_as_its_key():
-    shared = evaluation.Shared({"table": np.zeros(10_000)})
+    shared = candidates.Shared({"table": np.zeros(10_000)})
     assert shared.__sizeof__() > 80_000
     assert shared.get()["table"].shape == (10_000,)

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.model_selection import DesignMatrixSearchCV, runner
-from skhybrid.model_selection.evaluation import Shared
+from skhybrid.model_selection import DesignMatrixSearchCV
+from skhybrid.model_selection.search import workers
+from skhybrid.model_selection.search.candidates import Shared
 
 #: what every process of this file searches, and how it reports how much of it was its own work
 PROGRAM = """
@@ -34,8 +35,8 @@ matrix = design_matrix(["mlp", "ridge"], ["case02"], size={"hidden_size": [2, 3,
 given = {"cv": RollingOriginSplit(train="8D", test="2D", n_splits=2), "refit": False, "verbose": 0, "chunk_size": 1}
 """
 RUN = """
-done, evaluate = [], runner.evaluate
-runner.evaluate = lambda *args: done.append(1) or evaluate(*args)
+done, evaluate = [], workers.evaluate
+workers.evaluate = lambda *args: done.append(1) or evaluate(*args)
 print("ready", flush=True)
 sys.stdin.readline()
 search = DesignMatrixSearchCV(estimator, matrix, store=sys.argv[1], n_jobs=int(sys.argv[2]), **given)
@@ -105,8 +106,8 @@ def test_a_search_that_was_killed_goes_on_and_ends_the_same(given, uninterrupted
         end(process)
     before = finished(store)
     assert 3 <= len(before) < total
-    done, evaluate = [], runner.evaluate
-    monkeypatch.setattr(runner, "evaluate", lambda *args: done.extend(args[2]) or evaluate(*args))
+    done, evaluate = [], workers.evaluate
+    monkeypatch.setattr(workers, "evaluate", lambda *args: done.extend(args[2]) or evaluate(*args))
     table = search(given, store=store)
     assert len(done) == total - len(before)  # nothing that was finished is repeated
     assert set(before) <= set(finished(store))
@@ -142,8 +143,8 @@ def unpacked(n_jobs=None):
         return os.getpid(), id(shared.get()), type(shared._packed).__name__
 
     shared = Shared(np.zeros(200_000))
-    with runner.Workers(n_jobs) as workers:
-        return list(workers.run(iter([joblib.delayed(where)(shared)] * 10)))
+    with workers.Workers(n_jobs) as pool:
+        return list(pool.run(iter([joblib.delayed(where)(shared)] * 10)))
 
 
 def assert_sent_once_a_worker(found):

@@ -13,8 +13,8 @@ from sklearn.linear_model import Ridge
 from sklearn.metrics import make_scorer, mean_squared_error
 
 from skhybrid import DisturbanceForecaster
-from skhybrid.model_selection.fingerprint import as_plain, candidate_id, settings_of
-from skhybrid.model_selection.store import Result, ResultStore, Task
+from skhybrid.model_selection.search.fingerprint import as_plain, candidate_id, settings_of
+from skhybrid.model_selection.search.store import Result, ResultStore, Task
 
 GOOD = Result({"score": -0.1 - 0.2}, 0.1 + 0.2, 1.0, 0.5, 7, None)
 BAD = Result({}, float("nan"), 1.0, 0.0, None, "ValueError: no")
@@ -56,7 +56,7 @@ def test_what_was_finished_first_stays(path):
 
 def test_claims_of_a_process_that_died_are_free_at_once(path):
     program = (
-        "import os, sys\nfrom skhybrid.model_selection.store import ResultStore, Task\n"
+        "import os, sys\nfrom skhybrid.model_selection.search.store import ResultStore, Task\n"
         "store = ResultStore(sys.argv[1], {})\nassert store.claim([Task('a', 0)])\nos.kill(os.getpid(), 9)"
     )
     path.parent.mkdir()
@@ -152,7 +152,7 @@ def test_values_in_words_are_the_same_in_another_process():
     program = (
         "import numpy as np, pandas as pd\nfrom sklearn.linear_model import Ridge\n"
         "from sklearn.metrics import mean_squared_error\n"
-        "from skhybrid.model_selection.fingerprint import candidate_id\n"
+        "from skhybrid.model_selection.search.fingerprint import candidate_id\n"
         "values = [Ridge(alpha=0.5), {'a': [1, None]}, np.arange(2000.0),"
         " pd.Timedelta('1D'), mean_squared_error]\nprint(candidate_id({'values': values}))"
     )

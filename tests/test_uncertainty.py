@@ -13,12 +13,17 @@ from sklearn.base import clone
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office
-from skhybrid.identification import posterior, profile_likelihood, sample_posterior, uncertainty
-from skhybrid.identification.identifiability import assess
-from skhybrid.identification.periodic_estimator import physical
-from skhybrid.identification.posed import Posed, free_point
-from skhybrid.identification.priors import normal_priors
-from skhybrid.identification.uncertainty import jackknife_covariance, least_squares_doubt, periodic_doubt
+from skhybrid.identification import profile_likelihood, sample_posterior
+from skhybrid.identification.fitting.priors import normal_priors
+from skhybrid.identification.periodic import physical
+from skhybrid.identification.uncertainty import posterior, standard_errors
+from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem, free_point
+from skhybrid.identification.uncertainty.identifiability import assess
+from skhybrid.identification.uncertainty.standard_errors import (
+    jackknife_covariance,
+    least_squares_doubt,
+    periodic_doubt,
+)
 from skhybrid.thermal import Parameter
 
 KNOWN = {"Q_h": 6.0}
@@ -130,7 +135,7 @@ def test_two_days_have_no_scatter():
 
 def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     """One Newton step stands for a fit without some hours of a day."""
-    posed = Posed(periodic, office.X, office.y)
+    posed = ConstrainedProblem(periodic, office.X, office.y)
     problem = posed.problem()
     free = problem.minimise(free_point(problem, posed.values())).free
     y = problem.experiment.y.copy()
@@ -147,15 +152,15 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
 
 def test_long_logs_are_left_without_several_days_at_once(office, periodic, monkeypatch):
     """So that a year costs as many evaluations as two months."""
-    posed = Posed(periodic, office.X, office.y)
+    posed = ConstrainedProblem(periodic, office.X, office.y)
     problem = posed.problem()
     free = problem.minimise(free_point(problem, posed.values())).free
     theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
-    made, plain = [], uncertainty._moves_without_days
-    monkeypatch.setattr(uncertainty, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
+    made, plain = [], standard_errors._moves_without_days
+    monkeypatch.setattr(standard_errors, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
     stds = []
     for most in (56, 4):
-        monkeypatch.setattr(uncertainty, "MOST_PARTS", most)
+        monkeypatch.setattr(standard_errors, "MOST_PARTS", most)
         stds.append(np.sqrt(np.diag(periodic_doubt(problem, free, theta, turn, periodic.parameters_).jackknife)))
     n_days = made[0].shape[0]
     assert made[1].shape[0] == -(-n_days // -(-n_days // 4))
@@ -164,7 +169,7 @@ def test_long_logs_are_left_without_several_days_at_once(office, periodic, monke
 
 def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(office, periodic):
     """Two ways to the same: Schur complements of the joint information, and the chain rule of the covariance."""
-    posed = Posed(periodic, office.X, office.y)
+    posed = ConstrainedProblem(periodic, office.X, office.y)
     problem = posed.problem()
     free = problem.minimise(free_point(problem, posed.values())).free
     theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
@@ -281,7 +286,7 @@ def test_the_fit_under_priors_is_the_mode_of_the_posterior(office):
     """Sum of squares with the noise profiled, plus the prior, by plain finite differences of the errors."""
     priors = {"A_win": (3.0, 1.05), "C_za": (1.3, 1.02)}
     model = OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=10, random_state=0).fit(office.X, office.y)
-    posed = Posed(model, office.X, office.y)
+    posed = ConstrainedProblem(model, office.X, office.y)
     problem = posed.problem()
     best = free_point(problem, posed.values())
     names = [p.name for p in problem.searched]
@@ -317,7 +322,7 @@ def test_a_prior_on_a_capacity_fixes_the_scale_as_well_as_it_is_known(kind, offi
 
 # -------------------------------------------------------------------------------------------------------- posteriors
 def test_posterior_gradient_is_exact(office, periodic):
-    posed = Posed(periodic, office.X, office.y)
+    posed = ConstrainedProblem(periodic, office.X, office.y)
     problem = posed.problem(search_all=True)
     assert {"A_win", "f", "Q_c"} <= {p.name for p in problem.searched}
     density = posterior._Density(problem, free_point(problem, posed.values()))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .._contract import role_of
+from .._table import role_of
 from ..preprocessing._units import conversion_of, convert
 from ._stamps import find_stamp_column, line, parse_stamps
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._contract import HISTORY_ROLES
+from .._table import HISTORY_ROLES
 from ..preprocessing._frames import numeric
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 

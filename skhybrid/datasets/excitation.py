@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._clock import rows_of
+from .._time import rows_of
 from ._random import spawn_generators
 
 #: occupied hours of a weekday (paper 2.1).

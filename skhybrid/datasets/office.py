@@ -10,7 +10,7 @@ from numba import njit
 from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
-from .._clock import rows_of
+from .._time import rows_of
 from ._random import spawn_generators
 from ._weather_table import resample_weather
 from .excitation import plan_setpoints

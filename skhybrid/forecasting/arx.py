@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import solve
 from sklearn.base import BaseEstimator, RegressorMixin
 
-from .._clock import rows_of
-from .._contract import ZoneTable, read_table, read_target
-from .._kernels import iterate_lags
+from .._table import ZoneTable, read_table, read_target
 from .._threads import one_blas_thread
+from .._time import rows_of
+from ..filtering import iterate_lags
 from .features import day_type_hour, one_hot, rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import (

@@ -1,4 +1,4 @@
-"""Forecasts of stacks through compiled kernels (:mod:`skhybrid._kernels.dense`, ``convolution``, ``recurrent``)."""
+"""Forecasts of stacks through compiled kernels (:mod:`skhybrid.filtering.dense`, ``convolution``, ``recurrent``)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .._kernels import (
+from ..filtering import (
     DenseWindows,
     RecurrentWindows,
     conv_epoch,

@@ -1,4 +1,4 @@
-"""Epochs of stacks through compiled kernels (:mod:`skhybrid._kernels.dense`, ``convolution``, ``recurrent``).
+"""Epochs of stacks through compiled kernels (:mod:`skhybrid.filtering.dense`, ``convolution``, ``recurrent``).
 
 A step of a small network is dozens of torch's operations, each of which takes longer to call than to compute.  Members
 take turns: what stands beside a member does not change its numbers.
@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .._kernels import AdamStep
+from ..filtering import AdamStep
 from .cases import RECURRENT
 from .compiled import kernels_of, table_of
 from .nets import NetworkStack

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")

@@ -11,10 +11,10 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import rows_of
-from .._contract import ZoneTable, append_tables, read_table, read_target
 from .._rolling import RollingForecastMixin
+from .._table import ZoneTable, append_tables, read_table, read_target
 from .._threads import one_blas_thread
+from .._time import rows_of
 from .cases import NETWORKS, ModelCase, resolve_case
 from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
 from .linear import FlatRegressor, LinearForecaster

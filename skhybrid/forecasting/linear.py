@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import eigh
 from sklearn.base import clone
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from .features import (
     day_type_hour,
     irradiance_roles,

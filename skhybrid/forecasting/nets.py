@@ -26,7 +26,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .._kernels import ConvShape, DenseShape, RecurrentShape
+from ..filtering import ConvShape, DenseShape, RecurrentShape
 from .activations import Activations
 from .compiled import DEVICE, forecast_members
 from .recurrent import decode, linear

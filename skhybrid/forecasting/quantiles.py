@@ -11,8 +11,8 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from .._contract import ZoneTable
 from .._rolling import RollingForecastMixin
+from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
@@ -82,7 +82,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         return np.concatenate([self._quantiles_of_piece(piece, levels) for piece in self._read_X(X).pieces])
 
     def _quantiles_of_piece(self, piece: ZoneTable, levels: np.ndarray) -> np.ndarray:
-        table, n_tail = self._behind_tail(piece)
+        table, n_tail = self._after_tail(piece)
         origins, leads = self._rolled_origins(table, n_tail)
         out = np.empty((piece.n_rows, len(levels)))
         if not n_tail:

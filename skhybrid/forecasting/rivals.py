@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 from sklearn.linear_model import RidgeCV
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
 
 #: a mean over fewer values than this is left to the next coarser one.

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from .cases import RECURRENT, ModelCase
 from .features import row_features, zeta_of
 from .loop import one_thread

@@ -13,7 +13,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from .cases import RECURRENT, ModelCase
 from .compiled import DEVICE
 from .features import rows_per_day

@@ -9,17 +9,17 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from .._clock import ASSUMED_START
-from .._contract import ZoneTable
+from .._table import ZoneTable
+from .._time import ASSUMED_START
+from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXView
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..identification.scheduled import (
+from ..schedule import (
     GrowingErrors,
     Later,
     LeadFit,
     Learner,
-    Sample,
     Stretch,
     fit_leads,
     make_stretch,
@@ -64,7 +64,7 @@ class Member(Protocol):
     def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
         """Learn from the training table."""
 
-    def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days.
 
         The same in all the ways of a member.
@@ -73,7 +73,7 @@ class Member(Protocol):
     def view(self, rows: Rows) -> Any:
         """Rows as the member takes them."""
 
-    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> Course:
+    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> Course:
         """Begin at the first row; errors are wanted at the leads of ``sample``."""
 
 
@@ -102,7 +102,7 @@ class Physics:
         self.fit_ = fit_leads(self.network, table, T, n_leads, self.known, self.calendar)
         return self
 
-    def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of the fit's own sample and blocks, which the blend shares."""
         return self.fit_.left_out
 
@@ -120,7 +120,7 @@ class Physics:
     def _stretch(self, table: ZoneTable, T: np.ndarray) -> Stretch:
         return make_stretch(self.fit_.stretch.plan, table, T, self.fit_.reference)
 
-    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> PhysicsCourse:
+    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> PhysicsCourse:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
         return PhysicsCourse(self.fit_, rows.begin, rows.joined, adapt)
 
@@ -156,7 +156,7 @@ class BlackBox:
         self._table, self._T = table, T
         return self
 
-    def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of regressions without a block."""
         n_leads = int(sample.leads[-1])
         paths = self.arx_.left_out_paths(self._table, self._T, sample.origins, n_leads, blocks)
@@ -167,7 +167,7 @@ class BlackBox:
         """Rows as the regression takes them."""
         return self.arx_.view(rows.table, rows.T, rows.first)
 
-    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> BlackBoxCourse:
+    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> BlackBoxCourse:
         """Re-solved at every origin on all pairs known by then."""
         return BlackBoxCourse(self.arx_, rows.begin, sample.leads, adapt)
 
@@ -239,7 +239,7 @@ class DayBefore:
         self._T = T
         return self
 
-    def left_out(self, sample: Sample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of a rule that learns nothing."""
         view = self._held(self._T, 0)
         return self.errors(view, sample.origins, sample.leads, len(self._T) - 1)
@@ -251,7 +251,7 @@ class DayBefore:
     def _held(self, T: np.ndarray, first: int) -> HeldRows:
         return HeldRows(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
 
-    def course(self, rows: Rows, sample: Sample, adapt: str | None) -> DayBeforeCourse:
+    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> DayBeforeCourse:
         """Nothing is learned on the way."""
         return DayBeforeCourse(self, rows.begin, sample.leads, adapt)
 

@@ -11,27 +11,27 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import origin_rows, rows_of
-from .._contract import ZoneTable, append_tables, read_table, read_target
+from .._table import ZoneTable, append_tables, read_table, read_target
 from .._threads import one_blas_thread
+from .._time import origin_rows, rows_of
+from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LeadIntervals
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..identification import PeriodicDisturbanceID
-from ..identification.setpoints import read_limits, read_setpoint
 from ..thermal import RCNetwork, get_network
-from .linear import LinearScheme
-from .living import LivingMixin
-from .published import PublishedScheme
+from .online_updating import OnlineUpdatingMixin
+from .schedule_scheme import ScheduleScheme
 from .scheme import Paths, Scheme
 from .tables import in_zone_of
+from .two_stage_scheme import TwoStageScheme
 
 #: network of the scheme that learns the disturbance through it
 DEFAULT_NETWORK = "4R3C"
 
 
-class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEstimator):
+class HybridPredictor(OnlineUpdatingMixin, QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Day-ahead forecast of temperature and load: a thermal network and a forecast of its unmeasured heat.
 
     Without arguments it takes the *linear* scheme: schedules of gain and of conductance are learned through the
@@ -205,7 +205,7 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
         check_is_fitted(self)
         kind = self.disturbance if disturbance is None else disturbance
         made = [clone(self).set_params(forecaster=one, disturbance=kind) for one in forecasters]
-        if not isinstance(self._scheme, PublishedScheme) or any(one._is_linear() for one in made):
+        if not isinstance(self._scheme, TwoStageScheme) or any(one._is_linear() for one in made):
             raise ValueError("the linear scheme learns network and disturbance as one; fit it by itself.")
         training = self._training
         if self._last_rows.time[-1] != training.time[-1]:
@@ -225,11 +225,11 @@ class HybridPredictor(LivingMixin, QuantileForecastMixin, RegressorMixin, BaseEs
             network = get_network(getattr(given, "network", DEFAULT_NETWORK))
             self._refuse_zones(network)
             known = dict(getattr(given, "known", None) or {})
-            return LinearScheme(network, known=known, horizon=self.horizon, adapt=self.adapt)
+            return ScheduleScheme(network, known=known, horizon=self.horizon, adapt=self.adapt)
         gray_box = self._part(self.gray_box, self._default_gray_box())
         self._refuse_zones(get_network(gray_box.network))
         forecaster = self._part(self.forecaster, self._default_forecaster())
-        return PublishedScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
+        return TwoStageScheme(gray_box, forecaster, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
 
     @property
     def scheme(self) -> str:

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
+from ..control.setpoints import Band, Limits
 from ..forecasting.quantiles import LeftOut
-from ..identification.setpoints import Band, Limits
 
 
 class Paths(NamedTuple):

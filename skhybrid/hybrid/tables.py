@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._clock import ASSUMED_START
-from .._contract import ZoneTable
+from .._table import ZoneTable
+from .._time import ASSUMED_START
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
@@ -99,7 +99,7 @@ def stamps_ns(table: ZoneTable) -> np.ndarray:
     return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
 
 
-def one_behind_another(tables: list[ZoneTable]) -> ZoneTable:
+def concatenate_tables(tables: list[ZoneTable]) -> ZoneTable:
     """Tables that follow each other, with the same roles, as one."""
     first, *others = tables
 
@@ -122,4 +122,4 @@ def last_rows(tables: list[ZoneTable], n_rows: int) -> ZoneTable:
         table = tables[-1 - len(pieces)]
         pieces.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
         n_rows -= table.n_rows
-    return one_behind_another(pieces[::-1])
+    return concatenate_tables(pieces[::-1])

@@ -1,16 +1,16 @@
 """Identification of a thermal network in spite of heat that nobody measures."""
 
 from .base import StateSpace
-from .diagnostics import Diagnostics, diagnose, diagnose_residuals
-from .experiment_design import ExperimentPlan, plan_experiment
-from .identifiability import Identifiability
-from .information import GainStatistics
-from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
-from .periodic_estimator import PeriodicDisturbanceID
-from .posterior import Posterior, sample_posterior
-from .profile import ProfileLikelihood, profile_likelihood
-from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
-from .response import frequency_response, make_state_space, step_response
+from .conventional import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
+from .diagnostics.dynamic_response import frequency_response, make_state_space, step_response
+from .diagnostics.findings import Diagnostics, diagnose, diagnose_residuals
+from .diagnostics.residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
+from .experiment_design.information import GainStatistics
+from .experiment_design.plan import ExperimentPlan, plan_experiment
+from .periodic import PeriodicDisturbanceID
+from .uncertainty.identifiability import Identifiability
+from .uncertainty.posterior import Posterior, sample_posterior
+from .uncertainty.profile_likelihood import ProfileLikelihood, profile_likelihood
 
 __all__ = [
     "Diagnostics",

@@ -11,19 +11,20 @@ import pandas as pd
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._clock import rows_covering
-from .._contract import HISTORY_ROLES, ZoneTable, read_table, read_targets
-from .._kernels import simulate_path
+from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
 from .._threads import one_blas_thread
+from .._time import rows_covering
+from ..control import make_plant
+from ..filtering import simulate_path
 from ..thermal import Parameter, RCNetwork, get_network
-from .disturbance import measured_rows
-from .excitation import unexcited, warn_scale
+from .disturbance_models import measured_rows
 from .experiment import Experiment, make_experiment
-from .gauss_newton import Minimum
-from .load import LoadMixin, make_plant
-from .tracked import TrackedNetwork, checked_kind
-from .tracking import Start, Track
-from .uncertainty import UncertaintyMixin
+from .filtered_network import FilteredNetwork, checked_kind
+from .fitting.excitation import unexcited, warn_scale
+from .fitting.gauss_newton import Minimum
+from .gain_filter import Start, Track
+from .loads import LoadMixin
+from .uncertainty.standard_errors import UncertaintyMixin
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def state_space_of(
     return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
 
 
-class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNetwork):
+class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredNetwork):
     """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
 
     sampling_time_: pd.Timedelta
@@ -237,22 +238,22 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         pieces, last = table.pieces, len(table.pieces) - 1
         self._train_start = self._piece_start(pieces[0], experiment.pieces[0], 0)
         self._train_first = None if table.utc is None else table.utc[0]
-        self.initial_state_ = self._train_start.mean[: self._tracker.n].copy()
+        self.initial_state_ = self._train_start.mean[: self._filter.n].copy()
         begin = self._piece_start(pieces[last], experiment.pieces[last], last) if last else self._train_start
         self._keep_tail(pieces[last], experiment.pieces[last], begin)
         self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
-        self._plant = make_plant(self.network_, self._theta, table)
+        self._plant = make_plant(self._capacities(table), table.inputs)
 
     def _piece_start(self, piece: ZoneTable, experiment: Experiment, number: int) -> Start:
         """What the fit knows of the first row of a stretch of the training table."""
-        tracker, cells = self._tracker, self._cells(piece)
+        tracker, cells = self._filter, self._cells(piece)
         cold = tracker.cold(experiment.firsts)
         smooth = tracker.track(experiment, cells, self._classes(piece), cold, smooth=True)
         nodes = self._first_state(smooth, number)
         return Start(np.append(nodes, smooth.gain[0] - tracker.profile[cells[0]]), cold.covariance)
 
     def _keep_tail(self, piece: ZoneTable, experiment: Experiment, begin: Start) -> None:
-        causal = self._tracker.track(experiment, self._cells(piece), self._classes(piece), begin)
+        causal = self._filter.track(experiment, self._cells(piece), self._classes(piece), begin)
         keep = min(piece.n_rows, rows_covering(self.warmup, piece.step))
         tail = piece.rows(slice(piece.n_rows - keep, None))
         measured = zip(self.network_.history_roles, experiment.outputs[-keep:].T, strict=True)
@@ -260,8 +261,13 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
         self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
-        free_run = self._open_loop(experiment, begin.mean[: self._tracker.n])
+        free_run = self._open_loop(experiment, begin.mean[: self._filter.n])
         self._tail_open = free_run[-keep - 1].copy()  # the last row of the run lies one step behind the table
+
+    def _capacities(self, table: ZoneTable) -> dict[str, float]:
+        """Heat of every stage at 1 [kW]."""
+        sources = self.network_.sources(table.inputs)
+        return {s.role: self._theta[s.parameter] for s in sources if s.role.startswith("u_") and s.parameter}
 
     @property
     def _theta(self) -> dict[str, float]:
@@ -298,7 +304,7 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         """
         check_is_fitted(self)
         states = self.simulate_states(X, heat_gain, initial_state).to_numpy(copy=True)
-        rows = self._tracker.measured
+        rows = self._filter.measured
         return states[:, rows[0]].copy() if len(rows) == 1 else states[:, rows]
 
     def simulate_states(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> pd.DataFrame:
@@ -320,7 +326,7 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         here = table.rows(slice(n_tail, None))
-        n, tracker = here.n_rows, self._tracker
+        n, tracker = here.n_rows, self._filter
         stamps = getattr(heat_gain, "index", None)
         if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
             raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
@@ -345,8 +351,8 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
     def _default_state(self, table: ZoneTable, n_tail: int) -> np.ndarray:
         if n_tail:
             past = table.rows(slice(0, n_tail))
-            return self._track(past).end.mean[: self._tracker.n]
-        return self._start(table).mean[: self._tracker.n]
+            return self._track(past).end.mean[: self._filter.n]
+        return self._start(table).mean[: self._filter.n]
 
     # ------------------------------------------------------------------------------------------------ disturbances
     def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> Any:
@@ -390,12 +396,12 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, TrackedNe
         """(N, d) disturbance of every row, each stretch behind the training table's end or from a cold start."""
         parts = []
         for piece in table.pieces:
-            whole, n_tail = self._behind_tail(piece)
+            whole, n_tail = self._after_tail(piece)
             if checked_kind(kind) == "input":
                 parts.append(self._track(whole, smooth).gain[n_tail:])
                 continue
             experiment = self._experiment(whole)
-            path = self._open_loop(experiment, self._open_start(whole))[:-1, self._tracker.measured]
+            path = self._open_loop(experiment, self._open_start(whole))[:-1, self._filter.measured]
             parts.append((experiment.outputs - path)[n_tail:])
         return np.concatenate(parts)
 

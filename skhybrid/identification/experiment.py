@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._contract import ZoneTable
+from .._table import ZoneTable
 from ..thermal import RCNetwork
 
 

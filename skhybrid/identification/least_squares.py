@@ -1,214 +1,33 @@
-"""The three published identifications: CONV, ID and OD, least squares of prediction errors."""
+"""What CONV, ID and OD share: a sum of squared errors over bounded parameters, from many random starts."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_random_state
 
-from .._clock import rows_covering
-from .._contract import ZoneTable
+from .._table import ZoneTable
+from .._time import rows_covering, rows_of
 from ..thermal import Parameter, RCNetwork
-from .disturbance import (
-    Conventional,
-    InputRandomWalk,
-    OutputARMA,
-    measurement_variance,
-    take_searched,
-)
+from .base import NetworkIdentifier
+from .disturbance_models import measurement_variance
 from .experiment import Experiment
-from .innovations import (
-    Innovations,
-    arma_innovations,
-    arma_prediction,
-    scaled_innovations,
-    simulation_errors,
-)
-from .least_squares_base import LeastSquaresIdentifier
-from .prediction_error import PredictionErrorProblem
-from .tracked import Outlook
-from .tracking import GainTracker, without_disturbance
+from .fitting.forecast_errors import MultiStepProblem
+from .fitting.gauss_newton import Minimum
+from .fitting.prediction_errors import ROUGH, PredictionErrorProblem
+from .fitting.priors import normal_priors
+from .fitting.starts import random_starts, search, starts_table
+from .gain_filter import GainFilter, fit_walk_noise, walk_noise
+from .uncertainty.identifiability import at_bounds
+from .uncertainty.standard_errors import least_squares_doubt
 
 
-class GrayBoxRC(LeastSquaresIdentifier):
-    """Conventional gray box: simulation errors, no disturbance (CONV, paper 2.2.1).
-
-    A Kalman filter over the first day sets the state, then the network is simulated; the sum of squared simulation
-    errors is minimised within bounds from many random starts.  Missing measurements are left out of the sum.
-
-    Parameters
-    ----------
-    network : str or RCNetwork, default="2R2C"
-        A name of the catalogue, or a network of your own.
-    known : dict of parameter to value, optional
-        Parameters that are not searched, such as a nameplate capacity ``{"Q_h": 6.0}`` [kW].
-    bounds : dict of parameter to (lower, upper), optional
-        Overrides the paper's bounds.
-    n_starts : int, default=50
-        Random starts, log-uniform within the bounds.
-    horizon : timedelta-like, optional
-        How far ahead ``predict`` looks; None simulates from the first row on.
-    warmup : timedelta-like, default="1D"
-        Span over which the filter sets the state.
-    columns : dict of role to column, optional
-        Columns whose names are not their roles.
-    sampling_time : timedelta-like, optional
-        Step of tables without time stamps; 15 minutes by default.
-    n_jobs : int, optional
-        Starts run in parallel.
-    random_state : int, RandomState or None
-        Of the starts; the result is the same under any ``n_jobs``.
-    verbose : int, default=0
-        1 shows a progress bar.
-    origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
-    max_missing : float, default=0.5
-        Highest share of missing measurements.
-    priors : dict of parameter to prior, optional
-        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
-        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
-        either sign) does as well.  The fit is then the maximum of the posterior.
-    objective : {"one_step", "multi_step"}, default="one_step"
-        Which errors are squared: those of the simulation (of CONV there is no other step), or those
-        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
-        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
-
-    Attributes
-    ----------
-    theta_, theta_std_ : Series
-        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
-    theta_cov_ : DataFrame
-        Covariance of the parameters; see :meth:`theta_interval`.
-    disturbance_ : Series
-        The disturbance model's own parameters.
-    n_days_ : int
-        Days behind the standard errors.
-    identifiability_ : Identifiability
-        Flat and weak directions, parameters at a bound, parameters that nothing moved.
-    loss_ : float
-        Sum of squared errors [K2].
-    noise_std_ : float
-        Standard deviation of the errors [K].
-    starts_ : DataFrame
-        One row a start.
-    state_space_ : StateSpace
-    initial_state_ : ndarray of shape (n_states,)
-        Node temperatures at the first training row [degC].
-    sampling_time_ : Timedelta
-    network_ : RCNetwork
-
-    Examples
-    --------
-    >>> from skhybrid import GrayBoxRC
-    >>> from skhybrid.datasets import make_office
-    >>> office = make_office(n_days=4, random_state=0)
-    >>> model = GrayBoxRC(known=office.theta).fit(office.X, office.y)
-    >>> float(model.theta_["C_za"])
-    1.0
-    """
-
-    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
-        return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
-
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        return simulation_errors(self, table)
-
-    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
-        """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
-        span, tracker = rows_covering(self.warmup, table.step), self._tracker
-        experiment, start = self._experiment(table), self._open_start(table)
-        plain = without_disturbance(tracker, experiment.hours)
-        free_run = self._open_loop(experiment, start)
-        states = np.array([self._state_at(experiment, plain, free_run, int(o), span) for o in origins])
-        size = (len(origins), n)
-        return Outlook(states, np.zeros((*size, tracker.n_gains)), np.zeros((*size, len(tracker.measured))))
-
-    def _state_at(
-        self, experiment: Experiment, plain: GainTracker, free_run: np.ndarray, origin: int, span: int
-    ) -> np.ndarray:
-        """Filtered over the warm-up before the origin; simulated where nothing was measured in it."""
-        first = max(0, origin + 1 - span)
-        rows = slice(first, origin + 1)
-        last = experiment.rows(rows)
-        if not np.isfinite(last.y).any():
-            return free_run[origin]
-        begin = plain.cold(last.firsts)
-        if first == 0:
-            begin = begin._replace(mean=np.append(free_run[0], np.zeros(plain.n_gains)))
-        zeros = np.zeros(len(last.y), np.int64)
-        return plain.track(last, zeros, zeros, begin).nodes[-1]
-
-
-class InputDisturbanceID(LeastSquaresIdentifier):
-    """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
-
-    A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
-    minimised over the network's parameters and the two noise levels.  Where measurements are missing the errors count
-    by what the missing rows add to their variance.
-
-    Parameters
-    ----------
-    network : str or RCNetwork, default="2R2C"
-        A name of the catalogue, or a network of your own.
-    known : dict of parameter to value, optional
-        Parameters that are not searched; also ``sigma_x`` [K] and ``sigma_zeta`` [kW].
-    bounds : dict of parameter to (lower, upper), optional
-        Overrides the paper's bounds.
-    n_starts : int, default=50
-        Random starts, log-uniform within the bounds.
-    horizon : timedelta-like, optional
-        How far ahead ``predict`` looks; None simulates from the first row on.
-    warmup : timedelta-like, default="1D"
-        How much of the training table's end is kept as history.
-    columns : dict of role to column, optional
-        Columns whose names are not their roles.
-    sampling_time : timedelta-like, optional
-        Step of tables without time stamps; 15 minutes by default.
-    n_jobs : int, optional
-        Starts run in parallel.
-    random_state : int, RandomState or None
-        Of the starts; the result is the same under any ``n_jobs``.
-    verbose : int, default=0
-        1 shows a progress bar.
-    origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
-    max_missing : float, default=0.5
-        Highest share of missing measurements.
-    priors : dict of parameter to prior, optional
-        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
-        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
-        either sign) does as well.  The fit is then the maximum of the posterior.
-    measurement_sd : float, optional
-        Standard deviation of the thermometer [K]; default ``0.25 / sqrt(T_s)`` with ``T_s`` in seconds, as the paper.
-    objective : {"one_step", "multi_step"}, default="one_step"
-        Which errors are squared: those of the next row, or those
-        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
-        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
-
-    Attributes
-    ----------
-    theta_, theta_std_ : Series
-        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
-    theta_cov_ : DataFrame
-        Covariance of the parameters; see :meth:`theta_interval`.
-    disturbance_ : Series
-        ``sigma_x`` [K] and ``sigma_zeta`` [kW] over a step.
-    n_days_ : int
-        Days behind the standard errors.
-    identifiability_ : Identifiability
-        Flat and weak directions, parameters at a bound, parameters that nothing moved.
-    loss_, noise_std_ : float
-        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
-        that no missing row precedes [K].
-    starts_ : DataFrame
-        One row a start.
-    state_space_ : StateSpace
-    initial_state_ : ndarray of shape (n_states,)
-        Node temperatures at the first training row [degC].
-    sampling_time_ : Timedelta
-    network_ : RCNetwork
-    """
+class LeastSquaresIdentifier(NetworkIdentifier):
+    """Sum of squared errors over bounded parameters, from many random starts."""
 
     def __init__(
         self,
@@ -227,7 +46,6 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         origin_step=None,
         max_missing=0.5,
         priors=None,
-        measurement_sd=None,
         objective="one_step",
     ):
         super().__init__(
@@ -245,170 +63,87 @@ class InputDisturbanceID(LeastSquaresIdentifier):
             origin_step=origin_step,
             max_missing=max_missing,
             priors=priors,
-            objective=objective,
         )
-        self.measurement_sd = measurement_sd
+        self.objective = objective
 
-    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
-        return InputRandomWalk(self.measurement_sd)
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
+        raise NotImplementedError
 
-    def _own_parameters(self) -> tuple[Parameter, ...]:
-        return InputRandomWalk().own
+    def _make_problem(
+        self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
+    ) -> tuple[PredictionErrorProblem, tuple[str, ...]]:
+        known, disturbance = dict(self.known or {}), self._disturbance(network, experiment)
+        own = tuple(p.bounded(dict(self.bounds or {}).get(p.name)) for p in disturbance.own)
+        priors = normal_priors(self.priors, (*parameters, *own), known)
+        fixed = idle = self._excited(network, table, parameters, priors)
+        fixed = fixed | {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
+        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
+        problem = self._pose(table.step, network, experiment, disturbance, searched, fixed)
+        if priors:
+            normal = np.array([priors.get(p.name, (0.0, np.inf)) for p in searched]).reshape(-1, 2)
+            problem = replace(problem, centre=normal[:, 0], spread=normal[:, 1])
+        return problem, tuple(idle)
 
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        return scaled_innovations(self, table, stretch)
+    def _pose(self, step: pd.Timedelta, *parts: Any) -> PredictionErrorProblem:
+        """The problem of the errors that ``objective`` names."""
+        if self.objective == "one_step":
+            return PredictionErrorProblem(*parts)
+        if self.objective != "multi_step":
+            raise ValueError(f"objective={self.objective!r} is neither 'one_step' nor 'multi_step'.")
+        n_leads = rows_covering("1D", step) if self.horizon is None else rows_of(self.horizon, step)
+        return MultiStepProblem(*parts, n_leads=n_leads, first=rows_covering(self.warmup, step))
+
+    def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
+        if not problem.searched:
+            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
+            return [Minimum(np.zeros(0), loss, 1, True)]
+        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
+        return search(
+            partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
+            self._from_known(problem.searched, starts),
+            problem.drop,
+            polish=problem.minimise,
+            n_jobs=self.n_jobs,
+            verbose=self.verbose,
+            name=type(self).__name__,
+        )
+
+    def _store(
+        self,
+        problem: PredictionErrorProblem,
+        best: Minimum,
+        minima: list[Minimum],
+        parameters: tuple[Parameter, ...],
+        idle: tuple[str, ...],
+    ) -> None:
+        values = problem.values(best.free)
+        names = [p.name for p in parameters]
+        self.network_ = problem.network
+        self.parameters_ = parameters
+        self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
+        self.disturbance_ = pd.Series({n: v for n, v in values.items() if n not in names}, dtype=np.float64)
+        self.loss_ = best.loss
+        self.starts_ = starts_table(minima, problem.searched, problem.drop)
+        noise = problem.noise(best.free)
+        doubt = least_squares_doubt(problem, best.free, noise, names, problem.days, problem.overlap)
+        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
+        self._filter = self._make_filter(problem)
+        one_step = problem.one_step
+        self.noise_std_ = float(np.sqrt(noise if one_step is problem else one_step.noise(best.free)))
+        if one_step.weighted:  # the residuals are larger than errors that no missing row precedes
+            self.noise_std_ /= float(np.sqrt(one_step.mean_variance(best.free)))
+
+    def _make_filter(self, problem: PredictionErrorProblem) -> GainFilter:
+        network, experiment = problem.network, problem.experiment
+        d = network.discrete(self._theta, experiment.roles, experiment.hours)
+        R = self._measurement_variance(experiment.hours)
+        plain = GainFilter(network, d.A, d.B, 1.0, walk_noise(network, 0.0, 0.0), R)
+        sigma_x, sigma_zeta = self._walk(plain, experiment)
+        return replace(plain, Q=walk_noise(network, sigma_x, sigma_zeta))
 
     def _measurement_variance(self, hours: float) -> float:
-        return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
+        return measurement_variance(hours)
 
-    def _walk(self, tracker: GainTracker, experiment: Experiment) -> tuple[float, float]:
-        return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])
-
-
-class OutputDisturbanceID(LeastSquaresIdentifier):
-    """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
-
-    The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
-    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, and the sum of its squared errors is
-    minimised.  Where measurements are missing the errors count by their variance, which is larger behind a gap, and the
-    gain of the predictor follows it: the sum is then the likelihood, its noise level at the optimum.
-
-    Parameters
-    ----------
-    network : str or RCNetwork, default="2R2C"
-        A name of the catalogue, or a network of your own.
-    known : dict of parameter to value, optional
-        Parameters that are not searched.
-    bounds : dict of parameter to (lower, upper), optional
-        Overrides the paper's bounds.
-    n_starts : int, default=50
-        Random starts, log-uniform within the bounds.
-    horizon : timedelta-like, optional
-        How far ahead ``predict`` looks; None simulates from the first row on.
-    warmup : timedelta-like, default="1D"
-        How much of the training table's end is kept as history.
-    columns : dict of role to column, optional
-        Columns whose names are not their roles.
-    sampling_time : timedelta-like, optional
-        Step of tables without time stamps; 15 minutes by default.
-    n_jobs : int, optional
-        Starts run in parallel.
-    random_state : int, RandomState or None
-        Of the starts; the result is the same under any ``n_jobs``.
-    verbose : int, default=0
-        1 shows a progress bar.
-    origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
-    max_missing : float, default=0.5
-        Highest share of missing measurements.
-    priors : dict of parameter to prior, optional
-        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
-        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
-        either sign) does as well.  The fit is then the maximum of the posterior.
-    rho_box : {"stable", "paper"}, default="stable"
-        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable (``rho_1`` at 15
-        minutes; its bound is the same memory at any step); or the paper's box for ``(rho_1, rho_2)``, which also holds
-        unstable predictors.
-    objective : {"one_step", "multi_step"}, default="one_step"
-        Which errors are squared: those of the next row, or those
-        of forecasts at leads up to ``horizon`` (one day where that is None), made every hour behind the warm-up.
-        "multi_step" is for forecasts, "one_step" for the parameters of the building; see :ref:`two_objectives`.
-
-    Attributes
-    ----------
-    theta_, theta_std_ : Series
-        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
-    theta_cov_ : DataFrame
-        Covariance of the parameters; see :meth:`theta_interval`.
-    disturbance_ : Series
-        ``rho_1``, ``rho_2`` [-] and the hidden nodes' first temperatures [degC].
-    n_days_ : int
-        Days behind the standard errors.
-    identifiability_ : Identifiability
-        Flat and weak directions, parameters at a bound, parameters that nothing moved.
-    loss_, noise_std_ : float
-        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
-        that no missing row precedes [K].
-    starts_ : DataFrame
-        One row a start.
-    state_space_ : StateSpace
-    initial_state_ : ndarray of shape (n_states,)
-        Node temperatures at the first training row [degC].
-    sampling_time_ : Timedelta
-    network_ : RCNetwork
-    """
-
-    def __init__(
-        self,
-        network="2R2C",
-        *,
-        known=None,
-        bounds=None,
-        n_starts=50,
-        horizon=None,
-        warmup="1D",
-        columns=None,
-        sampling_time=None,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
-        origin_step=None,
-        max_missing=0.5,
-        priors=None,
-        rho_box="stable",
-        objective="one_step",
-    ):
-        super().__init__(
-            network,
-            known=known,
-            bounds=bounds,
-            n_starts=n_starts,
-            horizon=horizon,
-            warmup=warmup,
-            columns=columns,
-            sampling_time=sampling_time,
-            n_jobs=n_jobs,
-            random_state=random_state,
-            verbose=verbose,
-            origin_step=origin_step,
-            max_missing=max_missing,
-            priors=priors,
-            objective=objective,
-        )
-        self.rho_box = rho_box
-
-    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:
-        if self.rho_box not in ("stable", "paper"):
-            raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
-        hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        firsts = tuple(piece.first for piece in experiment.pieces)
-        return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
-
-    def _own_parameters(self) -> tuple[Parameter, ...]:
-        return OutputARMA((), (), self.rho_box == "paper").own
-
-    def _store(self, problem: PredictionErrorProblem, *rest: Any) -> None:
-        super()._store(problem, *rest)
-        own = self.disturbance_
-        if "rho_2" not in own:
-            own = pd.concat([own, pd.Series({"rho_2": own["rho_1"] - own["rho_gap"]})])
-        self.disturbance_ = own
-
-    def _first_state(self, smooth: Any, number: int) -> np.ndarray:
-        """The fit's own first state: a measured node at its measurement, the hidden ones as they were searched."""
-        state = smooth.nodes[0].copy()
-        take_searched(state, self.network_, self.disturbance_, number)
-        return state
-
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        return arma_innovations(self, table, stretch)
-
-    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
-        """The network open loop, and the output disturbance that decays by ``rho_1``."""
-        experiment, tracker = self._experiment(table), self._tracker
-        rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
-        states = self._open_loop(experiment, self._open_start(table))
-        free = experiment.outputs - states[:-1, tracker.measured]
-        zeta = arma_prediction(free, rho_1, rho_2).states
-        offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
-        return Outlook(states[origins], np.zeros((len(origins), n, tracker.n_gains)), offset)
+    def _walk(self, tracker: GainFilter, experiment: Experiment) -> tuple[float, float]:
+        found = fit_walk_noise(tracker, experiment)
+        return float(found[0]), float(found[1])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._clock import ASSUMED_START
+from .._time import ASSUMED_START
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, tidy
 
 

@@ -1,12 +1,12 @@
 """Splitting and scoring in time order: cross-validation blocks and day-ahead back-tests, and the choice of a model."""
 
 from .backtest import backtest, score_backtest, score_intervals
+from .choice.case_rules import CaseChoice, select_case
+from .choice.pattern_expressiveness import PatternExpressiveness
+from .choice.robustness_comparison import RobustnessComparison
 from .compare import ModelComparison, compare_models
-from .design_matrix import DesignMatrix, design_matrix
-from .expressiveness import PatternExpressiveness
-from .robustness import RobustnessComparison
-from .search import DesignMatrixSearchCV
-from .select_case import CaseChoice, select_case
+from .search.design_matrix import DesignMatrix, design_matrix
+from .search.design_matrix_search import DesignMatrixSearchCV
 from .splitters import RollingOriginSplit
 
 __all__ = [

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._clock import ASSUMED_START, even_step, rows_of
+from .._time import ASSUMED_START, even_step, rows_of
 from ..forecasting.quantiles import quantile_columns
 
 _DAY = pd.Timedelta("1D")

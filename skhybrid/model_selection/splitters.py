@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._clock import even_step, rows_of
+from .._time import even_step, rows_of
 
 
 class RollingOriginSplit(BaseCrossValidator):

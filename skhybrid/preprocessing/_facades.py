@@ -11,8 +11,8 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from .._clock import read_index
-from .._contract import role_of
+from .._table import role_of
+from .._time import read_index
 from ._frames import numeric, read_input
 from ._sun import Place, on_planes
 

@@ -9,7 +9,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._contract import HISTORY_ROLES
+from .._table import HISTORY_ROLES
 from ._frames import numeric, read_input
 
 

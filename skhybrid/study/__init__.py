@@ -1,9 +1,10 @@
 """The whole path: from a log and its settings to identified models, a fair comparison, a forecast and a report."""
 
 from .data import StudyData, read_log, split_log
+from .models import Yesterday, make_models
 from .outputs import format_table, write_outputs
 from .proposal import propose_settings
-from .rivals import Yesterday, make_rivals
+from .report import study_picture, verdict, write_report
 from .run import StudyResult, run_study
 from .settings import Settings, read_settings, settings_from
 
@@ -13,12 +14,15 @@ __all__ = [
     "StudyResult",
     "Yesterday",
     "format_table",
-    "make_rivals",
+    "make_models",
     "propose_settings",
     "read_log",
     "read_settings",
     "run_study",
     "settings_from",
     "split_log",
+    "study_picture",
+    "verdict",
     "write_outputs",
+    "write_report",
 ]

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._clock import even_step
-from .._contract import HISTORY_ROLES
+from .._table import HISTORY_ROLES
+from .._time import even_step
 from ..datasets import read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
 from .settings import Settings

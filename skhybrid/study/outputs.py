@@ -12,8 +12,8 @@ import pandas as pd
 
 from .. import __version__
 from ..persistence import atomic_path, save_model
-from ..report import study_picture, verdict, write_report
-from .rivals import HYBRID
+from .models import HYBRID
+from .report import study_picture, verdict, write_report
 from .run import StudyResult
 
 

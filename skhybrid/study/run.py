@@ -14,7 +14,7 @@ import pandas as pd
 
 from ..model_selection import backtest
 from .data import StudyData, standstill
-from .rivals import HYBRID, Rival, identifies, make_rivals
+from .models import HYBRID, Rival, identifies, make_models
 from .settings import Settings
 
 #: quantiles of the intervals that are shown: 80 % lie between them.
@@ -103,7 +103,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        rivals = make_rivals(settings, memory=folder)
+        rivals = make_models(settings, memory=folder)
         say = _counted(progress, len(rivals) + 1)
         frames, rows, fitted, loads = {}, {}, {}, {}
         stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))

@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._contract import ROLES, role_of
+from .._table import ROLES, role_of
 
 #: name in the TOML -> class that identifies.
 ESTIMATORS = {

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .._kernels import Discrete, discretize
+from ..filtering import Discrete, discretize
 from .declaration import Shares, as_names, by_role, check, fractions_of, target_of
 from .drawing import draw
 from .equations import equations

@@ -1,0 +1,135 @@
+"""What is wanted of a zone and what its plant can do, row by row: set-points, bands of two set-points, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable
+
+
+class Band(NamedTuple):
+    """Within what the temperature is kept at the end of every row's step; one temperature where both are equal."""
+
+    heating: np.ndarray  # (N,) lowest [degC]; -inf where it is not held
+    cooling: np.ndarray  # (N,) highest [degC]; inf where it is not held
+
+
+class Limits(NamedTuple):
+    """What a plant can do over every row's step."""
+
+    lower: np.ndarray  # (N,) [kW], cooling negative; -inf where nothing is known
+    upper: np.ndarray  # (N,) [kW]
+
+
+def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
+    """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.
+
+    By the data contract a temperature is the value at a row's stamp, and what is set acts over the row's step.  So one
+    set-point is a temperature that is wanted at the stamp, met by the row before it; a band is a thermostat's setting,
+    kept to by the end of the row itself.
+
+    Parameters
+    ----------
+    setpoint : float, array-like of shape (n_samples,) or (n_samples, 2), DataFrame of two columns, or pair
+        One value or column: the temperature that is held [degC].  Two: the heating and the cooling set-point, in this
+        order; of a DataFrame by name where one name holds "heat" and the other "cool".  Of a pair ``(heat, cool)``
+        each is a number, one value a row, or None where that side is not held.
+    table : ZoneTable
+
+    Returns
+    -------
+    Band
+
+    Raises
+    ------
+    ValueError
+        If a side has another length or other stamps than the table or a NaN, or if heating is above cooling.
+    """
+    if isinstance(setpoint, Band):
+        return setpoint
+    sides: Sequence[Any]
+    if isinstance(setpoint, pd.DataFrame):
+        sides = _columns(setpoint)
+    elif isinstance(setpoint, tuple) and len(setpoint) == 2:
+        sides = setpoint
+    elif np.ndim(setpoint) == 2:
+        sides = list(np.asarray(setpoint, dtype=np.float64).T)
+    else:
+        sides = [setpoint]
+    if len(sides) not in (1, 2):
+        raise ValueError(f"setpoint has {len(sides)} columns; give one, or the heating and the cooling set-point.")
+    if len(sides) == 1:
+        held = _by_row(sides[0], table, "setpoint", np.nan)
+        _refuse(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
+        held = np.append(held[1:], held[-1])
+        return Band(held, held)
+    band = Band(
+        _by_row(sides[0], table, "the heating set-point", -np.inf),
+        _by_row(sides[1], table, "the cooling set-point", np.inf),
+    )
+    for side, name, free in zip(band, ("heating", "cooling"), (-np.inf, np.inf), strict=True):
+        _refuse(~np.isfinite(side) & (side != free), table, f"the {name} set-point contains NaN or inf", "fill it")
+    _refuse(band.heating > band.cooling, table, "the heating set-point is above the cooling one", "swap or mend them")
+    return band
+
+
+def read_limits(limits: Any, table: ZoneTable) -> Limits:
+    """The least and the most heat of a plant by the rows of a table.
+
+    Parameters
+    ----------
+    limits : tuple of (lowest, highest), or None
+        [kW], cooling negative; each a number, one value a row, or None where nothing is known.
+    table : ZoneTable
+
+    Returns
+    -------
+    Limits
+
+    Raises
+    ------
+    ValueError
+        If it is no pair, a side has another length or other stamps than the table or a NaN, or the lowest is above the
+        highest.
+    """
+    given = (None, None) if limits is None else limits
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value a row.")
+    out = Limits(
+        _by_row(given[0], table, "the lower limit", -np.inf), _by_row(given[1], table, "the upper limit", np.inf)
+    )
+    _refuse(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
+    _refuse(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
+    return out
+
+
+def _columns(frame: pd.DataFrame) -> list[pd.Series]:
+    """The columns of a frame, that of heating first where their names tell."""
+    columns = [frame.iloc[:, j] for j in range(frame.shape[1])]
+    heat, cool = ([j for j, name in enumerate(frame) if word in str(name).lower()] for word in ("heat", "cool"))
+    if len(columns) == 2 and len(heat) == len(cool) == 1 and heat != cool:
+        return [columns[heat[0]], columns[cool[0]]]
+    return columns
+
+
+def _by_row(given: Any, table: ZoneTable, name: str, absent: float) -> np.ndarray:
+    """(N,) float64 of a number, one value a row, or None."""
+    if isinstance(given, pd.Series) and isinstance(table.index, pd.DatetimeIndex):
+        if not given.index.equals(table.index):
+            raise ValueError(f"{name} bears other time stamps than X; align it with .reindex(X.index).")
+        given = given.to_numpy(dtype=np.float64)
+    values = np.asarray(absent if given is None else given, dtype=np.float64)
+    if values.ndim == 0:
+        return np.full(table.n_rows, float(values))
+    if values.shape != (table.n_rows,):
+        raise ValueError(f"{name} has shape {values.shape}, but X has {table.n_rows} rows; give one value a row.")
+    return values
+
+
+def _refuse(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
+    if wrong.any():
+        raise ValueError(f"{what} (first at {table.index[int(np.argmax(wrong))]}); {remedy}.")

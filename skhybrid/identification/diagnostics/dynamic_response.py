@@ -1,0 +1,166 @@
+"""What a discrete model does with each input: frequency response and step response, exact at its own step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..._time import rows_covering, spell
+from ...filtering import simulate_path
+from ...thermal import RCNetwork, get_network
+from ..base import StateSpace, state_space_of
+
+#: inputs of the paper's network
+_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
+
+
+def make_state_space(
+    network: str | RCNetwork,
+    theta: Mapping[str, float],
+    *,
+    roles: Iterable[str] = _ROLES,
+    sampling_time: Any = "15min",
+) -> StateSpace:
+    """Discrete model of a network with given parameters, such as the true ones of a simulation.
+
+    Parameters
+    ----------
+    network : str or RCNetwork
+        A name of the catalogue, or a network of your own.
+    theta : mapping of parameter to value
+        Every parameter that the network has under these inputs, in the units of its parameter table.
+    roles : iterable of str
+        Inputs that act; the unmeasured ``heat_gain`` [kW] is added behind them.
+    sampling_time : timedelta-like, default="15min"
+        Step of the exact zero-order hold.
+
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value.
+
+    Examples
+    --------
+    >>> from skhybrid.identification import make_state_space
+    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
+    >>> shed.input_names
+    ('T_oa', 'q_sol', 'heat_gain')
+    """
+    network, roles, step = get_network(network), tuple(roles), pd.Timedelta(sampling_time)
+    absent = [p.name for p in network.parameters(roles) if p.name not in theta]
+    if absent:
+        raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
+    values = {p.name: float(theta[p.name]) for p in network.parameters(roles)}
+    return state_space_of(network, values, roles, step)
+
+
+def as_state_space(model: Any) -> StateSpace:
+    """A state-space model: given as such, or that of a fitted identification."""
+    if isinstance(model, StateSpace):
+        return model
+    if hasattr(model, "to_state_space"):
+        return model.to_state_space()
+    raise ValueError(f"{type(model).__name__} is neither a StateSpace nor a fitted identification of a network.")
+
+
+def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> pd.DataFrame:
+    """Response of the measured temperature to a sinusoidal input of each period.
+
+    Parameters
+    ----------
+    model : StateSpace or fitted identification
+    periods : sequence of timedelta-like, optional
+        Periods of the sinusoid, none shorter than two steps of the model.  By default 200 between 10 minutes (or two
+        steps) and 30 days, evenly spaced in their logarithm.
+    output : int, default=0
+        Which measured temperature, for a model with several.
+
+    Returns
+    -------
+    DataFrame of complex of shape (n_periods, n_inputs)
+        Index ``period`` (Timedelta), columns the inputs.  The magnitude is in K per unit of the input (K/K, K per
+        kW/m2, K per stage, K/kW), the angle is the phase [rad], negative where the temperature lags.
+
+    Raises
+    ------
+    ValueError
+        If a period is shorter than two steps (the model knows nothing faster), or the model is neither a StateSpace nor
+        a fitted identification.
+
+    Notes
+    -----
+    ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
+
+    Examples
+    --------
+    >>> from skhybrid.identification import frequency_response, make_state_space
+    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
+    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
+    5.0
+    """
+    model = as_state_space(model)
+    chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
+    z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
+    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128))
+    response = model.C[output] @ states + model.D[output]
+    return pd.DataFrame(response, index=chosen, columns=list(model.input_names))
+
+
+def default_periods(model: StateSpace) -> pd.TimedeltaIndex:
+    """200 periods between 10 minutes (or two steps) and 30 days."""
+    shortest = max(pd.Timedelta("10min"), 2 * model.sampling_time) / pd.Timedelta("1s")
+    seconds = np.geomspace(shortest, 30 * 86400.0, 200)
+    return pd.TimedeltaIndex(pd.to_timedelta(np.ceil(seconds), unit="s"), name="period").as_unit("ns")
+
+
+def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
+    chosen = pd.TimedeltaIndex([pd.Timedelta(p) for p in periods], name="period").as_unit("ns")
+    if len(chosen) and chosen.min() < 2 * step:
+        raise ValueError(
+            f"the period {chosen.min()} is shorter than two steps of the model ({spell(2 * step)}), which says nothing "
+            "about it; ask for longer ones."
+        )
+    return chosen
+
+
+def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.DataFrame:
+    """Response of the measured temperature to a unit step of each input, from rest.
+
+    Parameters
+    ----------
+    model : StateSpace or fitted identification
+    duration : timedelta-like, default="12h"
+        How long; rounded up to whole steps of the model.
+    output : int, default=0
+        Which measured temperature, for a model with several.
+
+    Returns
+    -------
+    DataFrame of shape (n_steps + 1, n_inputs)
+        Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
+
+    Raises
+    ------
+    ValueError
+        If the duration is not positive, or the model is neither a StateSpace nor a fitted identification.
+
+    Examples
+    --------
+    >>> from skhybrid.identification import make_state_space, step_response
+    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
+    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
+    0.632
+    """
+    model = as_state_space(model)
+    n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))
+    start = np.zeros(len(model.A))
+    paths = [simulate_path(model.A, np.tile(model.B[:, j], (n_steps, 1)), start) @ model.C[output] for j in inputs]
+    time = pd.TimedeltaIndex(np.arange(n_steps + 1) * model.sampling_time, name="time").as_unit("ns")
+    return pd.DataFrame(np.array(paths).T + model.D[output], index=time, columns=list(model.input_names))

@@ -1,0 +1,237 @@
+"""Disturbance models of the least-squares identifications: the states that they append and the gain (design 4).
+
+Each turns discretised networks, one a start, into innovations-form predictors with exact derivatives by all parameters:
+those of the network first, then the disturbance's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..filtering import Discrete, Model
+from ..thermal import Parameter, RCNetwork
+from .experiment import Experiment
+
+#: standard deviation of a node's temperature that was not measured at the first row [K]
+HIDDEN_SD = 2.0
+#: standard deviation of the measured node at the first row [K]
+MEASURED_SD = 0.5
+#: standard deviation of the disturbance at the first row [kW]
+ZETA_SD = 1.0
+
+
+def measurement_variance(hours: float) -> float:
+    """Paper 2.2.2: ``0.25^2 / T_s`` with ``T_s`` in seconds [K2]."""
+    return 0.25**2 / (hours * 3600.0)
+
+
+def measured_rows(network: RCNetwork) -> np.ndarray:
+    """(o,) places of the measured nodes among the states."""
+    return np.array([network.nodes.index(node) for node in network.measured_nodes])
+
+
+def first_covariance(network: RCNetwork, zeta_sd: float | None = None) -> np.ndarray:
+    """Covariance of the first row's state, with the disturbances behind the nodes where ``zeta_sd`` is given."""
+    sd = np.full(len(network.nodes), HIDDEN_SD)
+    sd[measured_rows(network)] = MEASURED_SD
+    behind = np.full(0 if zeta_sd is None else len(network.disturbed_nodes), zeta_sd, dtype=np.float64)
+    return np.diag(np.append(sd, behind) ** 2)
+
+
+def first_state(network: RCNetwork, experiment: Experiment, appended: int = 0) -> np.ndarray:
+    """Mean of the first row's state: measured nodes as measured, hidden ones at their mean, what is appended at 0."""
+    state = np.full(len(network.nodes), float(np.mean(experiment.firsts)))
+    state[measured_rows(network)] = experiment.firsts
+    return np.append(state, np.zeros(appended))
+
+
+def _outputs(network: RCNetwork, appended: int, on_output: bool) -> np.ndarray:
+    """(o, s) output rows: the measured nodes, and the appended states where they act on the output."""
+    rows, n = measured_rows(network), len(network.nodes)
+    C = np.zeros((len(rows), n + appended))
+    C[np.arange(len(rows)), rows] = 1.0
+    if on_output:
+        C[np.arange(len(rows)), n + np.arange(len(rows))] = 1.0
+    return C
+
+
+def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Model:
+    """Model with states appended behind the nodes, (S,) of their own transitions, gain and noise still zero.
+
+    ``decay``: (S, a) transition of the a appended states.  The last ``feed`` columns of B are heat gains [kW] that the
+    appended states feed; with 0 they act on the output only.  ``n_own``: parameters of the disturbance, behind the
+    network's.
+    """
+    (S, n, m), p, a = d.B.shape, d.dA.shape[1], decay.shape[1]
+    s, q = n + a, p + n_own
+    A, B = np.zeros((S, s, s)), np.zeros((S, s, m))
+    dA, dB = np.zeros((S, s, s, q)), np.zeros((S, s, m, q))
+    A[:, :n, :n], B[:, :n] = d.A, d.B
+    A[:, n + np.arange(a), n + np.arange(a)] = decay
+    dA[:, :n, :n, :p] = d.dA.transpose(0, 2, 3, 1)
+    dB[:, :n, :, :p] = d.dB.transpose(0, 2, 3, 1)
+    if feed:
+        A[:, :n, n:] = d.B[:, :, m - feed :]
+        dA[:, :n, n:] = dB[:, :n, m - feed :]
+    nothing = np.zeros((0, 0))
+    return Model(
+        A=A,
+        B=B,
+        C=nothing,
+        K=nothing,
+        Q=np.zeros((S, s, s)),
+        R=nothing,
+        P0=np.zeros((s, s)),
+        s0=nothing,
+        dA=dA,
+        dB=dB,
+        dK=nothing,
+        dQ=np.zeros((S, s, s, q)),
+        ds0=np.zeros((S, s, q)),
+    )
+
+
+def _complete(model: Model, C: np.ndarray, s0: np.ndarray, R: float, **rest: np.ndarray) -> Model:
+    """The model with its output rows, first state (s,) or (S, s), and zero gains where ``rest`` gives none."""
+    (S, s), q, o = model.A.shape[:2], model.dA.shape[3], len(C)
+    given = {"K": np.zeros((S, s, o)), "dK": np.zeros((S, s, o, q)), **rest}
+    return model._replace(C=C, R=np.full(o, R), s0=np.ascontiguousarray(np.broadcast_to(s0, (S, s))), **given)
+
+
+@dataclass(frozen=True)
+class Conventional:
+    """CONV (paper 2.2.1): no disturbance; a Kalman filter over the first rows sets the state, then pure simulation."""
+
+    warmup_rows: int
+    process_sd: float = 0.05  # of each node over a step while the filter runs [K]
+    own: tuple[Parameter, ...] = ()
+    weighted: ClassVar[bool] = False  # a simulation is no less certain behind a missing row
+
+    def filtered(self, n_rows: int) -> int:
+        """Rows that the filter serves; errors count from there on."""
+        return min(self.warmup_rows, n_rows // 2)
+
+    first_counted = filtered
+
+    def noise(self, network: RCNetwork) -> np.ndarray:
+        """(1, s, s) process noise while the filter runs; gain states behind the nodes have none."""
+        none = np.zeros(len(network.disturbed_nodes))
+        return np.diag(np.append(np.full(len(network.nodes), self.process_sd**2), none))[None]
+
+    def build(
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+    ) -> Model:
+        S, n = d.A.shape[:2]
+        model = append_states(d, np.zeros((S, 0)), 0, 0)
+        Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
+        s0, P0 = first_state(network, piece), first_covariance(network)
+        R = measurement_variance(piece.hours)
+        return _complete(model, _outputs(network, 0, False), s0, R, Q=Q, P0=P0)
+
+
+@dataclass(frozen=True)
+class InputRandomWalk:
+    """ID (paper 2.2.2): the disturbance is a heat gain that follows a random walk; the gain is Kalman's.
+
+    Where several nodes are disturbed each has a walk of its own, with the same standard deviation.
+    """
+
+    measurement_sd: float | None = None
+    own: tuple[Parameter, ...] = (
+        Parameter("sigma_x", "K", 1e-9, 1.0, "noise of each node over a step"),
+        Parameter("sigma_zeta", "kW", 1e-9, 1.0, "noise of the disturbance over a step"),
+    )
+    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
+
+    def filtered(self, n_rows: int) -> int:
+        """Rows that the filter serves: all."""
+        return n_rows
+
+    def first_counted(self, n_rows: int) -> int:
+        """Errors count from this row on."""
+        return 0
+
+    def build(
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+    ) -> Model:
+        (S, n), a = d.A.shape[:2], len(network.disturbed_nodes)
+        model = append_states(d, np.ones((S, a)), feed=a, n_own=2)
+        nodes, walks = np.arange(n), n + np.arange(a)
+        model.Q[:, nodes, nodes] = own["sigma_x"][:, None] ** 2
+        model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
+        model.dQ[:, nodes, nodes, -2] = 2.0 * own["sigma_x"][:, None]
+        model.dQ[:, walks, walks, -1] = 2.0 * own["sigma_zeta"][:, None]
+        R = self.measurement_sd**2 if self.measurement_sd else measurement_variance(piece.hours)
+        s0, P0 = first_state(network, piece, a), first_covariance(network, ZETA_SD)
+        return _complete(model, _outputs(network, a, False), s0, R, P0=P0)
+
+
+@dataclass(frozen=True)
+class OutputARMA:
+    """OD (paper 2.2.3): ARMA(1,1) on the output; the network itself is never corrected.
+
+    The search is over ``rho_1`` and ``rho_gap = rho_1 - rho_2``, the two roots whose size decides stability (ruling 1);
+    with ``paper_box`` over ``rho_1`` and ``rho_2`` as the paper prints.  Temperatures of hidden nodes at the first row
+    of every stretch of rows are parameters too.
+    """
+
+    hidden: tuple[str, ...]  # nodes that are not measured
+    firsts: tuple[float, ...]  # a temperature around which those of each stretch are searched
+    paper_box: bool = False
+    hours: float = 0.25  # the step; the paper's bound of rho_1 at 15 minutes is a longest memory, the same at any step
+    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
+
+    @cached_property
+    def own(self) -> tuple[Parameter, ...]:
+        second = "rho_2" if self.paper_box else "rho_gap"
+        longest = 0.999 if self.paper_box else 0.999 ** (self.hours / 0.25)
+        ends = (("rho_1", longest), (second, 0.999))
+        rho = tuple(Parameter(name, "-", -end, end, "", "identity") for name, end in ends)
+        start = tuple(
+            Parameter(first_name(node, number), "degC", first - 20.0, first + 20.0, "", "identity")
+            for number, first in enumerate(self.firsts)
+            for node in self.hidden
+        )
+        return rho + start
+
+    def filtered(self, n_rows: int) -> int:
+        """Rows that a Kalman filter serves: none."""
+        return 0
+
+    def first_counted(self, n_rows: int) -> int:
+        """Errors count from this row on."""
+        return 0
+
+    def build(
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+    ) -> Model:
+        (S, n), o, base = d.A.shape[:2], len(network.measured_nodes), d.dA.shape[1]
+        model = append_states(d, np.repeat(own["rho_1"][:, None], o, axis=1), 0, len(self.own))
+        each, outputs = n + np.arange(o), np.arange(o)
+        model.dA[:, each, each, base] = 1.0
+        rho_2 = own["rho_2"] if self.paper_box else own["rho_1"] - own["rho_gap"]
+        K, dK = np.zeros((S, n + o, o)), np.zeros((S, n + o, o, model.dA.shape[3]))
+        K[:, each, outputs] = rho_2[:, None]
+        dK[:, each, outputs, base : base + 2] = (0.0, 1.0) if self.paper_box else (1.0, -1.0)
+        s0 = np.tile(first_state(network, piece, o), (S, 1))
+        for q, node in enumerate(self.hidden):
+            i = network.nodes.index(node)
+            s0[:, i] = own[first_name(node, number)]
+            model.ds0[:, i, base + 2 + number * len(self.hidden) + q] = 1.0
+        return _complete(model, _outputs(network, o, True), s0, 0.0, K=K, dK=dK)
+
+
+def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int) -> None:
+    """Put what a fit found of the first row of a stretch into its (n,) state, in place."""
+    for i, node in enumerate(network.nodes):
+        state[i] = found.get(first_name(node, number), state[i])
+
+
+def first_name(node: str, number: int) -> str:
+    """Name of a hidden node's temperature at the first row of a stretch: ``T0_w``, of further ones ``T0_w_2`` ...."""
+    return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"

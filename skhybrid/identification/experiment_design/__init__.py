@@ -1,0 +1,1 @@
+"""Experiment design: the information that a planned experiment would give."""

@@ -1,0 +1,385 @@
+"""Experiment design: how many hours of which set-points bring the parameters' errors under a target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..._threads import one_blas_thread
+from ..._time import rows_of
+from ...thermal import RCNetwork, get_network
+from .information import (
+    CLASSES,
+    Calendar,
+    FilterInformation,
+    GainStatistics,
+    Zone,
+    draw_gain,
+    mean_over,
+    relative_errors,
+    run_thermostat,
+    stack_inputs,
+)
+
+#: half the distance between heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
+HALF_BAND = 0.5
+_NONE = "none"
+_STAGES = {"u_heat": "Q_h", "u_cool": "Q_c"}
+
+
+@dataclass(frozen=True)
+class ExperimentPlan:
+    """What each candidate experiment would tell.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row a candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
+        parameter [%], then ``worst`` (the parameter) and ``worst_error`` [%].
+    target : float
+        Relative standard error that every parameter is to reach [-].
+    recommended : tuple of (str, float) or None
+        Perturbation and hours: the shortest that reaches the target; None where no candidate does.
+    best : tuple of (str, float)
+        What is recommended, or else the candidate whose worst error is the smallest.
+    obstacles : tuple of str
+        Parameters that stay above the target under the best candidate, worst first; empty where one suffices.
+    """
+
+    table: pd.DataFrame
+    target: float
+    recommended: tuple[str, float] | None
+    best: tuple[str, float]
+    obstacles: tuple[str, ...]
+
+    def _verdict(self) -> str:
+        goal = f"a relative standard error of {100 * self.target:g} % in every parameter"
+        if self.recommended is not None:
+            name, hours = self.recommended
+            if hours == 0:
+                return f"No perturbation is needed for {goal}."
+            return f"Recommended: {hours:g} h of {name!r}, the shortest candidate that reaches {goal}."
+        name, hours = self.best
+        errors = self.table.loc[[self.best]].iloc[0]
+        named = ", ".join(f"{p} ({_percent(errors[p])})" for p in self.obstacles)
+        return f"No candidate reaches {goal}; the best, {hours:g} h of {name!r}, leaves {named}."
+
+    def __str__(self) -> str:
+        shown = self.table.reset_index().to_string(index=False, float_format=lambda v: f"{v:.3g}")
+        return f"Experiment plan: relative standard errors [%]\n{shown}\n{self._verdict()}"
+
+    def _repr_html_(self) -> str:
+        shown = self.table.to_html(float_format=lambda v: f"{v:.3g}")
+        return f"<p><b>Experiment plan: relative standard errors [%]</b></p>{shown}<p>{escape(self._verdict())}</p>"
+
+
+class _Log(NamedTuple):
+    """The clock and the weather of the planned log, at the simulation's step."""
+
+    time: pd.DatetimeIndex  # local
+    hours: float  # the simulation's step [h]
+    per_row: int  # simulation steps in a row of the log
+    calendar: Calendar
+    inputs: np.ndarray  # (N, m)
+
+
+class _Case(NamedTuple):
+    """One candidate."""
+
+    name: str
+    hours: float
+    setpoints: np.ndarray  # (N, 2) heating and cooling set-point [degC]
+
+
+@one_blas_thread
+def plan_experiment(
+    network: Any,
+    theta: Mapping[str, float] | None = None,
+    *,
+    weather: pd.DataFrame,
+    perturbations: Mapping[str, Any],
+    known: Iterable[str] | None = None,
+    hours: Sequence[float] = (0, 12, 24, 48),
+    target: float = 0.1,
+    when: Any = "weekend",
+    setpoints: Any = (20.0, 25.0),
+    gain: GainStatistics | None = None,
+    sampling_time: Any = None,
+    hysteresis: float | None = 0.3,
+    n_draws: int = 4,
+    random_state: Any = None,
+) -> ExperimentPlan:
+    """Tell how many hours of which set-point perturbation bring every parameter's error under a target.
+
+    The zone is simulated under a thermostat over the whole of ``weather``, once without a perturbation and once for
+    every candidate; the information of each log about the parameters follows from exact sensitivities of a Kalman
+    filter that estimates the unmeasured gain, its statistics and its weekly profile along with them, as
+    :class:`PeriodicDisturbanceID` does.
+
+    Parameters
+    ----------
+    network : str, RCNetwork or fitted identification
+        The zone; a fitted identification brings its parameters, what it held as known, and, where it has them, the
+        statistics of the gain.
+    theta : mapping of parameter to value, optional
+        Prior guess of the network's parameters; a plant heats where ``Q_h`` is given and cools where ``Q_c`` is.
+    weather : DataFrame
+        ``T_oa`` [degC], ``q_sol`` [kW/m2] and what else the network needs, at the step of the simulation; its rows are
+        the log that will be identified, the unperturbed days included.
+    perturbations : mapping of name to array-like
+        Wanted room temperature [degC] of every step, shape (n,), which heating and cooling hold within 0.5 K; or
+        heating and cooling set-point, shape (n, 2).  Repeated where it is shorter than the hours asked for.  See
+        :func:`skhybrid.datasets.make_prbs`.
+    known : iterable of str, optional
+        Parameters that the identification will be given, such as ``["Q_h"]``; without one of them the scale of the
+        network could not be found.
+    hours : sequence of float
+        Hours of perturbation to compare; 0 is the log without one, and is always looked at.
+    target : float
+        Relative standard error that every parameter is to reach [-].
+    when : {"weekend", "any"} or array-like of bool
+        Rows of ``weather`` that may be perturbed, the first of them first.
+    setpoints : pair of float or DataFrame
+        Heating and cooling set-point where nothing is perturbed [degC]; a DataFrame has columns ``T_heat_set`` and
+        ``T_cool_set`` in the rows of ``weather``.
+    gain : GainStatistics, optional
+        The unmeasured gain; that of the synthetic office by default.
+    sampling_time : timedelta-like, optional
+        Step of the log, a multiple of the step of ``weather``, which is the default.
+    hysteresis : float or None
+        How far beyond the set-point an on/off plant switches [K]; None: a plant that modulates.
+    n_draws : int
+        Draws of gain and noise over which the information is averaged; all candidates see the same.
+    random_state : int, Generator or None
+        Of the draws.
+
+    Returns
+    -------
+    ExperimentPlan
+
+    Raises
+    ------
+    ValueError
+        If ``theta``, ``weather``, a perturbation or ``when`` does not suit, or nothing known fixes the scale.
+
+    Notes
+    -----
+    The errors are a lower bound for the network as given: they hold for long logs, and say nothing of the bias of a
+    network that is too simple.  The perturbation of the paper (2.1) is a PRBS of order 4 and scale 2 h, 18-25 degC.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhybrid.datasets import make_prbs, make_weather
+    >>> from skhybrid.identification import plan_experiment
+    >>> theta = {"C_za": 1.0, "R_zo": 5.0, "A_win": 2.0, "Q_h": 6.0}
+    >>> weather = make_weather(7, "chicago", start="2023-01-02", step="30min", random_state=0)
+    >>> prbs = make_prbs(4, "2h", step="30min", low=18, high=25)
+    >>> plan = plan_experiment("1R1C", theta, weather=weather, perturbations={"prbs": prbs}, known=["Q_h"],
+    ...                        hours=[24], n_draws=1, random_state=0)
+    >>> list(plan.table.columns)
+    ['C_za', 'R_zo', 'A_win', 'worst', 'worst_error']
+    """
+    zone, known = _zone(network, theta, weather, known, gain)
+    log = _read_weather(zone, weather, sampling_time)
+    usual = _usual_setpoints(setpoints, log)
+    cases = [_Case(_NONE, 0.0, usual)]
+    allowed = _allowed(when, log)
+    for name, wanted in perturbations.items():
+        levels = _levels(name, wanted)
+        cases += [_Case(name, float(h), _perturbed(usual, levels, allowed, float(h), log)) for h in hours if h > 0]
+    if not (np.isfinite(target) and target > 0):
+        raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
+    free = tuple(name for name in zone.order if name not in known)
+    rng = np.random.default_rng(random_state)
+    errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, rng)
+    return _make_plan(cases, free, errors, float(target))
+
+
+# -------------------------------------------------------------------------------------------------- reading the request
+def _zone(
+    network: Any, theta: Mapping[str, float] | None, weather: pd.DataFrame, known: Any, gain: GainStatistics | None
+) -> tuple[Zone, set[str]]:
+    """The prior model, and what will be known of it."""
+    if hasattr(network, "theta_"):
+        theta = dict(network.theta_) if theta is None else theta
+        known = dict(network.known or {}) if known is None else known
+        gain = _fitted_gain(network) if gain is None else gain
+        network = network.network_
+    net: RCNetwork = get_network(network)
+    if len(net.measured_nodes) > 1 or len(net.disturbed_nodes) > 1:
+        raise ValueError(f"network {net.name} has several measured or disturbed nodes; plan for one zone at a time.")
+    if theta is None:
+        raise ValueError("theta is missing: give a prior guess of every parameter, or a fitted identification.")
+    known = {known} if isinstance(known, str) else set(known or ())
+    solar = [c for c in weather.columns if str(c).startswith("q_sol")]
+    stages = [role for role, capacity in _STAGES.items() if capacity in theta]
+    if not stages:
+        raise ValueError("theta has neither Q_h nor Q_c [kW]: without heating or cooling no set-point can be held.")
+    roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *stages)
+    names = [p.name for p in net.parameters(roles)]
+    if missing := [n for n in names if n not in theta]:
+        raise ValueError(f"theta lacks {', '.join(missing)}, which network {net.name} has.")
+    if strange := sorted(known - set(names)):
+        raise ValueError(f"known= names {strange[0]!r}, but the parameters are {', '.join(names)}.")
+    if not any(name[0] in "CRAQ" for name in known):
+        raise ValueError(
+            "known= fixes no capacitance, resistance, area or capacity, so the scale of the network cannot be found "
+            "from any log; name one that the identification will be given, such as known=['Q_h']."
+        )
+    values = {n: float(theta[n]) for n in names}
+    return Zone(net, values, roles, GainStatistics() if gain is None else gain), known
+
+
+def _fitted_gain(model: Any) -> GainStatistics | None:
+    """Statistics of the gain that a fitted periodic identification found; None where it has none."""
+    own, profile = dict(getattr(model, "disturbance_", {})), getattr(model, "profile_", None)
+    found: dict[str, list[float]] = {}
+    for name, value in own.items():
+        kind, _, hour = name.removeprefix("sigma_").partition("_")
+        if kind in ("weekday", "weekend") and hour.isdigit():
+            klass = Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]
+            found.setdefault(CLASSES[klass], []).append(float(value))
+    if profile is None or len(found) < len(CLASSES):
+        return None
+    return GainStatistics(
+        tau=float(own["tau"]),
+        **{name: float(np.sqrt(np.mean(np.square(values)))) for name, values in found.items()},
+        profile=profile.to_numpy(),
+        profile_step=float(own["sigma_profile_weekday"]),
+        weekend_step=float(own["sigma_profile_weekend"]),
+        noise_std=float(own["sigma_y"]),
+    )
+
+
+def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log:
+    index = weather.index
+    if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
+        raise ValueError("weather needs a DatetimeIndex of two rows or more: the hour decides about the gain.")
+    steps = np.diff(index.to_numpy())
+    if (steps != steps[0]).any() or steps[0] <= np.timedelta64(0):
+        raise ValueError(f"weather is not evenly spaced (first at {index[1 + int(np.argmax(steps != steps[0]))]}).")
+    outside = [r for r in zone.roles if r not in _STAGES]
+    for role in outside:
+        if role not in weather:
+            raise ValueError(f"weather has no column {role!r}; it has {', '.join(map(str, weather.columns))}.")
+        bad = ~np.isfinite(weather[role].to_numpy(dtype=np.float64))
+        if bad.any():
+            raise ValueError(f"weather column {role!r} has NaN or inf (first at {index[bad][0]}); fill it first.")
+    step = pd.Timedelta(steps[0])
+    per_row = 1 if sampling_time is None else rows_of(sampling_time, step, "sampling_time")
+    n_rows = len(index) // per_row * per_row
+    time = index[:n_rows] if index.tz is None else index[:n_rows].tz_localize(None)
+    hour, weekend = time.hour.to_numpy(dtype=np.int64), np.asarray(time.day_of_week >= 5)
+    calendar = Calendar.of(hour, weekend)
+    columns = {role: weather[role].to_numpy(dtype=np.float64)[:n_rows] for role in outside}
+    return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
+
+
+def _usual_setpoints(setpoints: Any, log: _Log) -> np.ndarray:
+    if isinstance(setpoints, pd.DataFrame):
+        wanted = setpoints[["T_heat_set", "T_cool_set"]].to_numpy(dtype=np.float64)[: len(log.time)]
+    else:
+        wanted = np.tile(np.asarray(setpoints, dtype=np.float64).reshape(1, -1), (len(log.time), 1))
+    if wanted.shape != (len(log.time), 2) or not np.isfinite(wanted).all() or (wanted[:, 0] > wanted[:, 1]).any():
+        raise ValueError(
+            "setpoints must be a pair of heating and cooling set-point [degC], the first not above the second, or a "
+            "DataFrame of T_heat_set and T_cool_set in the rows of weather."
+        )
+    return wanted
+
+
+def _allowed(when: Any, log: _Log) -> np.ndarray:
+    """Numbers of the rows that may be perturbed."""
+    if isinstance(when, str):
+        if when not in ("weekend", "any"):
+            raise ValueError(f"when={when!r} is unknown; choose 'weekend', 'any', or a bool for every row of weather.")
+        return np.flatnonzero(np.asarray(log.time.day_of_week >= 5) | (when == "any"))
+    mask = np.asarray(when)
+    if mask.dtype != bool or mask.ndim != 1 or len(mask) < len(log.time):
+        raise ValueError(f"when has shape {mask.shape} and type {mask.dtype}; give a bool for every row of weather.")
+    return np.flatnonzero(mask[: len(log.time)])
+
+
+def _levels(name: str, wanted: Any) -> np.ndarray:
+    """Heating and cooling set-points of a perturbation, (n, 2)."""
+    levels = np.asarray(wanted, dtype=np.float64)
+    if levels.ndim == 1 and len(levels):
+        levels = levels[:, None] + np.array([-HALF_BAND, HALF_BAND])
+    if levels.ndim != 2 or levels.shape[1] != 2 or not len(levels) or not np.isfinite(levels).all():
+        raise ValueError(
+            f"perturbation {name!r} has shape {np.shape(wanted)}; give finite temperatures [degC], (n,), or heating "
+            "and cooling set-points, (n, 2)."
+        )
+    return levels
+
+
+def _perturbed(usual: np.ndarray, levels: np.ndarray, allowed: np.ndarray, hours: float, log: _Log) -> np.ndarray:
+    n_rows = round(hours / log.hours)
+    if n_rows > len(allowed):
+        raise ValueError(
+            f"hours has {hours:g} h of perturbation, but when= and weather leave {len(allowed) * log.hours:g} h for "
+            "it; give a longer weather or other rows."
+        )
+    rows, out = allowed[:n_rows], usual.copy()
+    out[rows] = levels[np.arange(n_rows) % len(levels)]
+    return out
+
+
+# ----------------------------------------------------------------------------------------------------------- the answer
+def _expected_errors(
+    zone: Zone,
+    log: _Log,
+    cases: Sequence[_Case],
+    free: tuple[str, ...],
+    hysteresis: float | None,
+    n_draws: int,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(cases, free) relative standard errors, from the information averaged over draws of gain and noise."""
+    setpoints = np.stack([c.setpoints for c in cases], axis=2)
+    calendar = log.calendar.every(log.per_row)
+    information = FilterInformation(zone, calendar, log.hours * log.per_row, free)
+    mean_gain = zone.gain.profile.T.ravel()[calendar.cell]
+    total = np.zeros(())
+    for _ in range(n_draws):
+        gain = draw_gain(zone, log.calendar, log.hours, rng)
+        gains = np.repeat(gain[:, None], len(cases), axis=1)
+        run = run_thermostat(zone, log.inputs, gains, setpoints, log.hours, hysteresis)
+        inputs = np.repeat(np.column_stack([log.inputs, gain])[:, None], len(cases), axis=1)
+        for j, role in enumerate(_STAGES):
+            if role in zone.roles:
+                inputs[:, :, zone.column(role)] = run.stages[:, j]
+        rows = mean_over(inputs, log.per_row)
+        rows[:, :, -1] = mean_gain[:, None]  # what the identification expects of it
+        noise = zone.gain.noise_std * rng.standard_normal((len(rows), 1))
+        total = total + information.of_logs(run.room[:: log.per_row] + noise, rows) / n_draws
+    return np.array([relative_errors(one, len(free)) for one in total])
+
+
+def _make_plan(cases: Sequence[_Case], free: tuple[str, ...], errors: np.ndarray, target: float) -> ExperimentPlan:
+    index = pd.MultiIndex.from_tuples([(c.name, c.hours) for c in cases], names=["perturbation", "hours"])
+    table = pd.DataFrame(100.0 * errors, index=index, columns=list(free))
+    worst = errors.max(axis=1, initial=0.0)
+    table["worst"] = [free[i] for i in errors.argmax(axis=1)]
+    table["worst_error"] = 100.0 * worst
+    enough = [i for i in range(len(cases)) if worst[i] <= target]
+    if enough:
+        best = min(enough, key=lambda i: (cases[i].hours, worst[i]))
+        chosen = (cases[best].name, cases[best].hours)
+        return ExperimentPlan(table, target, chosen, chosen, ())
+    finite = np.where(
+        np.isfinite(errors), errors, 0.0
+    )  # of two that leave a parameter unmoved, the better for the rest
+    best = min(range(len(cases)), key=lambda i: (worst[i], finite[i].sum()))
+    above = [i for i in np.argsort(-errors[best], kind="stable") if errors[best, i] > target]
+    return ExperimentPlan(table, target, None, (cases[best].name, cases[best].hours), tuple(free[i] for i in above))
+
+
+def _percent(value: float) -> str:
+    return f"{value:.3g} %" if np.isfinite(value) else "not moved by any row"

@@ -1,0 +1,1 @@
+"""Fitting: residuals and their derivatives, Gauss-Newton, starts, priors."""

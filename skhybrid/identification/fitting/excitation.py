@@ -1,0 +1,73 @@
+"""What a table can excite at all, seen before any fit: the scale, inputs that never ran, few days."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from ..._table import ZoneTable
+from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
+from ...thermal import Parameter, RCNetwork
+
+#: a table shorter than this shows no storage of heat from one day to the next
+_FEW_DAYS = pd.Timedelta("2D")
+
+
+def scale_direction(parameters: Iterable[Parameter]) -> str:
+    """The scale direction in words: what rises together, and what falls."""
+    names = [p.name for p in parameters]
+    up = [n for n in names if n[0] in "CAQ"]
+    down = [n for n in names if n[0] == "R"]
+    return f"{', '.join(up)} together, {', '.join(down)} inversely"
+
+
+def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
+    """Warn where nothing fixes the scale of the network (design ruling 3)."""
+    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
+    fixed = [k for k in known if k[0] in "CRAQ"]
+    if measured_heat or fixed:
+        return
+    direction = scale_direction(network.parameters(table.inputs))
+    warn_user(
+        f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
+        "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
+        ScaleNotIdentifiableWarning,
+    )
+
+
+def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
+    """Gains whose input never ran; with warnings that name them and what else the rows hardly tell."""
+    _warn_little_excited(network, table, set(known), name)
+    roles = network.sources(table.inputs)
+    idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]
+    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
+    if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
+        out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
+    if out:
+        columns = ", ".join(sorted({s.role for s in idle}))
+        warn_user(
+            f"{name}: {columns} is 0 in every row, so {', '.join(out)} cannot be identified and stays at its default; "
+            "pass it in known= or add days on which it ran.",
+            ExcitationWarning,
+        )
+    return tuple(out)
+
+
+def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], name: str) -> None:
+    """Warn of inputs that never change, and of a table of less than two days, with what they leave open."""
+    found = []
+    still = {role for role, v in table.inputs.items() if np.ptp(v) == 0}
+    gains = {s.role: s.parameter for s in network.sources(table.inputs) if np.any(table.inputs[s.role])}
+    for role in sorted(still):
+        open_ = [r for r, ends in network.resistors.items() if role in ends] + [gains.get(role)]
+        found.append((f"{role} is the same in every row", [p for p in open_ if p]))
+    if table.n_rows * table.step < _FEW_DAYS:
+        found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
+    for what, names in found:
+        if open_names := [p for p in names if p not in known]:
+            warn_user(
+                f"{name}: {what}, so {', '.join(open_names)} can hardly be identified; pass it in known= or add days.",
+                ExcitationWarning,
+            )

@@ -1,0 +1,136 @@
+"""Identification on the errors of forecasts: CONV, ID and OD with ``objective="multi_step"`` (design 4, ruling 6).
+
+The sum of squares is that of forecasts from hourly origins at leads up to a horizon, each made as the fitted model
+makes its own.  It finds parameters for forecasts, not the building's: where the disturbance model is wrong, one-step
+errors are blind to what grows over a day.
+
+Such errors are no independent ones.  Forecasts that overlap share the noise of a lead's length, so that errors at a
+lead of h hours count as one every h hours, and the leads of one origin as one together: that many errors stand behind
+the Gauss-Newton matrix and against the priors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...filtering import ForecastSample, hourly_sample, multi_step_sensitivities
+from ..experiment import Experiment
+from .prediction_errors import PredictionErrorProblem
+
+
+@dataclass(frozen=True)
+class MultiStepProblem(PredictionErrorProblem):
+    """Least squares of forecast errors; ``n_leads`` and ``first`` are rows: the horizon, and the first origin."""
+
+    n_leads: int = field(kw_only=True)
+    first: int = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not any(seen.any() for seen in self._seen):
+            raise ValueError(
+                'objective="multi_step" finds no measurement of y behind another one within the horizon; give more '
+                'rows, or use objective="one_step".'
+            )
+
+    @property
+    def one_step(self) -> PredictionErrorProblem:
+        """The same problem with the errors one step ahead."""
+        return PredictionErrorProblem(
+            self.network, self.experiment, self.disturbance, self.searched, self.fixed, self.centre, self.spread
+        )
+
+    # ------------------------------------------------------------------------------------------------ the forecasts
+    @cached_property
+    def samples(self) -> tuple[ForecastSample, ...]:
+        """Origins and leads of every stretch of rows."""
+        return tuple(self._sample(piece) for piece in self.experiment.pieces)
+
+    def _sample(self, piece: Experiment) -> ForecastSample:
+        """Hourly origins, each moved on to the first measured row of its hour; an hour without one has none.
+
+        A thermometer that reports every few rows is then compared at rows on which it reports.
+        """
+        n_rows = len(piece.y)
+        first = self.first if self._kalman(n_rows) else 0  # OD searches its first state
+        sample = hourly_sample(n_rows, self.n_leads, piece.hours, first)
+        measured = np.flatnonzero(np.isfinite(piece.outputs).any(axis=1))
+        place = np.searchsorted(measured, sample.origins)
+        inside = place < len(measured)
+        origins = measured[place[inside]]
+        return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(piece.hours)])
+
+    def _kalman(self, n_rows: int) -> int:
+        """Rows that a filter serves: none of OD, else all, as the filter of CONV gives the state at every origin."""
+        return n_rows if self.disturbance.filtered(n_rows) else 0
+
+    @cached_property
+    def _seen(self) -> tuple[np.ndarray, ...]:
+        """(O, L, o) of every stretch: whether a forecast meets a measurement."""
+        out = []
+        for piece, sample in zip(self.experiment.pieces, self.samples, strict=True):
+            rows, inside = sample.targets(len(piece.y))
+            out.append(inside[..., None] & np.isfinite(piece.outputs[rows]))
+        return tuple(out)
+
+    @cached_property
+    def n_counted(self) -> int:
+        """Independent errors that the forecasts are worth."""
+        worth, apart = 0.0, _apart(self.experiment.hours)
+        for seen, sample in zip(self._seen, self.samples, strict=True):
+            worth += float(seen.sum(axis=(0, 2)) @ np.minimum(apart / sample.leads, 1.0)) / len(sample.leads)
+        return max(1, round(worth))
+
+    # ------------------------------------------------------------------------------------------------- the errors
+    @property
+    def weighted(self) -> bool:
+        """Forecasts count as they are."""
+        return False
+
+    def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Errors of all forecasts, (S, n), by origin, lead and output, and their derivatives (S, n, p)."""
+        S, parts = len(free), []
+        for m, piece, sample in zip(self.models(free, derive), self.experiment.pieces, self.samples, strict=True):
+            kalman = self._kalman(len(piece.y))
+            exact = not kalman and bool(np.isnan(piece.outputs).any())
+            run = multi_step_sensitivities(m, piece.inputs, piece.outputs, kalman, exact, *sample)
+            n = run.errors[0].size
+            parts.append((run.errors.reshape(S, n), run.derrors.reshape(S, n, run.derrors.shape[-1])))
+        errors, derrors = (np.concatenate(values, axis=1) for values in zip(*parts, strict=True))
+        return errors, derrors
+
+    @property
+    def n_entries(self) -> int:
+        """Errors of one point, with those that count for nothing."""
+        return sum(seen.size for seen in self._seen)
+
+    # -------------------------------------------------------------------------------------------- what is left open
+    def noise(self, free: np.ndarray) -> float:
+        """Sum of squares by the number of independent errors, which makes the Gauss-Newton matrix an information [K2].
+
+        That is the errors' variance times how many of them count as one.
+        """
+        return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)
+
+    @property
+    def days(self) -> np.ndarray:
+        """(n,) day of the origin of every error, numbered without gaps."""
+        per_day = max(round(24.0 / self.experiment.hours), 1)
+        day = [
+            np.repeat((sample.origins + begin) // per_day, seen[0].size)
+            for begin, seen, sample in zip(self.experiment.breaks, self._seen, self.samples, strict=True)
+            if len(seen)
+        ]
+        return np.unique(np.concatenate(day), return_inverse=True)[1]
+
+    @property
+    def overlap(self) -> int:
+        """Days over which the errors of one day and those of another go together."""
+        return int(np.ceil(self.n_leads * self.experiment.hours / 24.0)) + 1
+
+
+def _apart(hours: float) -> int:
+    """Rows between one origin and the next."""
+    return max(1, round(1.0 / hours))

@@ -1,0 +1,241 @@
+"""Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives.
+
+With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
+paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
+missing, ID and OD therefore divide each error by what the missing rows add to its standard deviation and multiply all
+by the geometric mean of these.  For OD n/2 times the logarithm of the sum of squares is then the negative Gaussian
+log-likelihood with the noise level at its optimum, up to a constant.  Of several outputs each error has its own
+variance, as if the others' of the same row were unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...filtering import Model, Sensitivity, discretize, one_step_sensitivities
+from ...thermal import Parameter, RCNetwork
+from ..experiment import Experiment
+from .gauss_newton import Minimum, minimise_together
+
+#: evaluations and tolerance of the search from every start, and those that carry the best ones to the end
+ROUGH, FINE = (40, 1e-5), (150, 1e-10)
+#: memory that the sensitivities of starts evaluated together may take [bytes]
+_MEMORY = 2**25
+
+
+@dataclass(frozen=True)
+class PredictionErrorProblem:
+    """Least-squares problem of CONV, ID or OD.
+
+    ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the
+    values of all others.  ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched
+    scale, an infinite one where there is none.
+    """
+
+    network: RCNetwork
+    experiment: Experiment
+    disturbance: Any
+    searched: tuple[Parameter, ...]
+    fixed: Mapping[str, float]
+    centre: np.ndarray | None = None
+    spread: np.ndarray | None = None
+
+    def values(self, free: np.ndarray) -> dict[str, float]:
+        """All parameters by name."""
+        return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
+
+    # --------------------------------------------------------------------------------------------- fixed parts
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the search, (p,) each."""
+        low, high = np.array([p.free_bounds for p in self.searched]).reshape(-1, 2).T
+        return low, high
+
+    @cached_property
+    def _stencil(self) -> Any:
+        return self.network.stencil(self.experiment.roles)
+
+    @cached_property
+    def _names(self) -> tuple[list[str], list[str]]:
+        """Names of the network's and of the disturbance's parameters, in the order of the derivatives."""
+        network = [p.name for p in self.network.parameters(self.experiment.roles)]
+        return network, [p.name for p in self.disturbance.own]
+
+    @cached_property
+    def _chosen(self) -> np.ndarray:
+        names = [*self._names[0], *self._names[1]]
+        return np.array([names.index(p.name) for p in self.searched], dtype=np.int64)
+
+    @cached_property
+    def n_counted(self) -> int:
+        """Measurements whose errors count."""
+        return int(sum(np.isfinite(piece.outputs[first:]).sum() for piece, first in self._counted))
+
+    @cached_property
+    def _counted(self) -> tuple[tuple[Experiment, int], ...]:
+        pieces = self.experiment.pieces
+        return tuple((piece, self.disturbance.first_counted(len(piece.y))) for piece in pieces)
+
+    # ----------------------------------------------------------------------------------------------- evaluation
+    def models(self, free: np.ndarray, derive: bool = True) -> list[Model]:
+        """The predictors of S points, one of each stretch of rows, with derivatives by the searched scale."""
+        S = len(free)
+        columns = {name: np.full(S, value) for name, value in self.fixed.items()}
+        slopes = np.ones((S, len(self.searched)))
+        for q, p in enumerate(self.searched):
+            columns[p.name] = p.sign * np.exp(free[:, q]) if p.transform == "log" else free[:, q]
+            if p.transform == "log":
+                slopes[:, q] = columns[p.name]
+        theta = np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1)
+        c = self._stencil.matrices(theta)
+        dA, dB = (c.dA, c.dB) if derive else (c.dA[:, :0], c.dB[:, :0])
+        d = discretize(c.A, c.B, dA, dB, c.capacitance, self.experiment.hours)
+        if not derive:
+            d = d._replace(dA=np.zeros_like(c.dA), dB=np.zeros_like(c.dB))
+        chosen = self._chosen if derive else self._chosen[:0]
+        slopes = slopes[:, None, None, : len(chosen)]
+        out = []
+        for number, (piece, _) in enumerate(self._counted):
+            m = self.disturbance.build(d, columns, self.network, piece, number)
+            scaled = {
+                name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in ("dA", "dB", "dK", "dQ")
+            }
+            ds0 = np.ascontiguousarray(m.ds0[..., chosen] * slopes[:, 0])
+            out.append(m._replace(ds0=ds0, **scaled))
+        return out
+
+    @cached_property
+    def weighted(self) -> bool:
+        """Whether errors count by their variance: a counted measurement is missing between others of its stretch."""
+        seen = [np.flatnonzero(np.isfinite(y)) for piece, first in self._counted for y in piece.outputs[first:].T]
+        return self.disturbance.weighted and any(len(rows) and np.ptp(rows) + 1 > len(rows) for rows in seen)
+
+    def _run(self, free: np.ndarray, derive: bool) -> Sensitivity:
+        """Rows that count, of all stretches and outputs: errors (S, n), their derivatives, and their variances."""
+        S, parts = len(free), []
+        for m, (piece, first) in zip(self.models(free, derive), self._counted, strict=True):
+            filtered = self.disturbance.filtered(len(piece.y))
+            run = one_step_sensitivities(m, piece.inputs, piece.outputs, filtered, self.weighted)
+            if self.weighted and filtered:
+                run = _beside_complete(run, m, piece, filtered)
+            kept = (values[:, first:] for values in run)
+            parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
+        if len(parts) == 1:
+            return Sensitivity(*parts[0])
+        return Sensitivity(*(np.concatenate(values, axis=1) for values in zip(*parts, strict=True)))
+
+    def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Errors that count (S, n), weighted where rows are missing, and their derivatives (S, n, p)."""
+        errors, derrors, variances, dvariances = self._run(free, derive)
+        if not self.weighted:
+            return errors, derrors
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            # rows without a measurement have variance 1 and error 0
+            root = np.sqrt(self._mean_variance(variances)[:, None] / variances)
+            errors = root * errors
+            dvariances /= variances[..., None]
+            mean = dvariances.sum(axis=1, keepdims=True) / self.n_counted
+            derrors = root[..., None] * derrors + 0.5 * errors[..., None] * (mean - dvariances)
+        return errors, derrors
+
+    def _mean_variance(self, variances: np.ndarray) -> np.ndarray:
+        """(S,) geometric means over the measurements that count."""
+        return np.exp(np.log(variances).sum(axis=1) / self.n_counted)
+
+    @property
+    def one_step(self) -> PredictionErrorProblem:
+        """The problem whose errors are those of the next row; of CONV, of its simulation."""
+        return self
+
+    @property
+    def days(self) -> np.ndarray | None:
+        """(n,) day of every error; None where the errors follow each other as the rows do."""
+        return None
+
+    @property
+    def overlap(self) -> int:
+        """Days over which the errors of one day and those of another go together."""
+        return 0
+
+    @property
+    def n_entries(self) -> int:
+        """Errors of one point, with those of rows that were not measured."""
+        return self.experiment.outputs.size
+
+    def noise(self, free: np.ndarray) -> float:
+        """Variance of the errors [K2]."""
+        n_seen = int(np.isfinite(self.experiment.y).sum())
+        return float(np.sum(self.residuals(free) ** 2)) / max(n_seen - len(free), 1)
+
+    def mean_variance(self, free: np.ndarray) -> float:
+        """Variance that the residuals refer to, in units of that of errors which no missing row precedes."""
+        if not self.weighted:
+            return 1.0
+        return float(self._mean_variance(self._run(np.asarray(free)[None], False).variances)[0])
+
+    def residuals(self, free: np.ndarray) -> np.ndarray:
+        """Errors that count, (n,) [K]; weighted where rows are missing."""
+        return self._errors(np.asarray(free)[None], False)[0][0]
+
+    def jacobian(self, free: np.ndarray) -> np.ndarray:
+        """Exact derivatives of the residuals by ``free``, (n, p)."""
+        return self.linearised(free)[1]
+
+    def linearised(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n,) and their exact derivatives (n, p), of one run."""
+        errors, derrors = self._errors(np.asarray(free)[None], True)
+        return errors[0], derrors[0]
+
+    def evaluate(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p) of S points (S, p).
+
+        The merit is the sum of squared residuals; a prior multiplies it by exp(penalty / n), which leaves the maximum
+        of the posterior, concentrated over the noise, where it is.
+        """
+        errors, derrors = self._errors(free, True)
+        turned = np.swapaxes(derrors, 1, 2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            merit = (errors * errors).sum(axis=1)
+            matrix, slope = turned @ derrors, (turned @ errors[..., None])[..., 0]
+        if self.centre is not None and self.spread is not None:
+            away, n = (free - self.centre) / self.spread, self.n_counted
+            share = merit[:, None] / n / self.spread
+            lift = np.exp((away**2).sum(axis=1) / n)
+            slope = (slope + share * away) * lift[:, None]
+            matrix = (matrix + (share / self.spread)[:, None, :] * np.eye(len(self.searched))) * lift[:, None, None]
+            merit = merit * lift
+        fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
+        return np.where(fine, merit, np.inf), matrix, slope
+
+    def drop(self, loss: float, best: float) -> float:
+        """By how much the log-likelihood of one loss lies below that of the best."""
+        return 0.5 * self.n_counted * float(np.log(max(loss, 1e-300) / max(best, 1e-300)))
+
+    # ---------------------------------------------------------------------------------------------------- search
+    def minimise(self, starts: np.ndarray, max_evaluations: int = FINE[0], tolerance: float = FINE[1]) -> list[Minimum]:
+        """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
+        one = 8 * self.n_entries * (len(self.searched) + 1) * (1 + self.weighted)
+        together = max(1, _MEMORY // one)
+        out: list[Minimum] = []
+        for i in range(0, len(starts), together):
+            out += minimise_together(self.evaluate, starts[i : i + together], *self.bounds, max_evaluations, tolerance)
+        return out
+
+
+def _beside_complete(run: Sensitivity, model: Model, piece: Experiment, filtered: int) -> Sensitivity:
+    """Variances in units of those that the same rows have where none is missing.
+
+    The first rows of a filter are uncertain on a complete log too, which is not weighted: what counts is what missing
+    rows add, so that one missing row changes little.
+    """
+    seen = np.isfinite(piece.outputs)
+    complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on
+    whole = one_step_sensitivities(model, piece.inputs, complete, filtered, True)
+    ratio = np.where(seen, run.variances / whole.variances, 1.0)
+    slope = (run.dvariances - ratio[..., None] * whole.dvariances) / whole.variances[..., None]
+    return run._replace(variances=ratio, dvariances=np.where(seen[..., None], slope, 0.0))

@@ -1,0 +1,67 @@
+"""What a user knows of a parameter before the data, as a normal distribution on the scale that is searched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from ...thermal import Parameter
+
+#: 90 % of a normal distribution lie within this many standard deviations
+_Z = float(norm.ppf(0.95))
+_ACCEPTED = "(median, factor), scipy.stats.lognorm(...) or, for a parameter of either sign, scipy.stats.norm(...)"
+
+
+def normal_priors(
+    priors: Mapping[str, Any] | None, parameters: Sequence[Parameter], known: Mapping[str, Any]
+) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation on the searched scale of every given prior.
+
+    Parameters
+    ----------
+    priors : mapping of parameter to prior, or None
+        ``(median, factor)`` is log-normal with 90 % of it between ``median / factor`` and ``median * factor``.
+    parameters : sequence of Parameter
+        All that may have one.
+    known : mapping of parameter to value
+
+    Returns
+    -------
+    dict of parameter to (mean, standard deviation)
+
+    Raises
+    ------
+    ValueError
+        If a prior names no parameter or a known one, or is of a kind that is not normal on the searched scale.
+    """
+    by_name = {p.name: p for p in parameters}
+    out = {}
+    for name, prior in (priors or {}).items():
+        if name not in by_name:
+            raise ValueError(f"priors= names {name!r}, but the parameters are {', '.join(by_name)}.")
+        if name in known:
+            raise ValueError(f"priors= and known= both name {name!r}; give one of them.")
+        out[name] = _normal(by_name[name], prior)
+    return out
+
+
+def _normal(p: Parameter, prior: Any) -> tuple[float, float]:
+    kind = getattr(getattr(prior, "dist", None), "name", None)
+    if kind == "norm" and p.transform == "identity":
+        return float(prior.mean()), float(prior.std())
+    if kind == "lognorm" and p.transform == "log" and prior.support()[0] == 0.0:
+        median = float(prior.median()) * p.sign
+        factor = float(prior.ppf(0.95) / prior.median())
+    elif isinstance(prior, tuple | list) and len(prior) == 2 and p.transform == "log":
+        median, factor = (float(x) for x in prior)
+    else:
+        raise ValueError(f"priors= gives {p.name} {prior!r}, which the search cannot use; give {_ACCEPTED}.")
+    if not (np.isfinite([median, factor]).all() and factor > 1.0 and median * p.sign > 0):
+        raise ValueError(
+            f"priors= gives {p.name} the median {median:g} and the factor {factor:g}; the median must be "
+            f"{'<' if p.sign < 0 else '>'} 0 [{p.unit}] and the factor > 1."
+        )
+    return p.to_free(median), float(np.log(factor)) / _Z

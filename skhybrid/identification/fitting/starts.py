@@ -1,0 +1,104 @@
+"""Many random starts, in rounds, until enough of them agree on the best minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed, effective_n_jobs
+
+from ...thermal import Parameter
+from .gauss_newton import Minimum
+
+#: starts that have to end at the best minimum before the others are spared
+ENOUGH = 5
+#: two minima are one where their log-likelihoods differ by no more than this
+SAME = 0.05
+
+Minimise = Callable[[np.ndarray], list[Minimum]]
+
+
+def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.RandomState) -> np.ndarray:
+    """(n_starts, p) uniform on the searched scale, which is log-uniform for the physical parameters."""
+    low, high = np.array([p.free_bounds for p in searched]).reshape(-1, 2).T
+    return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
+
+
+def search(
+    minimise: Minimise,
+    starts: np.ndarray,
+    drop: Callable[[float, float], float],
+    *,
+    polish: Minimise | None = None,
+    per_round: int = 10,
+    enough: int = ENOUGH,
+    n_jobs: int | None = None,
+    verbose: int = 0,
+    name: str = "",
+) -> list[Minimum]:
+    """Minima of the starts that were made, in the order of the starts.
+
+    Starts run in rounds of a fixed size, so that ``n_jobs`` changes nothing but the time; after a round the best
+    minima are polished, and the search ends once ``enough`` starts lie at the best one.
+
+    ``drop`` gives by how much the log-likelihood of one loss lies below that of the best; ``polish`` carries a minimum
+    that was found roughly to the end.
+    """
+    minima: list[Minimum] = []
+    rounds = [starts[i : i + per_round] for i in range(0, len(starts), per_round)]
+    bar = _bar(len(starts), verbose, name)
+    for batch in rounds:
+        minima += _run(minimise, batch, n_jobs)
+        if polish is not None:
+            _polish_best(polish, minima, len(minima) - len(batch))
+        if bar is not None:
+            bar.update(len(batch))
+        if int(reached_best(minima, drop).sum()) >= enough:
+            break
+    if bar is not None:
+        bar.close()
+    return minima
+
+
+def _run(minimise: Minimise, batch: np.ndarray, n_jobs: int | None) -> list[Minimum]:
+    workers = min(effective_n_jobs(n_jobs), len(batch))
+    if workers < 2:
+        return minimise(batch)
+    parts = Parallel(n_jobs=workers)(delayed(minimise)(part) for part in np.array_split(batch, workers))
+    return [minimum for part in parts for minimum in part]
+
+
+def _polish_best(polish: Minimise, minima: list[Minimum], first: int, how_many: int = 2) -> None:
+    """Carry the best few minima of a round to the end, where they may still be the best of all."""
+    order = sorted(range(first, len(minima)), key=lambda i: minima[i].loss)[:how_many]
+    for i, end in zip(order, polish(np.array([minima[i].free for i in order])), strict=True):
+        if end.loss <= minima[i].loss:
+            minima[i] = end._replace(n_evaluations=end.n_evaluations + minima[i].n_evaluations)
+
+
+def reached_best(minima: Sequence[Minimum], drop: Callable[[float, float], float]) -> np.ndarray:
+    """Which minima are the best one, to within :data:`SAME` of log-likelihood, (n,) bool."""
+    best = min(m.loss for m in minima)
+    return np.array([np.isfinite(m.loss) and drop(m.loss, best) <= SAME for m in minima])
+
+
+def starts_table(
+    minima: Sequence[Minimum], searched: Sequence[Parameter], drop: Callable[[float, float], float]
+) -> pd.DataFrame:
+    """One row a start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
+    best = reached_best(minima, drop)
+    rows = [
+        {"loss": m.loss, "reached_best": bool(b), "n_evaluations": m.n_evaluations, "converged": m.converged}
+        | {p.name: p.from_free(x) for p, x in zip(searched, m.free, strict=True)}
+        for m, b in zip(minima, best, strict=True)
+    ]
+    return pd.DataFrame(rows, index=pd.RangeIndex(len(rows), name="start"))
+
+
+def _bar(total: int, verbose: int, name: str):
+    if not verbose:
+        return None
+    from tqdm.auto import tqdm  # only where somebody watches
+
+    return tqdm(total=total, desc=f"{name} starts", unit="start")

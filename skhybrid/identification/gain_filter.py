@@ -1,0 +1,152 @@
+"""States and disturbances from measurements: a Kalman filter around an identified network, and forecasts from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..filtering import kalman_filter, simulate_path, smooth_states
+from ..thermal import RCNetwork
+from .disturbance_models import ZETA_SD, Conventional, first_covariance, measured_rows, measurement_variance
+from .experiment import Experiment
+
+
+class Start(NamedTuple):
+    """What is known of the first row before its own measurement."""
+
+    mean: np.ndarray  # (s,) nodes [degC], then the gain states [kW]
+    covariance: np.ndarray  # (s, s)
+
+
+class Track(NamedTuple):
+    """Filtered (or smoothed) states of every row."""
+
+    nodes: np.ndarray  # (N, n) [degC]
+    gain: np.ndarray  # (N, d) the unmeasured heat of every disturbed node, profile included [kW]
+    end: Start  # what is known of the row behind the last
+    starts: tuple[np.ndarray, np.ndarray]  # predicted means (N, s) and covariances (N, s, s)
+
+
+@dataclass(frozen=True)
+class GainFilter:
+    """A network with the unmeasured heat as filter states: ``profile + g``, ``g[k+1] = phi g[k] + w``.
+
+    ``phi = 1`` is the random walk of the input-disturbance model (paper Eq. ID_filter).
+    """
+
+    network: RCNetwork
+    A: np.ndarray  # (n, n) over one step
+    B: np.ndarray  # (n, m) with the heat gains last
+    phi: float
+    Q: np.ndarray  # (n_classes, n + d, n + d)
+    R: float
+    g_sd: float = ZETA_SD
+    profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
+
+    classes: np.ndarray = field(default_factory=lambda: np.zeros(48, dtype=np.int64))  # of Q, by cell of the week
+
+    @property
+    def n(self) -> int:
+        return len(self.A)
+
+    @property
+    def n_gains(self) -> int:
+        return len(self.network.disturbed_nodes)
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(o,) places of the measured nodes."""
+        return measured_rows(self.network)
+
+    @property
+    def heat(self) -> np.ndarray:
+        """(n, d) effect of 1 kW over a step on each disturbed node."""
+        return self.B[:, self.B.shape[1] - self.n_gains :]
+
+    def augmented(self) -> tuple[np.ndarray, np.ndarray]:
+        """Transition with the gain states, and the output rows."""
+        n, d = self.n, self.n_gains
+        A = np.zeros((n + d, n + d))
+        A[:n, :n], A[:n, n:], A[n:, n:] = self.A, self.heat, self.phi * np.eye(d)
+        return A, np.eye(n + d)[self.measured]
+
+    def cold(self, temperatures: np.ndarray) -> Start:
+        """A start about which nothing but (o,) temperatures is known."""
+        nodes = np.full(self.n, float(np.mean(temperatures)))
+        nodes[self.measured] = temperatures
+        return Start(np.append(nodes, np.zeros(self.n_gains)), first_covariance(self.network, self.g_sd))
+
+    def forcing(self, experiment: Experiment, cells: np.ndarray) -> np.ndarray:
+        """(N, n) effect of all known inputs and of the profile over each step."""
+        profile = np.broadcast_to(self.profile[cells], (len(cells), self.n_gains))
+        return experiment.inputs @ self.B.T + profile @ self.heat.T
+
+    def track(
+        self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: Start, smooth: bool = False
+    ) -> Track:
+        """Filter (causal) or smooth (by all rows) the states of one stretch of rows."""
+        A, C = self.augmented()
+        forcing = np.zeros((len(experiment.y), len(A)))
+        forcing[:, : self.n] = self.forcing(experiment, cells)
+        R = np.full(len(C), self.R)
+        run = kalman_filter(A, forcing, self.Q, klass, C, R, experiment.outputs, start.mean, start.covariance)
+        filtered, covariances, predicted, before = run
+        states = smooth_states(A, filtered, covariances, predicted, before).states if smooth else filtered
+        end = Start(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[klass[-1]])
+        gain = states[:, self.n :] + self.profile[cells]
+        return Track(states[:, : self.n].copy(), gain, end, (predicted, before))
+
+    def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
+        """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ...."""
+        rows = experiment.inputs[origin : origin + len(heat)]
+        path = simulate_path(self.A, rows @ self.B.T + heat[: len(rows)] @ self.heat.T, state)[1:]
+        short = len(heat) - len(rows)
+        return np.vstack([path, np.repeat(path[-1:], short, axis=0)]) if short and len(path) else path
+
+
+def without_disturbance(tracker: GainFilter, hours: float) -> GainFilter:
+    """The filter by which CONV takes a state from measurements: nodes with noise of their own, no gain."""
+    noise = Conventional(0).noise(tracker.network)
+    return replace(tracker, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
+
+
+def fit_walk_noise(tracker: GainFilter, experiment: Experiment) -> np.ndarray:
+    """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter around a given network.
+
+    The identifications without a gain state need them to estimate the input disturbance.
+    """
+    A, C = tracker.augmented()
+    R, n = np.full(len(C), tracker.R), tracker.n
+    pieces = []
+    for piece in experiment.pieces:
+        forcing = np.zeros((len(piece.y), len(A)))
+        forcing[:, :n] = piece.inputs @ tracker.B.T
+        pieces.append((forcing, piece.outputs, tracker.cold(piece.firsts)))
+
+    def negative_log_likelihood(logs: np.ndarray) -> float:
+        Q, value = walk_noise(tracker.network, *np.exp(logs)), 0.0
+        for forcing, y, start in pieces:
+            klass = np.zeros(len(y), np.int64)
+            _, _, predicted, before = kalman_filter(A, forcing, Q, klass, C, R, y, start.mean, start.covariance)
+            e = y - predicted @ C.T
+            S = np.einsum("os,kst,ot->ko", C, before, C) + R
+            seen = np.isfinite(e)
+            value += float((np.log(S[seen]) + e[seen] ** 2 / S[seen]).sum())
+        return value if np.isfinite(value) else 1e12
+
+    bounds = [(np.log(1e-4), np.log(0.5)), (np.log(1e-3), np.log(30.0))]
+    grid = [(np.log(x), np.log(z)) for x in (0.003, 0.03) for z in (0.05, 0.5, 3.0)]
+    best = min(grid, key=lambda point: negative_log_likelihood(np.array(point)))
+    found = minimize(
+        negative_log_likelihood, best, method="Nelder-Mead", bounds=bounds, options={"maxfev": 60, "xatol": 0.05}
+    )
+    return np.exp(found.x)
+
+
+def walk_noise(network: RCNetwork, sigma_x: float, sigma_zeta: float) -> np.ndarray:
+    """(1, n + d, n + d) process noise of a random-walk filter over a step."""
+    n, d = len(network.nodes), len(network.disturbed_nodes)
+    return np.diag(np.repeat([sigma_x**2, sigma_zeta**2], [n, d]))[None]

@@ -1,0 +1,1 @@
+"""Uncertainty of a fit: standard errors, identifiability, profile likelihood, posterior."""

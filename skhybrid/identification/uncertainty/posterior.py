@@ -1,0 +1,365 @@
+"""Samples of the posterior: PyMC's NUTS on the exact likelihood and its exact gradient."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import expit, logit
+
+from ..._threads import one_blas_thread
+from ..fitting.periodic_likelihood import PeriodicProblem
+from .constrained_problem import ConstrainedProblem, free_point, minimum_near
+
+#: a chain is refused above this R-hat, or below this many effective draws
+WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0
+#: how near a bound the search for the starting point may come, as a share of the range
+_MARGIN = 1e-3
+#: largest standard deviation that the scaling of the sampler assumes along any direction
+_WIDEST = 3.0
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What :func:`sample_posterior` drew.
+
+    Attributes
+    ----------
+    draws : DataFrame of shape (n_chains * n_draws, n_parameters)
+        Network and disturbance parameters, index (``chain``, ``draw``).
+    summary : DataFrame
+        One row a parameter: ``mean``, ``std``, ``median``, ``lower`` and ``upper`` (90 %), ``r_hat``, ``ess``.
+    inference_data : arviz.InferenceData
+        The same with the sampler's own statistics, for ArviZ.
+    """
+
+    draws: pd.DataFrame
+    summary: pd.DataFrame
+    inference_data: Any
+
+
+class _Density:
+    """Log posterior of a problem, and its gradient, over standardised unbounded coordinates ``z``.
+
+    The searched scale is bounded: ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior
+    about standard normal, as the sampler likes it.
+    """
+
+    def __init__(self, problem: Any, start: np.ndarray) -> None:
+        self.problem = problem
+        self.low, self.high = np.array([p.free_bounds for p in problem.searched]).T
+        share = np.clip((start - self.low) / (self.high - self.low), _MARGIN, 1.0 - _MARGIN)
+        self.centre, self.root = logit(share), np.eye(len(start))
+        self.root = self._scaling()
+
+    def _log_density(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        """Of the problem over its searched scale: the noise of a sum of squares is integrated out."""
+        if isinstance(self.problem, PeriodicProblem):
+            loss, gradient, _ = self.problem.evaluate(x)
+            return -float(loss), -gradient
+        merit, _, half = self.problem.evaluate(x[None])
+        n = self.problem.n_counted
+        return -0.5 * n * float(np.log(merit[0])), -n * half[0] / merit[0]
+
+    def free(self, z: np.ndarray) -> np.ndarray:
+        """(..., p) on the searched scale."""
+        return self.low + (self.high - self.low) * expit(self.centre + z @ self.root.T)
+
+    def __call__(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        share = expit(self.centre + self.root @ z)
+        slope = (self.high - self.low) * share * (1.0 - share)
+        value, gradient = self._log_density(self.low + (self.high - self.low) * share)
+        if not np.isfinite(value):
+            return -np.inf, np.zeros_like(z)
+        volume = float(np.log(np.maximum(slope, 1e-300)).sum())
+        return value + volume, self.root.T @ (gradient * slope + 1.0 - 2.0 * share)
+
+    def _scaling(self, step: float = 1e-4) -> np.ndarray:
+        """(p, p) root of the inverse Hessian at the start, by differences of exact gradients."""
+        p = len(self.centre)
+        hessian = np.empty((p, p))
+        for q, shift in enumerate(step * np.eye(p)):
+            hessian[q] = (self(-shift)[1] - self(shift)[1]) / (2.0 * step)
+        values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
+        return vectors / np.sqrt(np.maximum(values, _WIDEST**-2))
+
+
+@one_blas_thread
+def sample_posterior(
+    estimator: Any,
+    X: Any,
+    y: Any,
+    *,
+    draws: int = 1000,
+    tune: int = 500,
+    chains: int = 4,
+    random_state: int | None = None,
+    progressbar: bool = False,
+) -> Posterior:
+    """Sample the posterior of all parameters under the estimator's ``priors``.
+
+    Parameters
+    ----------
+    estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
+        Fitted on ``X`` and ``y``; one that is not fitted is cloned and fitted.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        The table of the fit.
+    y : array-like of shape (n_samples,)
+        Its measured temperature [degC].
+    draws, tune : int
+        Draws of each chain that are kept, and those before them that adapt the sampler.
+    chains : int, default=4
+        At least 2: without a second chain nothing tells whether the first one mixes.
+    random_state : int, optional
+        Seed of the sampler.
+    progressbar : bool, default=False
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    ImportError
+        If PyMC is not installed: ``pip install "skhybrid[bayes]"``.
+    ValueError
+        If ``chains`` is less than 2.
+    RuntimeError
+        If the chains disagree (R-hat above 1.05) or are worth fewer than 100 independent draws.
+
+    Notes
+    -----
+    A parameter without a prior has a uniform one on the searched scale within its bounds, which is log-uniform for
+    capacitances, resistances, areas and capacities.  The noise of CONV, ID and OD is integrated out under
+    ``1 / sigma``.  Nothing is solved inside: capacities and areas are sampled like all others; the weekly profile of
+    the periodic model is integrated out.  The posterior takes the disturbance model at its word; ``theta_interval``
+    does not.
+    """
+    check_chains(chains)
+    posed = ConstrainedProblem.of(estimator, X, y)
+    problem = posed.problem(search_all=True)
+    start, _ = minimum_near(problem, free_point(problem, posed.values()))
+    density = _Density(problem, start)
+    data = _run_nuts(density, draws, tune, chains, random_state, progressbar)
+    return _collected(density, data, chains, draws)
+
+
+def _collected(density: _Density, data: Any, chains: int, draws: int) -> Posterior:
+    free = density.free(data.posterior["z"].to_numpy())
+    index = draws_index(chains, draws)
+    searched = density.problem.searched
+    table = pd.DataFrame({p.name: _values(p, free[..., i]).ravel() for i, p in enumerate(searched)}, index=index)
+    for name in table:
+        data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
+    summary = summarise_chains(table)
+    _refuse_bad(summary)
+    return Posterior(table, summary, data)
+
+
+def _values(p: Any, free: np.ndarray) -> np.ndarray:
+    return p.sign * np.exp(free) if p.transform == "log" else free
+
+
+def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int | None, progressbar: bool) -> Any:
+    pm = import_pymc()
+    import pytensor.tensor as pt
+
+    log_density = _make_op(density)
+    with pm.Model() as model:
+        z = pm.Flat("z", shape=len(density.centre))
+        pm.Potential("log_density", log_density(pt.as_tensor_variable(z)))
+    start = {"z": np.zeros(len(density.centre))}
+    return draw_chains(model, start, draws=draws, tune=tune, chains=chains, random_state=seed, progressbar=progressbar)
+
+
+def draws_index(chains: int, draws: int) -> pd.MultiIndex:
+    """Index (``chain``, ``draw``) of a table of draws, one chain behind the other."""
+    return pd.MultiIndex.from_product([range(chains), range(draws)], names=["chain", "draw"])
+
+
+def check_chains(chains: int) -> None:
+    """Raise ValueError for a lone chain."""
+    if chains < 2:
+        raise ValueError(f"chains={chains} is less than 2; whether a chain mixes shows only beside another one.")
+
+
+def import_pymc() -> Any:
+    """PyMC, or an error that says how to install it."""
+    try:
+        import pymc as pm
+    except ImportError as error:
+        raise ImportError('sampling needs PyMC; install it with pip install "skhybrid[bayes]".') from error
+    return pm
+
+
+def draw_chains(
+    model: Any,
+    start: Mapping[str, Any],
+    *,
+    draws: int,
+    tune: int,
+    chains: int,
+    random_state: int | None,
+    target_accept: float = 0.8,
+    progressbar: bool = False,
+) -> Any:
+    """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
+
+    Whoever calls this reads the chains (:func:`summarise_chains`) and refuses bad ones (:func:`refuse_bad_chains`).
+    """
+    pm = import_pymc()
+    log = logging.getLogger("pymc")
+    level = log.level
+    log.setLevel(logging.WARNING)  # not every sampler in every fit needs to be announced
+    try:
+        with warnings.catch_warnings():
+            # PyTensor looks for a BLAS whether or not a model has matrix products; these have next to none
+            warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
+            return pm.sample(
+                draws=draws,
+                tune=tune,
+                chains=chains,
+                cores=1,
+                init="adapt_diag",
+                initvals=dict(start),
+                random_seed=random_state,
+                target_accept=target_accept,
+                progressbar=progressbar,
+                compute_convergence_checks=False,
+                model=model,
+            )
+    finally:
+        log.setLevel(level)
+
+
+def _make_op(density: _Density) -> Any:
+    """PyTensor Ops of the log density and of its gradient, which share one evaluation a point."""
+    import pytensor.tensor as pt
+    from pytensor.graph.op import Op
+
+    last: dict[bytes, tuple[float, np.ndarray]] = {}
+
+    def evaluated(z: np.ndarray) -> tuple[float, np.ndarray]:
+        key = z.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = density(z)
+        return last[key]
+
+    class Gradient(Op):
+        itypes, otypes = [pt.dvector], [pt.dvector]
+
+        def perform(self, node, inputs, outputs):
+            outputs[0][0] = evaluated(inputs[0])[1].copy()
+
+    class LogDensity(Op):
+        itypes, otypes = [pt.dvector], [pt.dscalar]
+
+        def perform(self, node, inputs, outputs):
+            outputs[0][0] = np.array(evaluated(inputs[0])[0])
+
+        def grad(self, inputs, output_gradients):
+            return [output_gradients[0] * gradient(inputs[0])]
+
+    gradient = Gradient()
+    return LogDensity()
+
+
+def draw_without_divergence(
+    model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
+) -> tuple[Any, int]:
+    """As :func:`draw_chains`, once more with smaller steps where draws diverged.
+
+    Parameters
+    ----------
+    model, start, **settings
+        As in :func:`draw_chains`.
+    accept : sequence of float, default=(0.8, 0.99)
+        Share of steps to accept, in one attempt after the other.
+
+    Returns
+    -------
+    data : arviz.InferenceData
+        Of the last attempt.
+    n_divergent : int
+        How many of its draws diverged.
+    """
+    for target in accept:
+        data = draw_chains(model, start, target_accept=target, **settings)
+        n_divergent = int(data.sample_stats["diverging"].sum())
+        if not n_divergent:
+            break
+    return data, n_divergent
+
+
+def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
+    """One row a quantity: what its chains say, and how well they agree.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One column a quantity, index (``chain``, ``draw``).
+    level : float, default=0.9
+        Of the interval from ``lower`` to ``upper``.
+
+    Returns
+    -------
+    DataFrame
+        ``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat``, ``ess``.
+    """
+    import arviz as az
+
+    tail, chains = 0.5 * (1.0 - level), table.index.get_level_values("chain").nunique()
+    out = {}
+    for name, column in table.items():
+        by_chain = column.to_numpy().reshape(chains, -1)
+        out[name] = {
+            "mean": column.mean(),
+            "std": column.std(),
+            "median": column.median(),
+            "lower": column.quantile(tail),
+            "upper": column.quantile(1.0 - tail),
+            "r_hat": float(az.rhat(by_chain)),
+            "ess": float(az.ess(by_chain)),
+        }
+    return pd.DataFrame(out).T
+
+
+def _refuse_bad(summary: pd.DataFrame) -> None:
+    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
+
+
+def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
+    """Raise RuntimeError where chains disagree, are worth too few draws or diverged.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        With ``r_hat`` and ``ess``, one row a quantity.
+    advice : str
+        What to do about chains that disagree or diverge, besides more draws.
+    n_divergent : int, default=0
+        Divergent transitions after tuning.
+    """
+    worst, fewest = summary["r_hat"].idxmax(), summary["ess"].idxmin()
+    r_hat, ess = float(summary["r_hat"].max(skipna=False)), float(summary["ess"].min(skipna=False))
+    if not r_hat <= WORST_R_HAT:
+        raise RuntimeError(
+            f"the chains disagree about {worst} (R-hat {r_hat:.2f}, at most {WORST_R_HAT}); raise tune= and draws=, "
+            f"{advice}."
+        )
+    if not ess >= FEWEST_EFFECTIVE:
+        raise RuntimeError(
+            f"the draws of {fewest} are worth {ess:.0f} independent ones, fewer than {FEWEST_EFFECTIVE:.0f}; raise "
+            "draws=."
+        )
+    if n_divergent:
+        raise RuntimeError(
+            f"{n_divergent} draws diverged, so that the chains may have missed a part of the posterior; raise tune=, "
+            f"{advice}."
+        )

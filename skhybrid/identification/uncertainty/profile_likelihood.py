@@ -1,0 +1,203 @@
+"""Profile likelihood of one parameter: how the fit worsens where it is held, all others identified anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
+from scipy.stats import t as student
+
+from ...thermal import Parameter
+from .constrained_problem import ConstrainedProblem, all_values, free_point, minimum_near
+
+#: steps outward in search of an end of the interval, each so much longer than the last
+_STEPS, _GROWTH = 8, 1.6
+
+
+@dataclass(frozen=True)
+class ProfileLikelihood:
+    """What :func:`profile_likelihood` found.
+
+    Attributes
+    ----------
+    parameter, unit : str
+    best : float
+        Value at the least deviance [unit].
+    level : float
+        Of the interval.
+    lower, upper : float
+        Ends of the interval [unit]; 0 or infinite where the data set none.
+    threshold : float
+        Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
+    inflation : float
+        Squared ratio of the parameter's standard error to the one that the disturbance model alone would give; 1 where
+        the days bear the model out.
+    curve : DataFrame
+        One row a value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
+    """
+
+    parameter: str
+    unit: str
+    best: float
+    level: float
+    lower: float
+    upper: float
+    threshold: float
+    inflation: float
+    curve: pd.DataFrame
+
+    def __str__(self) -> str:
+        return (
+            f"{self.parameter} = {self.best:.4g} {self.unit}, {self.level:.0%} between {self.lower:.4g} and "
+            f"{self.upper:.4g} ({len(self.curve)} values tried)"
+        )
+
+
+@dataclass
+class _Search:
+    """Values tried so far, on the searched scale, and where each ended."""
+
+    posed: ConstrainedProblem
+    parameter: Parameter
+    tried: dict[float, tuple[float, dict[str, float]]] = field(default_factory=dict)
+
+    def deviance(self, x: float) -> float:
+        """Minus twice the log-likelihood with the parameter held at ``x``, up to a constant."""
+        if x not in self.tried:
+            warm = self.posed.values()
+            if self.tried:
+                warm |= self.tried[min(self.tried, key=lambda known: abs(known - x))][1]
+            problem = self.posed.problem({self.parameter.name: self.parameter.from_free(x)})
+            free, deviance = minimum_near(problem, free_point(problem, warm))
+            self.tried[x] = deviance, all_values(problem, free)
+        return self.tried[x][0]
+
+    def least(self) -> float:
+        return min(deviance for deviance, _ in self.tried.values())
+
+    def end(self, start: float, step: float, threshold: float) -> float | None:
+        """Where the deviance passes the threshold on one side; None where it does not within the bounds."""
+        low, high = self.parameter.free_bounds
+        inside = start
+        for _ in range(_STEPS):
+            x = min(max(inside + step, low), high)
+            if self.deviance(x) - self.least() > threshold:
+                return self._crossing(inside, x, threshold, 0.02 * abs(step))
+            if x in (low, high):
+                return None
+            inside, step = x, _GROWTH * step
+        return None
+
+    def _crossing(self, inside: float, outside: float, threshold: float, tolerance: float) -> float:
+        least = self.least()
+        if self.deviance(inside) - least >= threshold:  # a better minimum turned up on the way
+            return inside
+        return float(brentq(lambda x: self.deviance(x) - least - threshold, inside, outside, xtol=tolerance))
+
+
+def profile_likelihood(
+    estimator: Any, X: Any, y: Any, parameter: str, *, values: Sequence[float] | None = None, level: float = 0.9
+) -> ProfileLikelihood:
+    """Hold one parameter at value after value, identify all others anew, and see how the likelihood falls.
+
+    Parameters
+    ----------
+    estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
+        Fitted on ``X`` and ``y``; one that is not fitted is cloned and fitted.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        The table of the fit.
+    y : array-like of shape (n_samples,)
+        Its measured temperature [degC].
+    parameter : str
+        Such as ``"C_w"``.
+    values : sequence of float, optional
+        Further values to try [the parameter's unit], such as for a picture.
+    level : float, default=0.9
+        Of the interval, between 0 and 1.
+
+    Returns
+    -------
+    ProfileLikelihood
+
+    Raises
+    ------
+    ValueError
+        If the parameter was not identified, a value has the wrong sign, or ``level`` is not between 0 and 1.
+
+    Notes
+    -----
+    Every search starts from the nearest value already tried.  The deviance is ``n log(SSE / SSE_min)`` for the sums of
+    squares (the noise is profiled too) and twice the difference of the negative log-likelihood for the periodic model.
+    A prior on the parameter itself is left out.  Unlike ``theta_interval``, the interval need not be symmetric.
+
+    Examples
+    --------
+    >>> from skhybrid import OutputDisturbanceID
+    >>> from skhybrid.datasets import make_office
+    >>> from skhybrid.identification import profile_likelihood
+    >>> office = make_office(n_days=4, random_state=0)
+    >>> model = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=5, random_state=0).fit(office.X, office.y)
+    >>> profile = profile_likelihood(model, office.X, office.y, "C_za")
+    >>> bool(profile.lower < profile.best < profile.upper)
+    True
+    """
+    tried = list(values) if values is not None else []
+    posed = ConstrainedProblem.of(estimator, X, y)
+    known = _checked(posed, parameter, tried, level)
+    fitted = posed.estimator
+    inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
+    quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
+    search = _Search(posed, known)
+    start = float(np.clip(_to_free(known, float(fitted.theta_[parameter])), *known.free_bounds))
+    search.deviance(start)
+    step = quantile * _standard_error(fitted, known)
+    threshold = inflation * quantile**2
+    ends = [search.end(start, sign * step, threshold) for sign in (-1.0, 1.0)]
+    for value in tried:
+        search.deviance(known.to_free(float(value)))
+    return _collected(search, ends, level, threshold, inflation, list(fitted.theta_.index))
+
+
+def _checked(posed: ConstrainedProblem, parameter: str, values: Sequence[float], level: float) -> Parameter:
+    """The parameter to hold, which the data must have decided."""
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for an interval of 90 %.")
+    posed.refuse_unsearched(parameter)
+    (found,) = (p for p in posed.estimator.parameters_ if p.name == parameter)
+    for value in values:
+        if found.transform == "log" and not value * found.sign > 0:
+            side = "<" if found.sign < 0 else ">"
+            raise ValueError(f"values= gives {parameter} the value {value}; it must be {side} 0.")
+    return found
+
+
+def _to_free(p: Parameter, value: float) -> float:
+    return p.to_free(value) if p.transform != "log" or value * p.sign > 0 else p.free_bounds[0]
+
+
+def _standard_error(fitted: Any, p: Parameter) -> float:
+    """On the searched scale, within reason: the first step of the search for an end."""
+    error = float(fitted.theta_std_[p.name]) / (abs(float(fitted.theta_[p.name])) if p.transform == "log" else 1.0)
+    low, high = p.free_bounds
+    return float(np.clip(np.nan_to_num(error, nan=np.inf), 1e-5 * (high - low), 0.1 * (high - low)))
+
+
+def _collected(
+    search: _Search, ends: list[float | None], level: float, threshold: float, inflation: float, names: list[str]
+) -> ProfileLikelihood:
+    p, least = search.parameter, search.least()
+    rows = []
+    for x, (deviance, found) in search.tried.items():
+        others = {name: found[name] for name in names if name != p.name}
+        rows.append({p.name: p.from_free(x), "deviance": deviance - least, **others})
+    curve = pd.DataFrame(rows).set_index(p.name).sort_index()
+    open_ends = (0.0, 1.0 if p.unit == "-" else np.inf) if p.transform == "log" else (-np.inf, np.inf)
+    if p.sign < 0:
+        open_ends = (-0.0, -np.inf)
+    reached = sorted(o if x is None else p.from_free(x) for x, o in zip(ends, open_ends, strict=True))
+    best = float(curve.index[int(np.argmin(curve["deviance"]))])
+    return ProfileLikelihood(p.name, p.unit, best, level, reached[0], reached[1], threshold, inflation, curve)

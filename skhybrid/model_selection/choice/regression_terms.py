@@ -1,0 +1,190 @@
+"""The terms of a regression on candidates: columns of numbers made from a table of results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import is_bool_dtype, is_numeric_dtype
+
+from ...exceptions import SkhybridWarning, warn_user
+from ...forecasting import ModelCase
+from ...forecasting.cases import NETWORKS, SIZES
+from .results_table import has_case, ingredients
+
+INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
+_SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
+#: a term is a combination of others where this share of it, or less, is its own
+_ALIASED = 1e-8
+
+
+class Terms(NamedTuple):
+    """What a regression reads."""
+
+    columns: pd.DataFrame  # (n_candidates, n_terms), one column a term, none constant and none a combination of others
+    rmse: pd.Series  # (n_candidates,) [K]
+    used: pd.Index  # rows of the table that were used
+    reference: dict[str, str]  # entry -> the word that its terms are compared with
+    left_out: dict[str, str]  # term -> why the table cannot tell its effect
+
+
+def build_terms(
+    table: pd.DataFrame,
+    terms: str | Sequence[str],
+    interactions: str | Sequence[tuple[str, str]],
+    cases: Sequence[ModelCase],
+    best_sizes: int | None,
+) -> Terms:
+    """Make the columns of a regression.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Finished candidates.
+    terms, interactions, cases, best_sizes
+        As in :class:`~skhybrid.model_selection.PatternExpressiveness`.
+
+    Returns
+    -------
+    Terms
+
+    Raises
+    ------
+    ValueError
+        If something that is named is not there, or the candidates are fewer than the terms.
+    """
+    names = _names(table, terms)
+    wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
+    if wants_ingredients or best_sizes is not None:
+        for column in ("framework", "case", "disturbance"):
+            if column not in table:
+                raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, table.columns))}.")
+    if wants_ingredients:
+        table = table[has_case(table)]
+        if table.empty:
+            raise ValueError("no row of results has a case; simple rivals alone have no ingredients to compare.")
+        table = table.drop(columns=[c for c in INGREDIENTS[1:] if c in table]).join(ingredients(table, cases))
+    if best_sizes is not None:
+        by_case = table.sort_values("rmse", kind="stable").groupby(["framework", "case", "disturbance"], dropna=False)
+        table = table.loc[by_case.head(best_sizes).index.sort_values()]
+    entries, reference = {}, {}
+    for name in names:
+        entries[name] = _entry(table, name)
+        if entries[name].shape[1] and name not in entries[name]:
+            reference[name] = _words(table[name])[0]
+    columns, left_out = _tellable(entries, _pairs(interactions, names))
+    if len(table) < columns.shape[1] + 2:
+        raise ValueError(f"{len(table)} candidates are too few for {columns.shape[1]} terms; ask for fewer terms.")
+    return Terms(columns, table["rmse"], table.index, reference, left_out)
+
+
+def _names(table: pd.DataFrame, terms: str | Sequence[str]) -> list[str]:
+    if isinstance(terms, str):
+        if terms == "ingredients":
+            return list(INGREDIENTS)
+        if terms != "sizes":
+            raise ValueError(f"terms={terms!r} is neither 'ingredients', 'sizes' nor a list of columns.")
+        found = [name for name in _SIZE_COLUMNS if name in table and table[name].notna().any()]
+        if not found:
+            raise ValueError(f"results has no size; it may have {', '.join(_SIZE_COLUMNS)}.")
+        return found
+    names = list(dict.fromkeys(terms))
+    for name in names:
+        if name not in INGREDIENTS and name not in table:
+            raise ValueError(f"term {name!r} is neither an ingredient ({', '.join(INGREDIENTS)}) nor a column.")
+    if not names:
+        raise ValueError("terms is empty; name an ingredient or a column.")
+    return names
+
+
+def _words(column: pd.Series) -> list[str]:
+    """Values of a column of words, the reference first: MLP among frameworks, as in the paper."""
+    words = list(dict.fromkeys(map(str, column)))
+    order = [w for w in NETWORKS if w in words] if column.name == "framework" else []
+    return order + sorted(w for w in words if w not in order)
+
+
+def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The terms that one entry stands for."""
+    column = table[name]
+    if column.isna().any():
+        raise ValueError(
+            f"{name} is NaN in {int(column.isna().sum())} of {len(column)} candidates; pass the rows of one framework."
+        )
+    if is_numeric_dtype(column) or is_bool_dtype(column):
+        return column.astype(float).to_frame(name)
+    if column.map(lambda value: isinstance(value, int | float)).all():  # numbers that a table keeps as objects
+        return column.astype(float).to_frame(name)
+    as_words = column.astype(str)
+    made = {_label(name, word): (as_words == word).astype(float) for word in _words(column)[1:]}
+    return pd.DataFrame(made, index=table.index)
+
+
+def framework_label(framework: str) -> str:
+    """The term of a framework: a network's name as the paper spells it."""
+    return framework.upper() if framework in NETWORKS else framework
+
+
+def _label(name: str, word: str) -> str:
+    return framework_label(word) if name == "framework" else f"{name}={word}"
+
+
+def _pairs(interactions: str | Sequence[tuple[str, str]], names: list[str]) -> list[tuple[str, str]]:
+    if isinstance(interactions, str):
+        if interactions != "all":
+            raise ValueError(f"interactions={interactions!r} is neither 'all' nor a list of pairs.")
+        return list(combinations(names, 2))
+    pairs = []
+    for pair in interactions:
+        if isinstance(pair, str) or len(pair) != 2 or pair[0] == pair[1] or not set(pair) <= set(names):
+            raise ValueError(f"interaction {pair!r} is no pair of two of the terms {', '.join(names)}.")
+        pairs.append((pair[0], pair[1]))
+    return pairs
+
+
+def _tellable(entries: dict[str, pd.DataFrame], pairs: list[tuple[str, str]]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Terms that vary and are no combination of those before them; and the others, with the reason."""
+    main = pd.concat(entries.values(), axis=1)
+    left_out = {name: f"{name} is the same in all candidates." for name, e in entries.items() if not _varies(e).any()}
+    kept = main.loc[:, _varies(main)]
+    kept, aliased = _independent(kept.iloc[:, :0], kept)
+    if aliased:
+        shown = "; ".join(f"{name} from {' and '.join(others)}" for name, others in aliased.items())
+        warn_user(f"the table cannot tell {shown}: one effect is shown for them together.", SkhybridWarning)
+    left_out |= {name: f"it cannot be told from {' and '.join(others)}." for name, others in aliased.items()}
+    if kept.empty:
+        raise ValueError(f"none of {', '.join(entries)} differs between the candidates; there is nothing to compare.")
+    centred = kept - kept.mean()
+    products = {
+        f"{a}:{b}": centred[a] * centred[b]
+        for first, second in pairs
+        for a in entries[first].columns.intersection(kept.columns)
+        for b in entries[second].columns.intersection(kept.columns)
+    }
+    kept, aliased = _independent(kept, pd.DataFrame(products, index=kept.index))
+    left_out |= {name: f"no candidates tell it from {' and '.join(others)}." for name, others in aliased.items()}
+    return kept, left_out
+
+
+def _varies(frame: pd.DataFrame) -> pd.Series:
+    return (frame != frame.iloc[0]).any()
+
+
+def _independent(kept: pd.DataFrame, more: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, list[str]]]:
+    """``kept`` with those of ``more`` that are no combination of the ones before; of the others, which these are."""
+    aliased = {}
+    for name, column in more.items():
+        x, before = column.to_numpy(float), (kept - kept.mean()).to_numpy(float)
+        x = x - x.mean()
+        weights = np.linalg.lstsq(before, x, rcond=None)[0] if before.shape[1] else np.zeros(0)
+        length = float(np.linalg.norm(x))
+        if float(np.linalg.norm(x - before @ weights)) > _ALIASED * max(length, 1.0):
+            kept = kept.assign(**{str(name): column})
+        else:
+            weighed = np.abs(weights) * np.linalg.norm(before, axis=0)
+            involved = weighed > 1e-6 * max(length, 1e-12)
+            aliased[str(name)] = [str(c) for c in kept.columns[involved]] or ["the mean"]
+    return kept, aliased

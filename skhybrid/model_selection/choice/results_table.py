@@ -1,0 +1,128 @@
+"""Reading a table of results, one row a candidate: which of them finished, and what their cases are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from ...exceptions import SkhybridWarning, warn_user
+from ...forecasting import ModelCase
+from ...forecasting.cases import NETWORKS, resolve_case
+
+
+def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame:
+    """The candidates that were trained to the end, with a warning that counts the others.
+
+    Parameters
+    ----------
+    results : DataFrame
+        With ``rmse`` [K], NaN for a candidate that failed, and perhaps ``stopped_at``, NaN but for one that a search
+        gave up early.
+    columns : iterable of str
+        Further columns that must be there.
+
+    Returns
+    -------
+    DataFrame
+        Without the failed and the stopped ones, ``rmse`` as float.
+
+    Raises
+    ------
+    TypeError
+        If the table is no DataFrame.
+    ValueError
+        If a column is missing, an error is no positive number, or none is left.
+    """
+    if not isinstance(results, pd.DataFrame):
+        raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row a candidate.")
+    for column in (*columns, "rmse"):
+        if column not in results:
+            raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, results.columns))}.")
+    errors = pd.to_numeric(results["rmse"], errors="coerce").astype(float)
+    unreadable = errors.isna() & results["rmse"].notna()
+    bad = unreadable | np.isinf(errors) | (errors <= 0.0)
+    if bad.any():
+        row = int(np.argmax(bad))
+        found = results["rmse"].iloc[row]
+        raise ValueError(f"rmse of row {results.index[row]!r} is {found}; errors are positive numbers [K].")
+    failed = int(errors.isna().sum())
+    if failed == len(results):
+        raise ValueError("results holds no candidate with an error; rmse is empty or NaN throughout.")
+    if failed:
+        warn_user(f"{failed} of {len(results)} candidates have no rmse and are left out.", SkhybridWarning)
+    stopped = errors.notna() & results.get("stopped_at", pd.Series(np.nan, index=results.index)).notna()
+    if stopped.any():
+        warn_user(
+            f"{stopped.sum()} of {len(results)} candidates were stopped early and are left out; what is found "
+            "holds for the survivors.",
+            SkhybridWarning,
+        )
+    left = errors.notna() & ~stopped
+    if not left.any():
+        raise ValueError("results holds no candidate that was trained to the end.")
+    return results.assign(rmse=errors)[left]
+
+
+def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:
+    """The case of a row: one of one's own by its name, or the paper's of that framework.
+
+    Parameters
+    ----------
+    framework, case : str
+        As the table has them.
+    cases : iterable of ModelCase
+        Cases of one's own.
+
+    Returns
+    -------
+    ModelCase
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+    own = {one.name: one for one in cases}
+    if case in own:
+        return own[case]
+    if framework not in NETWORKS:
+        raise ValueError(
+            f"case {case!r} of framework {framework!r} is not one of the paper's; pass it in cases=[ModelCase(...)]."
+        )
+    return resolve_case(case, framework)
+
+
+def has_case(results: pd.DataFrame) -> pd.Series:
+    """Whether a row has a case; simple rivals such as ridge and the weekly profile have none."""
+    return results["case"].notna()
+
+
+def ingredients(results: pd.DataFrame, cases: Iterable[ModelCase] = ()) -> pd.DataFrame:
+    """What the regression of paper 3.3 knows of each row's case.
+
+    Parameters
+    ----------
+    results : DataFrame
+        With ``framework``, ``case`` and ``disturbance``; every row has a case.
+    cases : iterable of ModelCase
+        Cases of one's own.
+
+    Returns
+    -------
+    DataFrame
+        ``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID``, with the index of the table.
+
+    Raises
+    ------
+    ValueError
+        If a case or a kind of disturbance is not known.
+    """
+    unknown = sorted(set(results["disturbance"].astype(str)) - {"input", "output"})
+    if unknown:
+        raise ValueError(f"disturbance holds {unknown[0]!r}; it is 'input' or 'output'.")
+    kinds = results[["framework", "case"]].drop_duplicates()
+    known = {(f, c): case_of(f, c, cases).ingredients for f, c in kinds.itertuples(index=False)}
+    rows = [known[f, c] for f, c in zip(results["framework"], results["case"], strict=True)]
+    return pd.DataFrame(rows, index=results.index).assign(ID=(results["disturbance"] == "input").astype(int))

@@ -1,0 +1,273 @@
+"""Which cases are as robust to their size as the best one (paper 3.3, Eqs. robustness and comparison)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtr
+from sklearn.base import BaseEstimator
+
+from ...identification.uncertainty.posterior import (
+    check_chains,
+    draw_without_divergence,
+    draws_index,
+    import_pymc,
+    refuse_bad_chains,
+    summarise_chains,
+)
+from .results_table import finished
+
+_ADVICE = "or give the cases more sizes"
+_FEW = 6
+#: levels of the quantiles of ``difference_``.
+_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+#: columns of a results table that tell candidates of one ``case`` apart, besides their size.
+_IDENTITY = ("framework", "disturbance")
+
+
+class RobustnessComparison(BaseEstimator):
+    """Compare how the error of each case spreads over its sizes with that of the best case.
+
+    The errors of a case over its sizes are log-normal, ``log(rmse) ~ Normal(mu, sigma)``, with the paper's priors
+    ``mu ~ Normal(0, 10)`` and ``sigma ~ HalfNormal(1)`` (Eq. robustness).  The best case is the one with the lowest
+    median; for each other one the posterior predictive probability that the best has the lower error follows
+    (Eq. comparison).  All cases are sampled in one PyMC model.
+
+    Parameters
+    ----------
+    by : str or sequence of str, default="case"
+        Columns that say which case a row belongs to; ``("name", "disturbance")`` for the table of a search.
+    level : float, default=0.95
+        A case cannot be told from the best where the probability is below this.
+    draws, tune : int, default=500
+        Draws of each chain that are kept, and those before them that adapt the sampler.
+    chains : int, default=4
+        At least 2.
+    random_state : int, optional
+        Seed; global random states are neither read nor changed.
+
+    Attributes
+    ----------
+    best_ : str
+        Case with the lowest median error; with several columns in ``by`` their values, joined by a blank.
+    probability_ : Series
+        P(best case < case), by case, by rising median; 0.5 for the best itself.
+    indistinguishable_ : list of str
+        The best case and those that cannot be told from it, by rising median.
+    median_ : Series
+        Median error of each case over its sizes [K], rising.
+    difference_ : DataFrame
+        Quantiles of the error of the best case less that of each case, both predicted [K].
+    summary_ : DataFrame
+        One row a case: ``mu`` and ``sigma`` (posterior means), ``n_sizes``, ``r_hat`` and ``ess`` (the worse of both).
+    draws_ : dict of str to DataFrame
+        ``"mu"`` and ``"sigma"``: one column a case, index (``chain``, ``draw``).
+    errors_ : Series
+        The errors that were compared [K], by case.
+
+    Notes
+    -----
+    The probability compares two *new* errors, each of a size not yet tried, not two medians: cases that overlap much
+    stay indistinguishable however many sizes are tried.  It is averaged over the draws in closed form, so that the
+    draws of the errors themselves add no noise.
+
+    References
+    ----------
+    Paper, 3.3 and Fig. robustness.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from skhybrid.model_selection import RobustnessComparison
+    >>> rng = np.random.default_rng(0)
+    >>> errors = {"case01": 0.5, "case02": 0.5, "case03": 0.9}
+    >>> frame = pd.DataFrame([(case, e * rng.lognormal(0, 0.1)) for case, e in errors.items() for _ in range(12)],
+    ...                      columns=["case", "rmse"])
+    >>> RobustnessComparison(random_state=0).fit(frame).indistinguishable_  # doctest: +SKIP
+    ['case01', 'case02']
+    """
+
+    def __init__(
+        self,
+        *,
+        by: str | Sequence[str] = "case",
+        level: float = 0.95,
+        draws: int = 500,
+        tune: int = 500,
+        chains: int = 4,
+        random_state: int | None = None,
+    ) -> None:
+        self.by = by
+        self.level = level
+        self.draws = draws
+        self.tune = tune
+        self.chains = chains
+        self.random_state = random_state
+
+    def fit(self, results: pd.DataFrame) -> RobustnessComparison:
+        """Sample the posterior of all cases and compare them with the best.
+
+        Parameters
+        ----------
+        results : DataFrame
+            One row a candidate: the columns of ``by``, and ``rmse`` [K].  Candidates without an error are left out,
+            with a warning.
+
+        Returns
+        -------
+        RobustnessComparison
+
+        Raises
+        ------
+        ImportError
+            If PyMC is not installed.
+        ValueError
+            If a column is missing, an error is not positive, all errors of a case are equal, or ``case`` lumps
+            candidates of several frameworks or kinds of disturbance.
+        RuntimeError
+            If the chains disagree, are worth too few draws, or diverge even with small steps.
+        """
+        if not 0.5 < self.level < 1.0:
+            raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
+        check_chains(self.chains)
+        errors = _errors_by_case(results, [self.by] if isinstance(self.by, str) else list(self.by))
+        spreads = _spreads(errors)
+        drawn, summary = self._sample(spreads)
+        self.errors_, self.median_, self.draws_, self.summary_ = errors, spreads.medians, drawn, summary
+        self.best_ = str(spreads.medians.index[0])
+        mu, sigma = drawn["mu"], drawn["sigma"]
+        self.probability_ = _probability_of_lower(mu, sigma, self.best_)
+        below = self.probability_ < self.level
+        self.indistinguishable_ = list(below.index[below])
+        self.difference_ = _difference(mu, sigma, self.best_, np.random.default_rng(self.random_state))
+        return self
+
+    def probability_below(self, case: str, error: float) -> float:
+        """Posterior predictive probability that a case has an error below a given one.
+
+        Parameters
+        ----------
+        case : str
+        error : float
+            Such as that of a rival without sizes [K].
+
+        Returns
+        -------
+        float
+        """
+        mu, sigma = (self.draws_[name][case].to_numpy() for name in ("mu", "sigma"))
+        return float(ndtr((np.log(error) - mu) / sigma).mean())
+
+    def _sample(self, spreads: _Spreads) -> tuple[dict[str, pd.DataFrame], pd.DataFrame]:
+        """Draws of ``mu`` and ``sigma`` of every case, and the summary; bad chains raise."""
+        model, start = _model(spreads)
+        data, n_divergent = draw_without_divergence(
+            model,
+            start,
+            draws=self.draws,
+            tune=self.tune,
+            chains=self.chains,
+            random_state=self.random_state,
+            # few sizes leave the spread a skewed posterior, which takes smaller steps
+            accept=(0.8, 0.99) if spreads.n.min() >= _FEW else (0.97, 0.995),
+        )
+        index = draws_index(self.chains, self.draws)
+        cases = spreads.medians.index
+        drawn = {
+            name: pd.DataFrame(data.posterior[name].to_numpy().reshape(len(index), -1), index=index, columns=cases)
+            for name in ("mu", "sigma")
+        }
+        mu, sigma = (summarise_chains(drawn[name]) for name in ("mu", "sigma"))
+        both = pd.concat([mu.rename(index="mu of {}".format), sigma.rename(index="sigma of {}".format)])
+        refuse_bad_chains(both, _ADVICE, n_divergent)
+        summary = {
+            "mu": mu["mean"],
+            "sigma": sigma["mean"],
+            "n_sizes": spreads.n.astype(int),
+            "r_hat": np.maximum(mu["r_hat"], sigma["r_hat"]),
+            "ess": np.minimum(mu["ess"], sigma["ess"]),
+        }
+        return drawn, pd.DataFrame(summary)
+
+
+class _Spreads(NamedTuple):
+    """Sufficient statistics of the logarithms of the errors, by case in the order of rising medians."""
+
+    medians: pd.Series  # of the errors themselves [K]
+    n: np.ndarray  # (n_cases,)
+    mean: np.ndarray  # (n_cases,)
+    squares: np.ndarray  # (n_cases,) sum of squares about the mean
+
+
+def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
+    table = finished(results, by)
+    for column in by:
+        if table[column].isna().any():
+            raise ValueError(f"{column} of row {table[column].isna().idxmax()!r} is empty; every row names its case.")
+    keys = table[by].astype(str).agg(" ".join, axis=1)
+    for column in set(_IDENTITY) & set(table.columns) - set(by):
+        lumped = table[column].groupby(keys).nunique()
+        if (lumped > 1).any():
+            raise ValueError(
+                f"{' '.join(by)} {lumped.idxmax()!r} holds candidates of {lumped.max()} values of {column!r}; pass "
+                "by=('name', 'disturbance')."
+            )
+    return pd.Series(table["rmse"].to_numpy(), index=pd.Index(keys, name="case"), name="rmse")
+
+
+def _spreads(errors: pd.Series) -> _Spreads:
+    medians = errors.groupby(level=0).median().sort_values(kind="stable")
+    groups = np.log(errors).groupby(level=0)
+    n = groups.size().reindex(medians.index)
+    squares = ((n - 1) * groups.var()).fillna(0.0).reindex(medians.index)
+    equal = (n > 1) & (squares < 1e-18 * n)
+    if equal.any():
+        case = equal.idxmax()
+        raise ValueError(f"all {n[case]} errors of {case!r} are equal; their spread cannot be a log-normal's.")
+    mean = groups.mean().reindex(medians.index)
+    return _Spreads(medians, n.to_numpy(float), mean.to_numpy(), squares.to_numpy())
+
+
+def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
+    """The PyMC model of Eq. robustness, and where its chains start.
+
+    The likelihood enters through the sufficient statistics of each case: ``mean ~ Normal(mu, sigma / sqrt(n))`` and
+    ``squares / sigma^2 ~ chi2(n - 1)``, which says the same of ``mu`` and ``sigma`` as the ``n`` errors one by one.
+    ``mu`` is sampled as ``mean + sigma z / sqrt(n)``.  The likelihood of the mean and the Jacobian of that make ``z``
+    standard normal, but for the prior of ``mu``; a case of two or three sizes then has no funnel.
+    """
+    pm = import_pymc()
+    n, mean, squares = spreads.n, spreads.mean, spreads.squares
+    spread = np.flatnonzero(n > 1)
+    with pm.Model() as model:
+        sigma = pm.HalfNormal("sigma", 1.0, shape=len(n))
+        z = pm.Normal("z", shape=len(n))
+        mu = pm.Deterministic("mu", mean + sigma * z / np.sqrt(n))
+        pm.Potential("prior_of_mu", pm.logp(pm.Normal.dist(0.0, 10.0), mu))
+        if len(spread):
+            rate = 0.5 / sigma[spread] ** 2
+            pm.Gamma("squares", 0.5 * (n[spread] - 1.0), rate, observed=squares[spread])
+    guess = np.sqrt(np.maximum(squares, 1e-12) / np.maximum(n - 1.0, 1.0))
+    return model, {"sigma": np.where(n > 1, guess, 0.5), "z": np.zeros(len(n))}
+
+
+def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> pd.Series:
+    """Of the best case against each: the difference of two log errors is normal, given a draw of mu and sigma."""
+    place = list(mu.columns).index(best)
+    centres, spreads = mu.to_numpy(), sigma.to_numpy()
+    ahead = centres - centres[:, [place]]
+    wide = np.hypot(spreads, spreads[:, [place]])
+    return pd.Series(ndtr(ahead / wide).mean(axis=0), index=mu.columns, name="probability")
+
+
+def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random.Generator) -> pd.DataFrame:
+    """Quantiles of predicted errors, the best case's less each case's [K]."""
+    place = list(mu.columns).index(best)
+    centres, spreads = mu.to_numpy(), sigma.to_numpy()
+    of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))
+    others = np.exp(centres + spreads * rng.standard_normal(mu.shape))
+    quantiles = np.quantile(of_best[:, None] - others, _QUANTILES, axis=0).T
+    return pd.DataFrame(quantiles, index=mu.columns, columns=[f"q_{q:g}" for q in _QUANTILES])

@@ -1,0 +1,296 @@
+"""The design matrix (paper 3.2): every disturbance model that is compared, as one table and as parameter grids."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+import pandas as pd
+from sklearn.model_selection import ParameterGrid
+
+from ...forecasting import DisturbanceForecaster
+from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
+from ...forecasting.forecaster import BASELINES
+
+#: columns that say which candidate a row is; those of its size follow.
+IDENTITY = ("framework", "case", "disturbance", "name")
+_DISTURBANCES = ("input", "output")
+_NO_SIZE = ("disturbance", "forecaster__model", "forecaster__case")
+_SIZE_NAMES = {name for sizes in SIZES.values() for name in sizes}
+#: the size that ``"small"`` leaves: the first so many values of a parameter, one of the others.
+_SMALL = {"n_layers": 2, "hidden_size": 2}
+
+
+class MatrixBlock(NamedTuple):
+    """The candidates of one framework: each combination of the three lists and of all sizes."""
+
+    framework: str  # its name
+    model: Any  # what DisturbanceForecaster takes
+    cases: list[str | ModelCase]  # none where it has none
+    disturbance: list[str]
+    size: dict[str, list[Any]]  # parameter -> values
+
+
+class DesignMatrix:
+    """The candidates of a search, each a disturbance model.
+
+    Made by :func:`design_matrix`; ``len()`` is the number of candidates.
+
+    Parameters
+    ----------
+    blocks : sequence of MatrixBlock
+        One a framework.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row a candidate, in the order of :meth:`candidates`: ``framework``, ``case`` (None where it has none),
+        ``disturbance``, ``name`` (the paper's spelling) and a column for each size, NaN where it does not apply.
+
+    Examples
+    --------
+    >>> from skhybrid.model_selection import design_matrix
+    >>> matrix = design_matrix(frameworks=["mlp", "ridge"], cases=["case01"], size="small", disturbance="input")
+    >>> matrix
+    DesignMatrix(5 candidates: mlp input 4, ridge input 1)
+    >>> matrix.table["name"].unique().tolist()
+    ['DEEP_MLP_FORECAST-case01', 'ridge']
+    """
+
+    def __init__(self, blocks: Sequence[MatrixBlock]) -> None:
+        self._blocks = tuple(blocks)
+        self.table = self._make_table()
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __repr__(self) -> str:
+        counts = Counter(zip(self.table["framework"], self.table["disturbance"], strict=True))
+        shown = ", ".join(f"{framework} {kind} {n}" for (framework, kind), n in counts.items())
+        return f"DesignMatrix({len(self)} candidates: {shown})"
+
+    def param_grid(self, prefix: str = "forecaster__") -> list[dict[str, list[Any]]]:
+        """Grids that ``GridSearchCV(estimator, param_grid)`` takes.
+
+        Parameters
+        ----------
+        prefix : str, default ``"forecaster__"``
+            Where the forecaster is in the estimator: as it is for :class:`~skhybrid.HybridPredictor`;
+            ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster itself, which has no
+            ``disturbance``.
+
+        Returns
+        -------
+        list of dict
+            One a framework, parameter -> values.
+        """
+        outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
+        grids = []
+        for block in self._blocks:
+            grid: dict[str, list[Any]] = {f"{prefix}model": [block.model]}
+            if outside is not None:
+                grid[f"{outside}__disturbance" if outside else "disturbance"] = list(block.disturbance)
+            if block.cases:
+                grid[f"{prefix}case"] = list(block.cases)
+            inside = "" if isinstance(block.model, str) else "model__"
+            grid |= {f"{prefix}{inside}{name}": list(values) for name, values in block.size.items()}
+            grids.append(grid)
+        return grids
+
+    def candidates(self, prefix: str = "forecaster__") -> list[dict[str, Any]]:
+        """Parameters of every candidate, in the order of ``table`` and of ``GridSearchCV``.
+
+        Parameters
+        ----------
+        prefix : str, default ``"forecaster__"``
+            As in :meth:`param_grid`.
+
+        Returns
+        -------
+        list of dict
+            One a row of ``table``, parameter -> value; with an empty prefix one for each that differs in more than its
+            ``disturbance``.
+        """
+        return list(ParameterGrid(self.param_grid(prefix)))
+
+    def _make_table(self) -> pd.DataFrame:
+        rows = []
+        for block, grid in zip(self._blocks, self.param_grid(), strict=True):
+            for candidate in ParameterGrid(grid):
+                case = candidate.get("forecaster__case")
+                row = {"framework": block.framework, "case": getattr(case, "name", case)}
+                row["disturbance"] = candidate["disturbance"]
+                row["name"] = long_name(block.framework, row["case"])
+                sizes = {key: value for key, value in candidate.items() if key not in _NO_SIZE}
+                rows.append(row | {key.split("__")[-1]: value for key, value in sizes.items()})
+        sizes = dict.fromkeys(key for row in rows for key in row if key not in IDENTITY)
+        table = pd.DataFrame(rows, columns=[*IDENTITY, *sizes])
+        return table.assign(case=table["case"].astype(object).where(table["case"].notna(), None))
+
+
+def design_matrix(
+    frameworks: Sequence[str] | Mapping[str, Any] = NETWORKS,
+    cases: Iterable[str | ModelCase] | Mapping[str, Iterable[str | ModelCase]] | None = None,
+    disturbance: str | Sequence[str] = _DISTURBANCES,
+    size: str | Mapping[str, Any] = "paper",
+) -> DesignMatrix:
+    """Every combination of framework, case, size and kind of disturbance (paper 3.2).
+
+    As it stands, the paper's full grid: 756 MLP, 4536 CNN, 612 RNN and 612 LSTM for each kind of disturbance.
+
+    Parameters
+    ----------
+    frameworks : sequence of str, or mapping of str to model
+        Networks (``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``) and baselines (``"ridge"``, ``"profile"`` ...) by name,
+        or under names of one's own whatever :class:`~skhybrid.DisturbanceForecaster` takes as ``model``, such as
+        ``{"mlp": "mlp", "forest": RandomForestRegressor()}``.  Only networks have cases.
+    cases : sequence of str or ModelCase, or mapping of framework to such, optional
+        Which cases; a name is taken by every framework that has it.  Default, also for frameworks that a
+        mapping leaves out: all of the paper's appendix, 21 for MLP and CNN and 17 for RNN and LSTM.
+    disturbance : {"input", "output"} or sequence of them
+        ID, OD or both; ``"linear"`` is heat on the zone, of which there is no OD.
+    size : {"paper", "small"} or dict
+        ``"paper"`` all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"`` four sizes a case: the first two
+        numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such a
+        dict; frameworks that it leaves out have the paper's sizes.  Channels, filters and pooling are the CNN's alone.
+        Sizes of a regressor are its own parameters, such as ``{"forest": {"n_estimators": [100, 300]}}``.
+
+    Returns
+    -------
+    DesignMatrix
+        With ``table``, :meth:`~DesignMatrix.param_grid` and :meth:`~DesignMatrix.candidates`.
+
+    Raises
+    ------
+    ValueError
+        If a framework, a case, a kind of disturbance or a size is not known, or no candidate is left.
+
+    Examples
+    --------
+    >>> from skhybrid.model_selection import design_matrix
+    >>> design_matrix()
+    DesignMatrix(13032 candidates: mlp input 756, mlp output 756, cnn input 4536, cnn output 4536, rnn input 612, \
+rnn output 612, lstm input 612, lstm output 612)
+    """
+    models = _models(frameworks)
+    kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
+    for kind in kinds:
+        if kind not in _DISTURBANCES:
+            raise ValueError(f"disturbance={kind!r} is not known; use 'input', 'output' or both.")
+    chosen, sizes = _cases(models, cases), _sizes(models, size)
+    blocks = [
+        MatrixBlock(name, model, chosen[name], [k for k in kinds if model != "linear" or k == "input"], sizes[name])
+        for name, model in models.items()
+        if chosen[name] or _network(model) is None
+    ]
+    if not blocks or not kinds:
+        raise ValueError("the design matrix is empty; name a framework, a case that it has and a kind of disturbance.")
+    return DesignMatrix(blocks)
+
+
+def long_name(framework: str, case: str | None) -> str:
+    """A candidate's name in the paper's spelling.
+
+    Parameters
+    ----------
+    framework : str
+        Such as ``"lstm"``.
+    case : str or None
+        Such as ``"case01"``; None for a framework without cases.
+
+    Returns
+    -------
+    str
+        Such as ``"DEEP_AR_LSTM_FORECAST-case01"`` ("AR" where the network feeds its own output back); the name of a
+        framework of one's own as it is, with its case if it has one.
+    """
+    name = framework
+    if framework in NETWORKS:
+        name = f"DEEP_{'AR_' if framework in RECURRENT else ''}{framework.upper()}_FORECAST"
+    return name if case is None else f"{name}-{case}"
+
+
+# ------------------------------------------------------------------------------------------------------------ choices
+def _network(model: Any) -> str | None:
+    """The network that a model is, or None."""
+    return model if isinstance(model, str) and model in NETWORKS else None
+
+
+def _models(frameworks: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
+    if isinstance(frameworks, str):
+        frameworks = [frameworks]
+    if not isinstance(frameworks, Mapping):
+        for name in frameworks:
+            if not isinstance(name, str):
+                raise ValueError(f"framework {name!r} has no name; give a mapping, such as {{'forest': {name!r}}}.")
+        frameworks = {name: name for name in frameworks}
+    for name, model in frameworks.items():
+        known = model in (*NETWORKS, *BASELINES) if isinstance(model, str) else hasattr(model, "fit")
+        if not known or isinstance(model, type):
+            names = ", ".join((*NETWORKS, *BASELINES))
+            raise ValueError(f"framework {name!r} is {model!r}; use {names} or a scikit-learn regressor.")
+    return dict(frameworks)
+
+
+def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelCase]]:
+    """Cases by framework; none for what is no network."""
+    networks = {name: net for name, model in models.items() if (net := _network(model)) is not None}
+    found: dict[str, list[str | ModelCase]] = {name: [] for name in models}
+    if cases is None:
+        return found | {name: list(cases_of(net)) for name, net in networks.items()}
+    if isinstance(cases, Mapping):
+        for name in cases:
+            if name not in networks:
+                raise ValueError(f"cases are given for {name!r}, which is no network among the frameworks.")
+        return {name: _cases({name: model}, cases.get(name))[name] for name, model in models.items()}
+    wanted = [cases] if isinstance(cases, str | ModelCase) else list(dict.fromkeys(cases))
+    for case, (name, net) in product(wanted, networks.items()):
+        if isinstance(case, ModelCase) or case in cases_of(net):
+            found[name].append(case)
+    for case in wanted:
+        if networks and not any(case in of for of in found.values()):
+            raise ValueError(f"case {case!r} belongs to none of {', '.join(networks)}; see list_cases().")
+    return found
+
+
+def _sizes(models: Mapping[str, Any], size: Any) -> dict[str, dict[str, list[Any]]]:
+    """Sizes by framework."""
+    networks = {name: _network(model) for name, model in models.items()}
+    paper: dict[str, dict[str, list[Any]]] = {n: list_sizes(net) if net else {} for n, net in networks.items()}
+    if size == "paper":
+        return paper
+    if size == "small":
+        return {name: {key: v[: _SMALL.get(key, 1)] for key, v in sizes.items()} for name, sizes in paper.items()}
+    if not isinstance(size, Mapping):
+        raise ValueError(f"size={size!r} is neither 'paper', 'small' nor a dict.")
+    if all(isinstance(value, Mapping) for value in size.values()):
+        for name in size:
+            if name not in models:
+                raise ValueError(f"size is given for {name!r}, which is not among the frameworks {', '.join(models)}.")
+        given = paper | {name: _as_lists(value) for name, value in size.items()}
+    else:
+        elsewhere = {name: _SIZE_NAMES - set(SIZES[net]) for name, net in networks.items() if net}
+        given = {name: {} for name in models}
+        given |= {name: _as_lists({k: v for k, v in size.items() if k not in no}) for name, no in elsewhere.items()}
+    _check_sizes(models, given)
+    return given
+
+
+def _as_lists(sizes: Mapping[str, Any]) -> dict[str, list[Any]]:
+    return {
+        key: list(values) if isinstance(values, Iterable) and not isinstance(values, str) else [values]
+        for key, values in sizes.items()
+    }
+
+
+def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, list[Any]]]) -> None:
+    for name, model in models.items():
+        owner = DisturbanceForecaster() if _network(model) else model
+        known = owner.get_params() if hasattr(owner, "get_params") else {}
+        for key, values in sizes[name].items():
+            if key not in known:
+                raise ValueError(f"size {key!r} of {name!r} is no parameter of it; it has {', '.join(sorted(known))}.")
+            if not len(values):
+                raise ValueError(f"size {key!r} of {name!r} has no values.")

@@ -1,0 +1,306 @@
+"""``DesignMatrixSearchCV``: a grid search that can be killed, shared out and looked at while it runs (design 7)."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from scipy.stats import rankdata
+from sklearn.base import clone
+from sklearn.exceptions import FitFailedWarning
+from sklearn.model_selection import ParameterGrid, check_cv
+from sklearn.model_selection._search import BaseSearchCV
+from sklearn.utils.validation import indexable
+
+from ...forecasting.cases import NETWORKS
+from ..splitters import RollingOriginSplit, default_blocks
+from .candidates import RIVAL, MeasuredRmse, Problem, forecaster_prefix
+from .design_matrix import IDENTITY, DesignMatrix
+from .fingerprint import settings_of
+from .halving import Halving, Outcome, run_all
+from .store import ResultStore
+from .workers import Runner, Workers
+
+
+class DesignMatrixSearchCV(BaseSearchCV):
+    """Search over a design matrix that is resumable, distributed and survives candidates that fail.
+
+    It gives what ``GridSearchCV`` over the same candidates gives, to the bit if every ``random_state`` is a number, but
+    identifies the network of each split once and trains only forecasters after that.  Results go to a store as they
+    finish: a search that was stopped, or killed, goes on where it was, and several processes may work on one store.
+
+    Parallel work is joblib's: ``n_jobs`` processes here, or a cluster by ``joblib.parallel_config(backend="dask")`` or
+    ``"ray"``.  Data and networks are sent to a worker once.
+
+    Parameters
+    ----------
+    estimator : HybridPredictor, Pipeline that ends in one, or DisturbanceForecaster
+        With parameter grids instead of a design matrix, any regressor.
+    matrix : DesignMatrix, dict or list of dict
+        From :func:`design_matrix`, or parameter grids as ``GridSearchCV`` takes them.
+    cv : splitter, iterable or int, optional
+        Default: two test blocks at the end, each a sixth of the table in whole days, with all that is before a block as
+        its training (:class:`RollingOriginSplit`).
+    store : path-like, optional
+        SQLite file of results on a local disk, made where there is none.  None: results are kept in memory.
+    n_jobs : int, optional
+        Processes, as joblib counts them.
+    scoring : str, callable, list or dict, optional
+        As in ``GridSearchCV``; default is the negative root-mean-square error [K] of ``predict`` over measured rows.
+    refit : bool, str or callable, default True
+        As in ``GridSearchCV``.
+    error_score : float or "raise", default NaN
+        Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search.
+    halving : int or tuple of (int, int), optional
+        Stop hopeless networks early: all are trained for so many epochs, the best third by RMSE (or 1 / the second
+        number) for thrice as many, and so on up to ``max_epochs``.  See ``halving_``; a warning says how many were
+        stopped, and none of those can be the best.
+    rivals : mapping of str to regressor, optional
+        Estimators of one's own beside the matrix, such as ``{"arx": ARXRegressor()}``: fitted and scored on the same
+        splits, they are rows of ``results_`` without a case, which :func:`select_case` ranks with the others.  They
+        are no candidates: ``cv_results_`` does not hold them, and none can be the best.
+    retry_failed : bool, default False
+        Whether candidates that failed in an earlier run of the store are tried again.
+    chunk_size : int, default 12
+        Candidates of one framework and case that a worker takes at once; a kill loses those in work.
+    verbose : int, default 1
+        0 shows nothing, 1 a progress bar with rate and time left.
+
+    Attributes
+    ----------
+    cv_results_ : dict
+        As of ``GridSearchCV``; with ``halving`` also ``stopped_at``.
+    results_ : DataFrame
+        One row a candidate, then one a rival: the columns of the design matrix, ``rmse`` [K] (mean over splits),
+        ``split0_rmse`` ..., ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving
+        stopped it, else NaN) and ``error`` (of a split that failed, else None).
+    halving_ : DataFrame
+        One row a rung: ``max_epochs``, ``n_candidates``, ``n_stopped`` and ``worst_kept`` RMSE [K]; empty without.
+    best_estimator_, best_params_, best_score_, best_index_, scorer_, n_splits_, refit_time_, multimetric_
+        As of ``GridSearchCV``.
+
+    Examples
+    --------
+    >>> from skhybrid import GrayBoxRC, HybridPredictor
+    >>> from skhybrid.datasets import make_office
+    >>> from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
+    >>> office = make_office(n_days=14, random_state=0)
+    >>> estimator = HybridPredictor(GrayBoxRC(n_starts=2, random_state=0))
+    >>> search = DesignMatrixSearchCV(estimator, design_matrix(["ridge", "profile"], disturbance="input"), verbose=0)
+    >>> search.fit(office.X, office.y).results_["framework"].tolist()
+    ['ridge', 'profile']
+    """
+
+    def __init__(
+        self,
+        estimator: Any,
+        matrix: Any,
+        *,
+        cv: Any = None,
+        store: Any = None,
+        n_jobs: int | None = None,
+        scoring: Any = None,
+        refit: Any = True,
+        error_score: Any = np.nan,
+        halving: Any = None,
+        rivals: Any = None,
+        retry_failed: bool = False,
+        chunk_size: int = 12,
+        verbose: int = 1,
+    ) -> None:
+        super().__init__(
+            estimator,
+            scoring=scoring,
+            n_jobs=n_jobs,
+            refit=refit,
+            cv=cv,
+            verbose=verbose,
+            error_score=error_score,
+            return_train_score=False,
+        )
+        self.matrix = matrix
+        self.store = store
+        self.halving = halving
+        self.rivals = rivals
+        self.retry_failed = retry_failed
+        self.chunk_size = chunk_size
+
+    def fit(self, X: Any, y: Any = None) -> Self:
+        """Run what the store does not hold yet, and fit the best candidate on the whole table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; for a :class:`~skhybrid.HybridPredictor` with ``T_za`` as history.
+        y : array-like of shape (n_samples,)
+            Target.
+
+        Returns
+        -------
+        DesignMatrixSearchCV
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            If the store was made with other data or settings, a setting is not known, or every candidate fails.
+        """
+        scorer, metric = self._get_scorers()
+        X, y = indexable(X, y)
+        candidates = self._candidates()
+        values = [value for params in (self.estimator.get_params(), *candidates) for value in params.values()]
+        trains = any(isinstance(value, str) and value in NETWORKS for value in values)
+        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, trains)
+        outcome, beside = self._run(problem, candidates)
+        self._assemble(candidates, outcome, beside)
+        if callable(self.scoring) and self.multimetric_:
+            self._check_refit_for_multimetric(dict.fromkeys(self._metrics(outcome)))
+            metric = self.refit
+        if self.refit or not self.multimetric_:
+            self._choose(metric)
+        if self.refit:
+            self._refit(problem)
+        self.scorer_ = getattr(scorer, "_scorers", scorer)
+        return self
+
+    @property
+    def n_features_in_(self) -> int:
+        """Columns of X; only with ``refit``."""
+        return super().n_features_in_
+
+    def _get_scorers(self) -> tuple[Any, Any]:
+        return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()
+
+    def _splits(self, X: Any, y: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+        cv = self.cv
+        if cv is None:
+            blocks = default_blocks(X, getattr(self.estimator, "horizon", None) or "1D")
+            if blocks is None:
+                raise ValueError("X is too short for two test blocks of a day and a training of two; give cv= or more.")
+            cv = RollingOriginSplit(train=blocks[0], test=blocks[1], n_splits=2, expanding=True)
+        splits = list(check_cv(cv, y, classifier=False).split(X, y))
+        self.n_splits_ = len(splits)
+        return splits
+
+    def _candidates(self) -> list[dict[str, Any]]:
+        if isinstance(self.matrix, DesignMatrix):
+            return self.matrix.candidates(forecaster_prefix(self.estimator))
+        found = list(ParameterGrid(self.matrix))
+        if not found:
+            raise ValueError("the parameter grid is empty; give at least one candidate.")
+        return found
+
+    def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
+        """What became of the candidates, and of the rivals."""
+        settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
+        halving = None if self.halving is None else Halving(*np.atleast_1d(self.halving).tolist())
+        with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
+            if self.retry_failed:
+                store.forget_failed()
+            careful = not (isinstance(self.error_score, str) and self.error_score == "raise")
+            runner = Runner(problem, store, workers, self.chunk_size, careful, self.verbose > 0)
+            beside = run_all(runner.run, [{RIVAL: rival} for rival in self.rivals.values()]) if self.rivals else None
+            if halving is None:
+                return run_all(runner.run, candidates), beside
+            return halving.run(runner.run, problem.estimator, candidates), beside
+
+    # ------------------------------------------------------------------------------------------------------ results
+    @staticmethod
+    def _metrics(outcome: Outcome) -> list[str]:
+        """Names of the scores."""
+        good = next((one for row in outcome.results for one in row if one.error is None), None)
+        if good is None:
+            raise ValueError(f"every candidate failed, the first with\n{outcome.results[0][0].error}")
+        return list(good.scores)
+
+    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, beside: Outcome | None) -> None:
+        """``cv_results_``, ``results_`` and ``halving_``, and what a user must be told of them."""
+        names = self._metrics(outcome)
+        self.multimetric_ = names != ["score"]
+        out = []
+        for one in (one for row in outcome.results for one in row):
+            scores = one.scores if one.error is None else dict.fromkeys(names, self.error_score)
+            test_scores = scores if self.multimetric_ else scores["score"]
+            out.append({"fit_time": one.fit_time, "score_time": one.score_time, "test_scores": test_scores})
+        self.cv_results_ = self._format_results(candidates, self.n_splits_, out)
+        self.halving_ = outcome.rungs
+        tables = [self._table(self._identity(candidates), outcome)]
+        if beside is not None:
+            names = list(self.rivals)
+            tables.append(self._table(pd.DataFrame({"framework": names, "name": names}), beside))
+        self.results_ = tables[0] if len(tables) == 1 else _one_table(tables)
+        failed = self.results_["error"].notna()
+        if failed.any():
+            first = str(self.results_["error"][failed].iloc[0]).strip().splitlines()[-1]
+            warnings.warn(
+                f"{failed.sum()} of {len(failed)} candidates failed (see results_['error']), the first with: {first}",
+                FitFailedWarning,
+                stacklevel=3,
+            )
+        if len(outcome.rungs):
+            self._rank_stopped_last(outcome.stopped_at)
+
+    def _identity(self, candidates: list[dict[str, Any]]) -> pd.DataFrame:
+        """Which candidate a row is."""
+        if isinstance(self.matrix, DesignMatrix):
+            table = self.matrix.table
+            if forecaster_prefix(self.estimator) == "":  # a forecaster itself knows no kind of disturbance
+                table = table[~table.drop(columns="disturbance").duplicated()].assign(disturbance=None)
+            return table
+        names = dict.fromkeys(name for candidate in candidates for name in candidate)
+        return pd.DataFrame([{name: c.get(name, np.nan) for name in names} for c in candidates])
+
+    @staticmethod
+    def _table(table: pd.DataFrame, outcome: Outcome) -> pd.DataFrame:
+        """Rows with what became of them."""
+        rmse = np.array([[one.rmse for one in row] for row in outcome.results])
+        epochs = [[np.nan if one.n_epochs is None else one.n_epochs for one in row] for row in outcome.results]
+        errors = [next((one.error for one in row if one.error is not None), None) for row in outcome.results]
+        return table.reset_index(drop=True).assign(
+            rmse=rmse.mean(axis=1),
+            **{f"split{i}_rmse": column for i, column in enumerate(rmse.T)},
+            n_epochs=np.mean(epochs, axis=1),
+            fit_time=[float(np.mean([one.fit_time for one in row])) for row in outcome.results],
+            stopped_at=outcome.stopped_at,
+            error=pd.Series(errors, dtype=object),
+        )
+
+    def _rank_stopped_last(self, stopped_at: np.ndarray) -> None:
+        """A score after fewer epochs is no rival of one after all of them."""
+        stopped = np.isfinite(stopped_at)
+        self.cv_results_["stopped_at"] = stopped_at
+        for name in [name for name in self.cv_results_ if name.startswith("rank_test_")]:
+            score = np.nan_to_num(self.cv_results_[name.replace("rank", "mean", 1)], nan=-np.inf)
+            ranks = np.empty(len(score), dtype=np.int32)
+            ranks[~stopped] = rankdata(-score[~stopped], method="min")
+            ranks[stopped] = rankdata(-score[stopped], method="min") + (~stopped).sum()
+            self.cv_results_[name] = ranks
+        warnings.warn(
+            f"halving stopped {stopped.sum()} of {len(stopped)} candidates early; their scores are those of fewer "
+            "epochs (see results_['stopped_at'] and halving_).",
+            stacklevel=4,
+        )
+
+    def _choose(self, metric: Any) -> None:
+        self.best_index_ = self._select_best_index(self.refit, metric, self.cv_results_)
+        if not callable(self.refit):
+            self.best_score_ = self.cv_results_[f"mean_test_{metric}"][self.best_index_]
+        self.best_params_ = self.cv_results_["params"][self.best_index_]
+
+    def _refit(self, problem: Problem) -> None:
+        started = time.perf_counter()
+        self.best_estimator_ = problem.candidate(self.best_params_).fit(problem.X, problem.y)
+        self.refit_time_ = time.perf_counter() - started
+        if hasattr(self.best_estimator_, "feature_names_in_"):
+            self.feature_names_in_ = self.best_estimator_.feature_names_in_
+
+
+def _one_table(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Candidates and rivals, which have neither case nor kind of disturbance."""
+    table = pd.concat(tables, ignore_index=True)
+    without = {name: table[name].astype(object) for name in IDENTITY[1:3] if name in table}
+    return table.assign(**{name: column.where(column.notna(), None) for name, column in without.items()})

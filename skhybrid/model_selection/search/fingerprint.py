@@ -1,0 +1,120 @@
+"""What a search depends on, in words that are the same in every process: data, settings, parameters."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+
+from ... import __version__
+from .store import VERSION
+
+#: parameters that change no result, at any depth.
+_IDLE = ("n_jobs", "verbose", "memory")
+
+
+def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]], scoring: Any) -> dict[str, str]:
+    """Data and settings by name, for a store to compare.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Before a candidate's parameters are set.
+    X, y : table and target
+    splits : sequence of (train, test)
+        Row numbers.
+    scoring : object
+        As the search was given it.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    found = {**_data("X", X), **_data("y", y)}
+    found["cv"] = f"{len(splits)} splits ({_digest(*(np.asarray(rows) for split in splits for rows in split))})"
+    found["scoring"] = as_plain(scoring)
+    found["estimator"] = _name(type(estimator))
+    for name, value in sorted(estimator.get_params(deep=True).items()):
+        if name.split("__")[-1] not in _IDLE:
+            found[f"parameter {name}"] = _name(type(value)) if _is_estimator(value) else as_plain(value)
+    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn", "torch")}
+    return found | {f"{VERSION}{name}": number for name, number in versions.items()}
+
+
+def candidate_id(params: Mapping[str, Any]) -> str:
+    """A short name of a candidate's parameters.
+
+    Parameters
+    ----------
+    params : Mapping of str to object
+
+    Returns
+    -------
+    str
+        The same in every process.
+    """
+    return hashlib.sha256(as_plain(dict(sorted(params.items()))).encode()).hexdigest()[:32]
+
+
+def as_plain(value: Any) -> str:
+    """A value of a parameter in words.
+
+    Parameters
+    ----------
+    value : object
+        A plain value, an estimator, an array, a table, a function, a container of such, or any object that pickles.
+
+    Returns
+    -------
+    str
+        The same for equal values in every process.
+    """
+    if _is_estimator(value):
+        params = value.get_params(deep=False).items()
+        return f"{_name(type(value))}({', '.join(f'{k}={as_plain(v)}' for k, v in sorted(params) if k not in _IDLE)})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return "[" + ", ".join(map(as_plain, value)) + "]"
+    if isinstance(value, np.generic):
+        return repr(value.item())
+    if inspect.isroutine(value) or inspect.isclass(value):
+        return _name(value)
+    told = repr(value)
+    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in told:
+        return f"{_name(type(value))} {joblib.hash(value)}"  # what is shown of it is not all, or not the same
+    return told
+
+
+def _is_estimator(value: Any) -> bool:
+    return hasattr(value, "get_params") and not inspect.isclass(value)
+
+
+def _name(thing: Any) -> str:
+    return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
+
+
+def _data(name: str, data: Any) -> dict[str, str]:
+    """Size, names, stamps and values, apart, so that what differs can be named."""
+    table = pd.DataFrame(data if isinstance(data, pd.DataFrame | pd.Series) else np.asarray(data))
+    found = {f"rows of {name}": str(len(table))}
+    if isinstance(data, pd.DataFrame):
+        found[f"columns of {name}"] = ", ".join(map(str, table.columns))
+    if isinstance(table.index, pd.DatetimeIndex) and len(table):
+        found[f"first stamp of {name}"] = str(table.index[0])
+        found[f"last stamp of {name}"] = str(table.index[-1])
+    return found | {f"values of {name}": _digest(pd.util.hash_pandas_object(table, index=True).to_numpy())}
+
+
+def _digest(*arrays: np.ndarray) -> str:
+    total = hashlib.sha256()
+    for array in arrays:
+        total.update(np.ascontiguousarray(array).tobytes())
+        total.update(b"|")
+    return total.hexdigest()[:16]

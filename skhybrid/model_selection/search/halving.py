@@ -1,0 +1,115 @@
+"""Successive halving on epochs: which networks are trained on, and what became of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ...forecasting.cases import NETWORKS
+from .candidates import forecaster_prefix
+from .store import Result
+
+_COLUMNS = ["max_epochs", "n_candidates", "n_stopped", "worst_kept"]
+_Run = Callable[[Sequence[Mapping[str, Any]], str], list[list[Result]]]
+
+
+class Outcome(NamedTuple):
+    """Of all candidates, in their order."""
+
+    results: list[list[Result]]  # by split
+    stopped_at: np.ndarray  # (n_candidates,) epochs after which one was stopped, NaN where it was not
+    rungs: pd.DataFrame
+
+
+class Halving:
+    """Networks are trained for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many ...
+
+    Parameters
+    ----------
+    first : int
+        Epochs of the first rung.
+    factor : int
+    """
+
+    def __init__(self, first: int, factor: int = 3) -> None:
+        if (
+            not (isinstance(first, int | np.integer) and isinstance(factor, int | np.integer))
+            or first < 1
+            or factor < 2
+        ):
+            raise ValueError(f"halving=({first!r}, {factor!r}) must be whole numbers, from 1 epoch and a factor of 2.")
+        self.first = int(first)
+        self.factor = int(factor)
+
+    def run(self, run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
+        """Run all candidates; what is no network is trained whole.
+
+        Parameters
+        ----------
+        run : callable
+            Takes candidates and what to call them, gives their results.
+        estimator : estimator
+            With a forecaster of the disturbance.
+        candidates : sequence of Mapping
+            Their parameters.
+
+        Returns
+        -------
+        Outcome
+        """
+        results: list[list[Result]] = [[] for _ in candidates]
+        stopped_at = np.full(len(candidates), np.nan)
+        prefix = forecaster_prefix(estimator)
+        alive, limits = _networks(estimator, candidates, prefix)
+        rungs = []
+        for epochs in self._epochs(limits):
+            found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in alive], f"{epochs} epochs")
+            rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN, which sorts last: it failed
+            order = np.argsort(rmse, kind="stable")
+            n_kept = min(-(-len(alive) // self.factor), int(np.isfinite(rmse).sum()))
+            for i in order[n_kept:]:
+                results[alive[i]], stopped_at[alive[i]] = found[i], epochs
+            worst = float(rmse[order[n_kept - 1]]) if n_kept else np.nan
+            rungs.append((epochs, len(alive), len(alive) - n_kept, worst))
+            alive = alive[np.sort(order[:n_kept])]
+        left = [i for i, epochs in enumerate(stopped_at) if np.isnan(epochs)]
+        for i, row in zip(left, run([candidates[i] for i in left], ""), strict=True):
+            results[i] = row
+        return Outcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
+
+    def _epochs(self, limits: np.ndarray) -> Iterator[int]:
+        """Epochs of the rungs below what the shortest candidate is trained for anyway."""
+        epochs = self.first
+        while len(limits) and epochs < limits.min():
+            yield epochs
+            epochs *= self.factor
+
+
+def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
+    """Run all candidates whole.
+
+    Parameters
+    ----------
+    run : callable
+        As in :meth:`Halving.run`.
+    candidates : sequence of Mapping
+
+    Returns
+    -------
+    Outcome
+    """
+    return Outcome(run(candidates, ""), np.full(len(candidates), np.nan), pd.DataFrame(columns=_COLUMNS))
+
+
+def _networks(estimator: Any, candidates: Sequence[Mapping[str, Any]], prefix: str) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the candidates that are networks, and how many epochs each has at most."""
+    own = estimator.get_params().get(f"{prefix}model")
+    default = clone(estimator).set_params(**{f"{prefix}model": "lstm"}).get_params()[f"{prefix}max_epochs"]
+    models = [candidate.get(f"{prefix}model", own) for candidate in candidates]
+    chosen = [i for i, model in enumerate(models) if isinstance(model, str) and model in NETWORKS]
+    limits = [candidates[i].get(f"{prefix}max_epochs", default) for i in chosen]
+    return np.array(chosen, dtype=np.int64), np.array(limits)

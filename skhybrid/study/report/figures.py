@@ -1,0 +1,189 @@
+"""The pictures of a report."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
+
+import pandas as pd
+
+from ...inspection import (
+    DayAheadDisplay,
+    DisturbanceWeekDisplay,
+    ForecastDisplay,
+    LeadErrorDisplay,
+    ScheduleDisplay,
+    blank_axes,
+)
+from ...persistence import atomic_path
+
+#: days of the back-test that a picture shows.
+_SHOWN = pd.Timedelta("7D")
+#: models of a picture; more would hide one another.
+_MOST_LINES = 3
+_MOST_LEADS = 5
+
+
+def as_image(figure: Any, dpi: int = 130) -> str:
+    """A figure as a ``data:`` address that an HTML page can hold.
+
+    Parameters
+    ----------
+    figure : matplotlib Figure
+    dpi : int
+        Dots per inch.
+
+    Returns
+    -------
+    str
+    """
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def day_figure(forecast: pd.DataFrame) -> Any:
+    """The next day: temperature and, where there is one, load.
+
+    Parameters
+    ----------
+    forecast : DataFrame
+        As ``forecast.csv`` holds it.
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    n_axes = 2 if "Q_hvac" in forecast else 1
+    figure, axes = blank_axes(n_axes, (9.0, 2.5 * n_axes + 0.7))
+    _draw_day(axes if n_axes == 2 else axes[0], forecast)
+    return figure
+
+
+def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
+    renamed = {"T_za_measured": "T_za", "Q_hvac_delivered": "Q_hvac"}
+    measured = forecast[[c for c in renamed if c in forecast]].rename(columns=renamed)
+    DayAheadDisplay.from_predictions(
+        forecast, measured=measured if "T_za" in measured else None, setpoint=_own_setpoint(forecast), ax=ax
+    )
+
+
+def _own_setpoint(forecast: pd.DataFrame) -> pd.Series | None:
+    """The set-point, unless it is the measured temperature itself."""
+    held = forecast.get("setpoint")
+    measured = forecast.get("T_za_measured")
+    if held is None or (measured is not None and (held - measured).abs().max() < 1e-9):
+        return None
+    return held
+
+
+def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN) -> Any:
+    """Measured and forecast temperature over the last days of a back-test.
+
+    Parameters
+    ----------
+    frames : mapping of label to DataFrame
+        Back-tests, the most important first.
+    shown : Timedelta
+        How much of their end is drawn.
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure, axes = blank_axes(1, (9.0, 3.6))
+    _draw_backtest(axes[0], frames, shown)
+    return figure
+
+
+def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta) -> None:
+    chosen = dict(list(frames.items())[:_MOST_LINES])
+    last = next(iter(chosen.values()))["time"].max()
+    ForecastDisplay.from_predictions(chosen, ax=ax, start=last - shown)
+
+
+def lead_figure(frames: Mapping[str, pd.DataFrame]) -> Any:
+    """Error by lead.
+
+    Parameters
+    ----------
+    frames : mapping of label to DataFrame
+        Back-tests, the most important first.
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure, axes = blank_axes(1, (9.0, 3.4))
+    LeadErrorDisplay.from_predictions(dict(list(frames.items())[:_MOST_LEADS]), ax=axes[0])
+    return figure
+
+
+def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
+    """Unmeasured heat by hour of the week.
+
+    Parameters
+    ----------
+    zeta : Series
+        Estimated disturbance [kW].
+    truth : Series, optional
+        The true one, at the same stamps.
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure, axes = blank_axes(1, (9.0, 3.2))
+    DisturbanceWeekDisplay.from_predictions(zeta, truth=truth, ax=axes[0])
+    return figure
+
+
+def schedule_figure(schedule: pd.DataFrame) -> Any:
+    """What the forecast has learned of the hours.
+
+    Parameters
+    ----------
+    schedule : DataFrame
+        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K].
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure, axes = blank_axes(2, (9.0, 4.4))
+    ScheduleDisplay.from_predictions(schedule, ax=axes)
+    return figure
+
+
+def study_picture(
+    path: str | PathLike[str], frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, title: str | None = None
+) -> None:
+    """Write one picture of a study: a week of the back-test, and the load of the next day.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG file, replaced in one step.
+    frames : mapping of label to DataFrame
+        Back-tests, the most important first.
+    forecast : DataFrame
+        As ``forecast.csv`` holds it.
+    title : str, optional
+        Above it.
+    """
+    n_axes = 2 if "Q_hvac" in forecast else 1
+    figure, axes = blank_axes(1 + n_axes, (9.0, 3.2 + 2.3 * n_axes), share=False)
+    _draw_backtest(axes[0], frames, _SHOWN)
+    for ax, text in ((axes[0], "back-test"), (axes[1], "the next day")):
+        ax.set_title(text, loc="right", fontsize="small", color="#555555")
+    _draw_day(axes[1:] if n_axes == 2 else axes[1], forecast)
+    if n_axes == 2:
+        axes[1].sharex(axes[2])
+        axes[1].tick_params(labelbottom=False)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    with atomic_path(path) as made:
+        figure.savefig(made, format="png", dpi=130, facecolor="white", metadata={"Software": None})

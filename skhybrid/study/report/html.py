@@ -1,0 +1,319 @@
+"""The report: one HTML file that holds all it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ... import __version__
+from ...persistence import atomic_path
+from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
+from .verdict import verdict
+
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --page: #ffffff; --card: #f6f8fa;
+  --line: #d0d7de; --mark: #0072b2; --good: #e6f3ec; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e6edf3; --soft: #9ba6b2; --page: #0f1318; --card: #181e25;
+  --line: #313a45; --mark: #56b4e9; --good: #17352a; } }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 62rem; padding: 1.2rem 1.1rem 4rem; background: var(--page); color: var(--ink);
+  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 0.6rem 0 0.2rem; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 0.4rem; padding-top: 0.6rem; border-top: 1px solid var(--line); }
+p { margin: 0.4rem 0 0.8rem; max-width: 46rem; } .soft { color: var(--soft); }
+.verdict { font-size: 1.08rem; border-left: 4px solid var(--mark); padding: 0.2rem 0 0.2rem 0.8rem; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: 0.7rem; margin: 1rem 0; }
+.card { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 0.7rem 0.9rem; }
+.card b { display: block; font-size: 1.5rem; line-height: 1.25; } .card span { color: var(--soft); font-size: 0.86rem; }
+.wide { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-size: 0.92rem; }
+th, td { text-align: right; padding: 0.32rem 0.6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } td.text, th.text { text-align: left; white-space: normal; }
+td.text { min-width: 12rem; } thead th { color: var(--soft); font-weight: 600; } tr.best { background: var(--good); }
+tr.best td { font-weight: 600; }
+figure { margin: 0.8rem 0 1.2rem; } figure img { width: 100%; height: auto; border-radius: 8px; background: #fff;
+  border: 1px solid var(--line); padding: 0.3rem; } figcaption { color: var(--soft); font-size: 0.88rem; }
+ul { padding-left: 1.2rem; } li { margin: 0.25rem 0; overflow-wrap: anywhere; }
+code { font-size: 0.9em; overflow-wrap: anywhere; }
+@media print { body { max-width: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+"""
+
+
+def write_report(
+    path: str | PathLike[str],
+    *,
+    title: str,
+    table: pd.DataFrame,
+    frames: Mapping[str, pd.DataFrame],
+    forecast: pd.DataFrame,
+    parameters: pd.DataFrame,
+    label: str = "hybrid",
+    zeta: pd.Series | None = None,
+    truth: pd.Series | None = None,
+    schedule: pd.DataFrame | None = None,
+    weights: pd.DataFrame | None = None,
+    identification: str | None = None,
+    coverage: float | None = None,
+    spans: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    notes: Iterable[str] = (),
+) -> None:
+    """Write a study as one self-contained HTML file, in one step.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to make or replace.
+    title : str
+        Of the zone.
+    table : DataFrame
+        Index = model, the best first; columns ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``.
+    frames : mapping of label to DataFrame
+        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them.
+    forecast : DataFrame
+        The next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured.
+    parameters : DataFrame
+        Index = name; ``value``, ``std``, ``unit``, ``description``, ``remark``.
+    label : str
+        The model whose forecast is shown.
+    zeta, truth : Series, optional
+        Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
+    schedule : DataFrame, optional
+        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K], as the forecast has learned them.
+    weights : DataFrame, optional
+        Share of each member of a blend (columns) by lead (index).
+    identification : str, optional
+        What gave ``parameters`` and ``zeta``, where the model itself did not.
+    coverage : float, optional
+        Share of the test measurements inside the intervals.
+    spans : mapping, optional
+        What was trained and tested on, to be listed.
+    settings : mapping, optional
+        Settings used, to be listed.
+    notes : iterable of str
+        Warnings.
+    """
+    sections = [
+        _head(title, table, frames, forecast, label),
+        _tomorrow(forecast),
+        _accuracy(table, frames, label, coverage),
+        _learned(schedule, weights, label),
+        _week(zeta, truth),
+        _building(parameters, identification, label),
+        _remarks(notes),
+        _settings(spans, settings),
+    ]
+    page = (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}: day-ahead forecast</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(s for s in sections if s)
+        + "\n</body>\n</html>\n"
+    )
+    with atomic_path(path) as made:
+        made.write_text(page, encoding="utf-8")
+
+
+# ----------------------------------------------------------------------------------------------------------- sections
+def _head(
+    title: str, table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, label: str
+) -> str:
+    own = table.loc[label]
+    n_origins = frames[label]["origin"].nunique()
+    cards = [
+        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model over {n_origins} forecasts"),
+        (f"{own['mae']:.2f} K", "typical error (mean absolute)"),
+    ]
+    if np.isfinite(own.get("load_rmse", np.nan)):
+        cards.append((f"{own['load_rmse']:.2f} kW", "heating/cooling load error (RMSE)"))
+    low, high = forecast["T_za"].min(), forecast["T_za"].max()
+    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"room temperature forecast for {_day(forecast.index)}"))
+    cards += _energy(forecast)
+    return (
+        f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
+        f'<p class="verdict">{escape(verdict(table, label))}</p>\n<div class="cards">'
+        + "".join(f'<div class="card"><b>{escape(v)}</b><span>{escape(t)}</span></div>' for v, t in cards)
+        + "</div>"
+    )
+
+
+def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
+    """Heat and cold of the day [kWh], where there are any."""
+    if "Q_hvac" not in forecast or len(forecast) < 2:
+        return []
+    hours = (forecast.index[1] - forecast.index[0]) / pd.Timedelta("1h")
+    heat = float(forecast["Q_hvac"].clip(lower=0).sum() * hours)
+    cold = float(-forecast["Q_hvac"].clip(upper=0).sum() * hours)
+    found = [(heat, "heating needed that day"), (cold, "cooling needed that day")]
+    return [(f"{value:.0f}\u00a0kWh", text) for value, text in found if value >= 0.5]
+
+
+def _tomorrow(forecast: pd.DataFrame) -> str:
+    held_out = "T_za_measured" in forecast
+    told = (
+        "This is the last day of the log. No measurement of that day was used; it is drawn beside the forecast."
+        if held_out
+        else "This is the day behind the end of the measurements."
+    )
+    words = (
+        f"<p>{told} The temperature is what the room will do under the logged or planned heating and cooling; the load "
+        "is the heat that would hold the set-point instead, within what the plant can deliver."
+        + (" Four in five measurements should lie within the shaded interval." if "q_0.1" in forecast else "")
+        + "</p>"
+    )
+    return f"<h2>Forecast for {escape(_day(forecast.index))}</h2>\n{words}\n" + _figure(
+        as_image(day_figure(forecast)), "Forecast of room temperature and heating or cooling load."
+    )
+
+
+def _accuracy(
+    table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str, coverage: float | None = None
+) -> str:
+    ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
+    hours = frames[label]["lead"].max() / pd.Timedelta("1h")
+    days = "Measured and forecast temperature over the last test days; a grey line marks the start of each forecast."
+    leads = "How the error grows with the time ahead, for the best models."
+    return (
+        "<h2>How good is it?</h2>\n<p>Each model was fitted on the training days only and then forecast the test days "
+        f"{hours:g} hours ahead, knowing the weather and the heating and cooling of those hours but nothing "
+        "measured in the room after the start of each forecast. All models are compared at the same moments.</p>\n"
+        + _results(table)
+        + ("" if coverage is None else _held(coverage, label))
+        + _figure(as_image(backtest_figure(ordered)), days)
+        + _figure(as_image(lead_figure(ordered)), leads)
+    )
+
+
+def _held(coverage: float, label: str) -> str:
+    return (
+        f"<p>The 80 % interval of the {escape(label)} model, learned on the training days, held {coverage:.0%} of the "
+        "measurements of the test days.</p>\n"
+    )
+
+
+def _results(table: pd.DataFrame) -> str:
+    heads = ("model", "RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]")
+    rows = []
+    for place, (name, row) in enumerate(table.iterrows()):
+        cells = [str(name), *(_number(row[c], 2) for c in ("rmse", "mae", "load_rmse")), f"{row['seconds']:.1f}"]
+        note = f'<td class="text soft">{escape(str(row.get("note", "")))}</td>'
+        opening = '<tr class="best">' if place == 0 else "<tr>"
+        rows.append(opening + "".join(f"<td>{escape(c)}</td>" for c in cells) + note + "</tr>")
+    head = "".join(f"<th>{h}</th>" for h in heads) + '<th class="text">what it is</th>'
+    return (
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>\n'
+        '<p class="soft">The best first. The load error compares the heat that would have held the measured '
+        "temperature with the heat that was delivered, stages by the identified capacities. Time is for fit and "
+        "back-test; the hybrids that rest on an identification share one, which the first of them has paid for.</p>\n"
+    )
+
+
+def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label: str) -> str:
+    if schedule is None:
+        return ""
+    words = (
+        f"<p>What the {escape(label)} forecast has learned from the training days of the hours: heat that nobody "
+        "measures, at their mean outdoor temperature, and conductance to the outside. Both are what the network lacks, "
+        "and may be negative; they serve the forecast, and are learned anew whenever one starts.</p>\n"
+    )
+    picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
+    return f"<h2>What the forecast has learned</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))
+
+
+def _shares(weights: pd.DataFrame) -> str:
+    head = "<th>share in the forecast</th>" + "".join(f"<th>{escape(str(name))}</th>" for name in weights)
+    rows = "".join(
+        f"<tr><td>{escape(str(name))}</td>" + "".join(f"<td>{share:.0%}</td>" for share in row) + "</tr>"
+        for name, row in zip(weights.index, weights.to_numpy(), strict=True)
+    )
+    return (
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n'
+        '<p class="soft">By part of the horizon, as the training weighs them.</p>'
+    )
+
+
+def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
+    if zeta is None:
+        return ""
+    return (
+        "<h2>Heat that nobody measures</h2>\n<p>People, equipment, lights, air and everything else that the log does "
+        "not hold, as the identification infers it from the temperature of the training days. Positive heats the room."
+        + (
+            ""
+            if truth is None
+            else " The dashed line is the internal gains alone; what is inferred is the net of gains,"
+            " ventilation, infiltration and what the simple network leaves out."
+        )
+        + "</p>\n"
+        + _figure(as_image(week_figure(zeta, truth)), "Unmeasured heat by hour of the week.")
+    )
+
+
+def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
+    rows = []
+    for name, row in parameters.iterrows():
+        cells = f"<td>{escape(str(name))}</td><td>{_number(row['value'], 3)}</td><td>{_number(row['std'], 2)}</td>"
+        texts = "".join(
+            f'<td class="text">{escape(str(row.get(c, "")))}</td>' for c in ("unit", "description", "remark")
+        )
+        rows.append(f"<tr>{cells}{texts}</tr>")
+    head = "<th>parameter</th><th>value</th><th>± std. error</th>" + "".join(
+        f'<th class="text">{h}</th>' for h in ("unit", "meaning", "remark")
+    )
+    return (
+        "<h2>The building, as identified</h2>\n<p>Capacitances store heat, resistances hold it back. The standard "
+        "error says how far the data leave a value open."
+        + (
+            ""
+            if identification is None
+            else f" These and the week above come from an identification of its own ({escape(identification)}): the "
+            f"{escape(label)} model fits its network to forecast well, and its parameters are not the building's."
+        )
+        + "</p>\n"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+    )
+
+
+def _remarks(notes: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f"<h2>Warnings</h2>\n<ul>{items}</ul>" if items else ""
+
+
+def _settings(spans: Mapping[str, Any] | None, settings: Mapping[str, Any] | None) -> str:
+    listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
+    items = "".join(f"<li>{escape(str(k))}: <code>{escape(str(v))}</code></li>" for k, v in listed.items())
+    return f"<h2>Settings</h2>\n<ul>{items}</ul>"
+
+
+def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, value in settings.items():
+        name = f"{above}{key}"
+        if isinstance(value, Mapping):
+            out |= _flat(value, f"{name}.")
+        elif value is not None:
+            out[name] = value
+    return out
+
+
+# -------------------------------------------------------------------------------------------------------------- parts
+def _figure(image: str, caption: str) -> str:
+    text = escape(caption, quote=True)
+    return f'<figure><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
+
+
+def _number(value: Any, digits: int) -> str:
+    if value is None or not np.isfinite(float(value)):
+        return "–"
+    number = float(value)
+    return f"{number:.{digits}f}" if abs(number) >= 10.0**-digits or number == 0 else f"{number:.2g}"
+
+
+def _day(index: pd.Index) -> str:
+    if not isinstance(index, pd.DatetimeIndex):
+        return "the next day"
+    return f"{index[0]:%A} {index[0].day} {index[0]:%B %Y}"
