@@ -62,14 +62,14 @@ class RollingForecastMixin(RegressorMixin):
         ndarray of shape (n_samples,), float64
             A column each where several nodes are measured.  With ``horizon=None`` simulated from the first row on;
             else rolled, with an origin at the start of each local day (and of each ``origin_step``).  A first row
-            without history is taken as known.  Stretches of rows that a long gap parts are predicted each by itself,
+            without history is taken as known.  Segments of rows that a long gap parts are predicted each by itself,
             where the estimator takes them.
         """
         check_is_fitted(self)
-        return np.concatenate([self._predict_piece(piece) for piece in self._read_X(X).pieces])
+        return np.concatenate([self._predict_segment(segment) for segment in self._read_X(X).segments])
 
-    def _predict_piece(self, piece: ZoneTable) -> np.ndarray:
-        table, n_tail = self._after_tail(piece)
+    def _predict_segment(self, segment: ZoneTable) -> np.ndarray:
+        table, n_tail = self._after_tail(segment)
         here = table.rows(slice(n_tail, None))
         origins, leads = self._rolled_origins(table, n_tail)
         if not leads.max():
@@ -166,12 +166,12 @@ class RollingForecastMixin(RegressorMixin):
                 rows_of(span, step, name)
 
     def _with_history(self, X: Any) -> tuple[ZoneTable, int]:
-        """X as one stretch, behind the kept end of the training table where it follows that; and the rows of that."""
+        """X as one segment, behind the kept end of the training table where it follows that; and the rows of that."""
         table = self._read_X(X)
         if len(table.breaks) > 1:
             row = table.breaks[1]
             raise ValueError(
-                f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one stretch at a time."
+                f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one segment at a time."
             )
         return self._after_tail(table)
 

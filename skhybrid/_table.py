@@ -1,44 +1,51 @@
-"""The data contract: what a table of consecutive time steps must look like.
+"""The data contract: a validated table of consecutive time steps, and the functions that read one.
 
 A row is a time step, a column has a role (see :data:`ROLES`).  This is the only module that validates tables; every
-estimator reads its input through :func:`read_table` and :func:`read_target`.
+estimator reads its input through :func:`read_table` and :func:`read_target`.  A table is read once per public call and
+travels on as a :class:`ZoneTable`.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import check_array, column_or_1d
 from sklearn.utils.validation import validate_data
 
-from ._time import read_index, spell
-from .exceptions import RoleWarning, UnitWarning, warn_user
-
-#: role (a pattern), unit and meaning of every column that an estimator may read.
-ROLES: tuple[tuple[str, str, str], ...] = (
-    ("T_oa", "degC", "outdoor air temperature"),
-    ("q_sol", "kW/m2", "solar irradiance on the window, or global horizontal"),
-    ("q_sol_<name>", "kW/m2", "a further irradiance input, such as a facade"),
-    ("u_heat, u_cool, u_<name>", "-", "mean stage or runtime fraction over the step; its capacity [kW] is a parameter"),
-    ("Q_hvac, Q_<name>", "kW", "measured heat into the zone (+ heats)"),
-    ("T_<name>", "degC", "a further boundary temperature that the network names"),
-    ("T_za", "degC", "the measured zone temperature itself, as history"),
-    ("zeta", "kW or degC", "the estimated disturbance, as history"),
+from ._columns import (
+    HISTORY_ROLES,
+    ROLES,
+    columns_by_position,
+    columns_by_role,
+    listed,
+    numeric,
+    read_history,
+    read_input,
+    refuse_shape,
+    role_of,
+    warn_units,
 )
-_ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
-#: roles that hold the past only: read up to a forecast origin, NaN allowed.
-HISTORY_ROLES = ("T_za", "zeta")
-_DAY = pd.Timedelta("1D")
+from ._time import read_index, spell
+
+__all__ = [
+    "HISTORY_ROLES",
+    "ROLES",
+    "ZoneTable",
+    "append_tables",
+    "read_table",
+    "read_target",
+    "read_targets",
+    "role_of",
+]
 
 
 @dataclass(frozen=True)
 class ZoneTable:
-    """A validated table of evenly spaced time steps, in one stretch or several."""
+    """A validated table of evenly spaced time steps, in one segment or several."""
 
     inputs: dict[str, np.ndarray]  # role -> (n,) float64, finite
     history: dict[str, np.ndarray]  # "T_za", "zeta" where given -> (n,) float64, NaN where missing
@@ -47,7 +54,7 @@ class ZoneTable:
     utc: pd.DatetimeIndex | None  # stamps in UTC; None where the table has no stamps
     step: pd.Timedelta  # the sampling time
     n_history: int = 0  # rows at the front that are the end of a training table
-    breaks: tuple[int, ...] = (0,)  # first rows of the stretches of consecutive rows
+    breaks: tuple[int, ...] = (0,)  # first rows of the segments of consecutive rows
     order: tuple[str, ...] = ()  # roles in the order of the caller's columns
 
     @property
@@ -57,6 +64,12 @@ class ZoneTable:
     @property
     def step_hours(self) -> float:
         return self.step / pd.Timedelta("1h")
+
+    @property
+    def roles(self) -> list[str]:
+        """Roles of the columns, in the caller's order."""
+        here = {**self.inputs, **self.history}
+        return [role for role in self.order if role in here] + [role for role in here if role not in self.order]
 
     @property
     def T_za(self) -> np.ndarray | None:
@@ -79,8 +92,8 @@ class ZoneTable:
         )
 
     @property
-    def pieces(self) -> tuple[ZoneTable, ...]:
-        """The stretches of consecutive rows, each a table of its own."""
+    def segments(self) -> tuple[ZoneTable, ...]:
+        """The segments of consecutive rows, each a table of its own."""
         if len(self.breaks) == 1:
             return (self,)
         ends = (*self.breaks[1:], self.n_rows)
@@ -94,7 +107,7 @@ class ZoneTable:
 
 
 def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
-    """``second`` behind ``first``; inputs that either lacks are dropped, missing history is NaN."""
+    """Append ``second`` to ``first``; inputs that either lacks are dropped, missing history is NaN."""
     shared = [role for role in second.inputs if role in first.inputs]
     kept = {role for table in (first, second) for role in table.history}
 
@@ -135,8 +148,9 @@ def read_table(
     ----------
     estimator : estimator
         Gets ``n_features_in_`` and ``feature_names_in_`` where ``reset``, and is checked against them otherwise.
-    X : DataFrame or array-like of shape (n_samples, n_features)
-        A frame's columns are found by role, an array's by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3`` ...).
+    X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
+        A frame's columns are found by role, an array's by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3`` ...).  A
+        ZoneTable was read before: its roles are selected and nothing is parsed again.
     columns : mapping of role to column, optional
         Overrides the names; None as a column says that the role is absent on purpose.
     required : iterable of str
@@ -152,7 +166,7 @@ def read_table(
     expected_step : Timedelta, optional
         The step seen in ``fit``; another one is refused.
     gaps : bool
-        Whether the rows may come in stretches with three hours or more between them.
+        Whether the rows may come in segments with three hours or more between them.
     history_roles : iterable of str
         Roles that hold the past only.
 
@@ -161,37 +175,88 @@ def read_table(
     ValueError
         In one sentence that names the column, the stamp or the step and says what to do.
     """
+    wanted = _Request(columns, required, needed, gaps, frozenset(history_roles), reset, min_rows)
+    if isinstance(X, ZoneTable):
+        table = _select(estimator, X, wanted)
+    else:
+        table = _parse(estimator, X, wanted, (sampling_time, default_step, expected_step))
+    if expected_step is not None and table.step != expected_step:
+        raise ValueError(
+            f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
+            f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
+        )
+    return table
+
+
+class _Request(NamedTuple):
+    """The arguments of :func:`read_table` that say which roles are read."""
+
+    columns: Mapping[str, Any] | None
+    required: Iterable[str]
+    needed: Callable[[str], object] | None
+    gaps: bool
+    history_roles: frozenset[str]
+    reset: bool
+    min_rows: int
+
+    def reads(self, role: str) -> bool:
+        return self.needed is None or bool(self.needed(role))
+
+
+def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.Timedelta | None]) -> ZoneTable:
+    """Parse a caller's frame or array; this happens once per public call."""
     if isinstance(X, pd.DataFrame):
-        _refuse_shape(X, min_rows)
-        validate_data(estimator, X, reset=reset, skip_check_array=True)
-        by_role = _columns_by_role(X, columns, required)
-        values = {role: _numeric(X[column], column) for role, column in by_role.items()}
+        refuse_shape(X, wanted.min_rows)
+        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
+        by_role = columns_by_role(X, wanted.columns, wanted.required)
+        values = {role: numeric(X[column], column) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
         index = X.index
     else:
         array = validate_data(
-            estimator, X, reset=reset, dtype=np.float64, ensure_all_finite=False, ensure_min_samples=min_rows
+            estimator,
+            X,
+            reset=wanted.reset,
+            dtype=np.float64,
+            ensure_all_finite=False,
+            ensure_min_samples=wanted.min_rows,
         )
-        chosen = _positions(array.shape[1], columns)
+        chosen = columns_by_position(array.shape[1], wanted.columns)
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
         index = pd.RangeIndex(len(array))
-    step, time, utc, breaks = read_index(index, sampling_time, default_step, expected_step, gaps)
-    inputs, history = {}, {}
-    past = set(history_roles)
-    for role, v in values.items():
-        if role in past:
-            history[role] = _history(v, names[role], index)
-        elif needed is None or needed(role):
-            inputs[role] = _finite(v, names[role], index)
-    if reset:
-        _warn_units({**inputs, **history}, names)
-    if expected_step is not None and step != expected_step:
-        raise ValueError(
-            f"X has a sampling time of {spell(step)}, but {type(estimator).__name__} was fitted at "
-            f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
-        )
+    step, time, utc, breaks = read_index(index, *steps, wanted.gaps)
+    past = wanted.history_roles & set(values)
+    history = {role: read_history(v, names[role], index) for role, v in values.items() if role in past}
+    inputs = {
+        role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
+    }
+    if wanted.reset:
+        warn_units({**inputs, **history}, names)
     return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values), breaks=breaks)
+
+
+def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
+    """Select the roles that an estimator reads from a table that was parsed before."""
+    without = {role for role, column in (wanted.columns or {}).items() if column is None}
+    sunny = any(role.startswith("q_sol_") for role in table.inputs)
+    given = {*table.inputs, *without, *(["q_sol"] if sunny else [])}
+    absent = [role for role in wanted.required if role not in given]
+    if absent:
+        raise ValueError(f"role {absent[0]!r} is missing: the table has {listed(table.roles)}.")
+    if table.n_rows < wanted.min_rows:
+        raise ValueError(f"Found a table of {table.n_rows} row(s) while {wanted.min_rows} are required.")
+    if len(table.breaks) > 1 and not wanted.gaps:
+        raise ValueError(f"X has a gap before {table.index[table.breaks[1]]}; give one segment at a time.")
+    if wanted.reset:
+        estimator.feature_names_in_ = np.array(table.roles, dtype=object)
+        estimator.n_features_in_ = len(table.roles)
+    values = {**table.inputs, **table.history}
+    past = wanted.history_roles | without
+    return table.replace(
+        inputs={role: v for role, v in values.items() if role not in past and wanted.reads(role)},
+        history={role: v for role, v in values.items() if role in wanted.history_roles},
+    )
 
 
 def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
@@ -238,7 +303,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
             "choose a span with more measurements."
         )
     if role is not None and role not in table.history:
-        _warn_units({role: target}, {role: "y"})
+        warn_units({role: target}, {role: "y"})
     return target
 
 
@@ -261,126 +326,3 @@ def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missin
         columns = [column.to_numpy() for column in columns]
     read = [read_target(c, table, max_missing=max_missing, role=role) for c, role in zip(columns, roles, strict=True)]
     return np.column_stack(read)
-
-
-# ----------------------------------------------------------------------------------------------------------- columns
-def role_of(name: object) -> str | None:
-    """The role that a column bears by its name, or None."""
-    return name if isinstance(name, str) and _ROLE.match(name) else None
-
-
-def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
-    columns = dict(columns or {})
-    for role in columns:
-        if role_of(role) is None:
-            raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
-    return columns
-
-
-def _columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
-    columns = _known_roles(columns)
-    for role, column in columns.items():
-        if column is not None and column not in X.columns:
-            raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {_listed(X.columns)}.")
-    taken = {c for c in columns.values() if c is not None}
-    by_name = {str(c): c for c in X.columns if role_of(c) and c not in taken and c not in columns}
-    found: dict[str, Any] = by_name | {role: c for role, c in columns.items() if c is not None}
-    if not found and not columns and not isinstance(X.index, pd.DatetimeIndex):
-        warn_user(
-            f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
-            "name them or pass columns={role: column}.",
-            RoleWarning,
-        )
-        return {role: X.columns[j] for role, j in _positions(X.shape[1], None).items()}
-    absent = [r for r in required if r not in found and columns.get(r, r) is not None]
-    absent = [r for r in absent if not (r == "q_sol" and any(f.startswith("q_sol_") for f in found))]
-    if absent:
-        raise ValueError(
-            f"role {absent[0]!r} is missing: X has {_listed(X.columns)}; name a column {absent[0]!r}, pass "
-            f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without."
-        )
-    return found
-
-
-def _positions(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
-    roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
-    for role, j in _known_roles(columns).items():
-        if j is None:
-            roles.pop(role, None)
-            continue
-        if not isinstance(j, int | np.integer) or not 0 <= j < n_columns:
-            raise ValueError(
-                f"columns= gives {role!r} the column {j!r}, but X is an array of {n_columns} columns: give a position."
-            )
-        roles = {r: k for r, k in roles.items() if k != j} | {role: int(j)}
-    return roles
-
-
-def _numeric(column: pd.Series, name: object) -> np.ndarray:
-    try:
-        if pd.api.types.is_complex_dtype(column):
-            raise ValueError("Complex data not supported")
-        return column.to_numpy(dtype=np.float64, na_value=np.nan)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"column {name!r} is not numeric ({error}); convert it to float first.") from None
-
-
-def _refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
-    if not X.columns.is_unique:
-        twice = X.columns[X.columns.duplicated()][0]
-        raise ValueError(f"column {twice!r} stands twice in X; keep one of them.")
-    if X.shape[1] == 0:
-        raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
-    if len(X) < min_rows:
-        raise ValueError(f"Found array with {len(X)} sample(s) (n_samples={len(X)}) while {min_rows} are required.")
-
-
-def _finite(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
-    bad = ~np.isfinite(v)
-    if bad.any():
-        kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
-        raise ValueError(
-            f"column {name} contains {kind} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
-            "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
-        )
-    return np.ascontiguousarray(v, dtype=np.float64)
-
-
-def _history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
-    bad = np.isinf(v)
-    if bad.any():
-        raise ValueError(
-            f"column {name} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
-            "set it to NaN where the sensor failed."
-        )
-    return np.array(v, dtype=np.float64)
-
-
-def _warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
-    for role, v in values.items():
-        known = v[np.isfinite(v)]
-        if not len(known):
-            continue
-        low, high = float(known.min()), float(known.max())
-        likely = None
-        if role.startswith("T_") and (high > 200):
-            likely = "K rather than degC"
-        elif role.startswith("T_") and (high > 55 or float(np.median(known)) > 42):
-            likely = "degF rather than degC"
-        elif role.startswith("q_sol") and high > 2.0:
-            likely = "W/m2 rather than kW/m2"
-        elif role.startswith("u_") and high > 4.0:
-            likely = "percent rather than a fraction or stage"
-        elif role.startswith("Q_") and max(abs(low), abs(high)) > 5000.0:
-            likely = "W rather than kW"
-        if likely:
-            warn_user(
-                f"column {names[role]} (role {role}) ranges from {low:.4g} to {high:.4g}: likely {likely}; "
-                "convert it with skhybrid.preprocessing.UnitConverter.",
-                UnitWarning,
-            )
-
-
-def _listed(names: Iterable[object], most: int = 12) -> str:
-    shown = [repr(str(n)) for n in names]
-    return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

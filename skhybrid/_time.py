@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-#: a jump over missing rows that is at least this long parts a table into stretches; a shorter one is a faulty log
+#: a jump over missing rows that is at least this long parts a table into segments; a shorter one is a faulty log
 SHORTEST_GAP = pd.Timedelta("3h")
 #: wall clock that a table without time stamps is assumed to start at (a Monday).
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
@@ -18,7 +18,7 @@ ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 def read_index(
     index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None, gaps: bool = False
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
-    """Step, local wall clock, stamps in UTC and first rows of the stretches; one stretch where ``gaps`` is false."""
+    """Step, local wall clock, stamps in UTC and first rows of the segments; one segment where ``gaps`` is false."""
     given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
@@ -28,7 +28,7 @@ def read_index(
     if index.hasnans:
         raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
-    breaks = stretches(utc) if gaps and len(utc) > 1 else (0,)
+    breaks = segments(utc) if gaps and len(utc) > 1 else (0,)
     if len(breaks) > 1:
         parts = [slice(a, b) for a, b in zip(breaks, (*breaks[1:], None), strict=True)]
         step = min(even_step(utc[part], index[part]) for part in parts)
@@ -43,8 +43,8 @@ def read_index(
     return step, local, utc, breaks
 
 
-def stretches(utc: pd.DatetimeIndex) -> tuple[int, ...]:
-    """First rows of the stretches of an index that long gaps part; (0,) where it is no such index.
+def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
+    """First rows of the segments of an index that long gaps part; (0,) where it is no such index.
 
     A gap is a jump of a whole number of steps and of :data:`SHORTEST_GAP` or more.  A shorter one would begin a new
     state for the sake of a few rows, and is better mended.

@@ -1,4 +1,4 @@
-"""Tables in stretches: one experiment, each stretch with an initial state of its own."""
+"""Tables in segments: one experiment, each segment with an initial state of its own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid import ARXRegressor, GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
-from skhybrid._time import stretches
+from skhybrid._time import segments
 from skhybrid.datasets import make_office
 from skhybrid.identification.fitting.starts import random_starts
 
@@ -31,21 +31,21 @@ def cut(office, first="2023-07-11 09:00", last="2023-07-12 15:00"):
 # ------------------------------------------------------------------------------------------------------------ the index
 def test_a_long_gap_parts_the_rows():
     time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
-    assert stretches(time) == (0,)
-    assert stretches(time.delete(range(10, 22))) == (0, 10)  # 3 h 15 min from row 9 to the next
-    assert stretches(time.delete([*range(5, 17), *range(20, 35)])) == (0, 5, 8)
+    assert segments(time) == (0,)
+    assert segments(time.delete(range(10, 22))) == (0, 10)  # 3 h 15 min from row 9 to the next
+    assert segments(time.delete([*range(5, 17), *range(20, 35)])) == (0, 5, 8)
 
 
 @pytest.mark.parametrize("dropped", [[10], list(range(10, 20)), [*range(1, 30)]], ids=["a row", "short", "one left"])
 def test_other_jumps_are_no_gaps(dropped):
     time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
-    assert stretches(time.delete(dropped)) == (0,)
+    assert segments(time.delete(dropped)) == (0,)
 
 
 def test_a_gap_off_the_grid_is_no_gap():
     time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
     late = time[:20].append(time[20:] + pd.Timedelta("5h7min"))
-    assert stretches(late) == (0,)
+    assert segments(late) == (0,)
 
 
 def test_a_few_missing_rows_are_refused_and_named(office):
@@ -78,7 +78,7 @@ def problems(monkeypatch):
 
 @pytest.mark.parametrize("model", MODELS[:3])
 def test_errors_are_those_of_the_stretches(model, office, problems):
-    """The same values give the same one-step errors as in a fit of each stretch by itself."""
+    """The same values give the same one-step errors as in a fit of each segment by itself."""
     X, y = cut(office)
     n = int((X.index < pd.Timestamp("2023-07-11 09:00")).sum())
     for rows in (slice(None), slice(0, n), slice(n, None)):
@@ -120,7 +120,7 @@ def test_stretches_are_predicted_each_by_itself(office):
 
 
 def test_what_follows_the_last_stretch_continues_it(office):
-    """The end of the training table is the last stretch's, not the whole table's row count."""
+    """The end of the training table is the last segment's, not the whole table's row count."""
     X, y = cut(office, "2023-07-14 00:00", "2023-07-15 00:00")
     ahead = make_office(n_days=9, random_state=3)
     later = ahead.X.iloc[len(office.X) :]

@@ -221,7 +221,7 @@ def periodic_problem(name, e, setting, heat_scale=1.3, hours="3h"):
     fixed, inner = SETTINGS[setting]
     solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
     classes = HOUR_CLASSES[hours]
-    own = own_parameters(len(VarianceModel.of(e.pieces, classes).first_rows), classes)
+    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(ROLES), *own) if p.name not in solved)
     problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale, hours=hours)
     return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
@@ -248,15 +248,15 @@ def test_periodic_gradient_is_exact_over_stretches():
 
 
 def test_stretches_forget_each_other():
-    """What is behind a gap starts anew: with all else known, the objective of two stretches is the sum of theirs."""
+    """What is behind a gap starts anew: with all else known, the objective of two segments is the sum of theirs."""
     e = drawn_experiment("2R2C", 144, "30min", start="2023-07-06")  # three days, cut at a midnight
     split = e._replace(breaks=(0, 48))
     # hardly any profile, so that nothing but the searched parameters is shared
     tiny = 1e-6
     losses = []
-    for piece, days in ((split, (0, 1, 2)), (e.rows(slice(0, 48)), (0,)), (e.rows(slice(48, 144)), (1, 2))):
+    for segment, days in ((split, (0, 1, 2)), (e.rows(slice(0, 48)), (0,)), (e.rows(slice(48, 144)), (1, 2))):
         names = {f"day_{d}": VALUES[f"day_{day}"] for d, day in enumerate(days)}
-        problem, _ = periodic_problem("2R2C", piece, "none inside", heat_scale=tiny)
+        problem, _ = periodic_problem("2R2C", segment, "none inside", heat_scale=tiny)
         values = {p.name: names.get(p.name, VALUES[p.name]) for p in problem.searched}
         x = np.array([p.to_free(values[p.name]) for p in problem.searched])
         prior = 0.5 * float((((x - problem.centre) / problem.spread) ** 2).sum())
@@ -284,7 +284,7 @@ def test_periodic_gradient_is_exact_for_two_rooms():
     values = VALUES | {f"day_{d}": 0.1 * d for d in range(6)} | {"C_a": 1.0, "C_b": 1.5, "R_ab": 2.0, "R_a": 6.0}
     values |= {"R_b": 8.0}
     classes = HOUR_CLASSES["day_night"]
-    own = own_parameters(len(VarianceModel.of(e.pieces, classes).first_rows), classes)
+    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(e.roles), *own) if p.name != "Q_h")
     problem = PeriodicProblem(network, e, searched, {"Q_h": 6.0}, ())
     x = np.array([p.to_free(values[p.name]) for p in searched])

@@ -15,7 +15,7 @@ import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
-BASE = {"_rolling", "_table", "_threads", "_time", "exceptions"}
+BASE = {"_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"filtering"},
@@ -44,7 +44,9 @@ STRICT = {
     "exceptions": set(),
     "_time": set(),
     "_threads": set(),
-    "_table": {"_time", "exceptions"},
+    "_transaction": set(),
+    "_columns": {"exceptions"},
+    "_table": {"_columns", "_time", "exceptions"},
     "_rolling": {"_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.

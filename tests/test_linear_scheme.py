@@ -17,11 +17,11 @@ from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.members import BlackBox, DayBefore, Rows
+from skhybrid.hybrid.members import ARXMember, DayBeforeMember, NumberedTable
 from skhybrid.hybrid.residual_correction import echo
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import Later, fit_leads, follow, loads, make_stretch
+from skhybrid.schedule import NumberedSegment, fit_leads, follow, loads, make_segment
 from skhybrid.schedule.required_heat import _rising
 from skhybrid.thermal import get_network
 
@@ -244,11 +244,11 @@ def test_refitted_coefficients_are_of_training_and_what_is_known(arx, X):
 def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
     """Coefficients of a day of the history are those at its start; errors are those of its forecasts."""
     scheme = fitted._scheme
-    box = next(m for m in scheme._members if isinstance(m, BlackBox))
+    box = next(m for m in scheme._members if isinstance(m, ARXMember))
     rows, _ = scheme._rows(fitted._with_history(X[N_TRAIN:])[0])
     assert rows.table.index[rows.begin] == X.index[N_TRAIN]
     origin, leads = rows.begin + 3 * DAY, np.array([1, 8, 48])
-    course = box.course(rows, ForecastSample(np.empty(0, dtype=np.int64), leads), "linear")
+    course = box.start(rows, ForecastSample(np.empty(0, dtype=np.int64), leads), "linear")
     view = box.view(rows)
     for stop in (rows.begin + 2, rows.begin + 50, origin):  # in pieces
         course.advance(view, stop)
@@ -349,18 +349,18 @@ def test_the_rule_of_the_day_before_by_plain_loops(office):
     T = office.y.to_numpy().copy()
     T[[0, 1, 60, 61, 2 * DAY + 7]] = np.nan
     table = HybridPredictor()._read(office.X[: len(T)], reset=True)
-    rule = DayBefore().fit(table.rows(slice(3 * DAY)), T[: 3 * DAY], DAY)
+    rule = DayBeforeMember().fit(table.rows(slice(3 * DAY)), T[: 3 * DAY], DAY)
     held, last = [], np.nanmean(T[: 3 * DAY])
     for value in T:
         last = value if np.isfinite(value) else last
         held.append(last)
     leads, begin = np.array([1, 30, DAY, DAY + 1]), 3 * DAY
-    course = rule.course(
-        Rows(table, T, begin, joined=True), ForecastSample(np.empty(0, dtype=np.int64), leads), "linear"
+    course = rule.start(
+        NumberedTable(table, T, begin, joined=True), ForecastSample(np.empty(0, dtype=np.int64), leads), "linear"
     )
     for origin in (begin + 3, begin + 70, begin + 2 * DAY + 1):
         first = max(0, origin - 4 * DAY)  # the last rows are enough
-        view = rule.view(Rows(table.rows(slice(first, None)), T[first:], begin, True, first))
+        view = rule.view(NumberedTable(table.rows(slice(first, None)), T[first:], begin, True, first))
         course.advance(view, origin)
         path, _ = course.forecast(view, 2 * DAY)
         np.testing.assert_array_equal(path[0], [held[origin - DAY + 1 + h % DAY] for h in range(2 * DAY)])
@@ -513,7 +513,7 @@ class Piece:
             new = table.inputs["Q_hvac"].copy()
             new[first:] = heat
             table = table.replace(inputs=table.inputs | {"Q_hvac": new})
-        return Later(make_stretch(self.fit.stretch.plan, table, self.T, self.fit.reference), N_TRAIN, True)
+        return NumberedSegment(make_segment(self.fit.segment.plan, table, self.T, self.fit.reference), N_TRAIN, True)
 
     def learned(self, origins):
         return follow(self.fit, self.later(), origins, 1, None).learned
@@ -536,7 +536,7 @@ def tracked(piece, wanted, learned=None, band=None, fit=None):
     free, origins = Limits(np.full(n, -np.inf), np.full(n, np.inf)), np.array([first])
     learned = piece.learned(origins) if learned is None else learned
     band = Band(wanted, wanted) if band is None else band
-    return loads(fit or piece.fit, piece.later().stretch, origins, learned, piece.table, band, free), first
+    return loads(fit or piece.fit, piece.later().segment, origins, learned, piece.table, band, free), first
 
 
 def test_the_load_holds_the_set_point(piece):
@@ -555,8 +555,8 @@ def test_the_load_does_not_answer_to_the_noise_of_a_measured_path(piece):
     """Where the training was not forecast to the last digit and its plant moved little, noise is not followed."""
     n = len(piece.T) - 12 * DAY
     smooth, noise = 21.0 + np.sin(np.arange(n) / 7.0), np.random.default_rng(1).normal(0.0, 0.1, n)
-    still = piece.fit.stretch._replace(heat=0.2 * piece.fit.stretch.heat)
-    part = piece.fit.problem.parts[0]._replace(stretch=still)
+    still = piece.fit.segment._replace(heat=0.2 * piece.fit.segment.heat)
+    part = piece.fit.problem.parts[0]._replace(segment=still)
     vague = replace(
         piece.fit,
         left_out=np.full_like(piece.fit.left_out, 0.5),
@@ -611,7 +611,7 @@ def test_the_load_keeps_within_a_band_and_within_limits(piece):
     low, high = np.full(n, 20.5), np.full(n, 22.0)
     limits = Limits(np.where(np.arange(n) % 7 == 0, 0.0, -1.0), np.where(np.arange(n) % 7 == 0, 0.0, 1.5))
     load = loads(
-        piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, Band(low, high), limits
+        piece.fit, piece.later().segment, origins, piece.learned(origins), piece.table, Band(low, high), limits
     )
     heat = load["Q_hvac"].to_numpy()
     assert (heat >= limits.lower).all()
@@ -629,11 +629,11 @@ def test_each_origin_begins_with_what_is_measured_there(piece):
     first, second, n = 12 * DAY, 13 * DAY, len(piece.T) - 12 * DAY
     band, free = Band(np.full(n, 21.0), np.full(n, 21.0)), Limits(np.full(n, -np.inf), np.full(n, np.inf))
     origins = np.array([first, second])
-    both = loads(piece.fit, piece.later().stretch, origins, piece.learned(origins), piece.table, band, free)
+    both = loads(piece.fit, piece.later().segment, origins, piece.learned(origins), piece.table, band, free)
     rest = tuple(side[DAY:] for side in band)
     alone = loads(
         piece.fit,
-        piece.later().stretch,
+        piece.later().segment,
         origins[1:],
         piece.learned(origins[1:]),
         piece.table,

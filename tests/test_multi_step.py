@@ -173,9 +173,9 @@ def test_stretches_are_forecast_each_by_itself(office):
     parts = [slice(0, 150), slice(170, 400)]
     X, y = (pd.concat([table.iloc[part] for part in parts]) for table in (office.X, office.y))
     whole = problem_of(model, X, y)
-    pieces = [problem_of(model, office.X.iloc[part], office.y.iloc[part]) for part in parts]
+    segments = [problem_of(model, office.X.iloc[part], office.y.iloc[part]) for part in parts]
     x = random_starts(whole.searched, 1, np.random.RandomState(0))[0]
-    np.testing.assert_allclose(whole.residuals(x), np.concatenate([p.residuals(x) for p in pieces]), rtol=1e-12)
+    np.testing.assert_allclose(whole.residuals(x), np.concatenate([p.residuals(x) for p in segments]), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)

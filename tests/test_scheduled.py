@@ -21,7 +21,7 @@ from skhybrid.filtering import (
     lead_sensitivities,
     simulate_inputs,
 )
-from skhybrid.schedule import Later, Learner, ScheduledNetwork, fit_leads, follow, make_stretch
+from skhybrid.schedule import NumberedSegment, RollingNetwork, ScheduledNetwork, fit_leads, follow, make_segment
 from skhybrid.schedule.channels import (
     GROUPS,
     emitter_series,
@@ -80,7 +80,7 @@ def fit(table, T):
 
 @pytest.fixture(scope="module")
 def later(fit, table, T):
-    return Later(make_stretch(fit.stretch.plan, table, T, fit.reference), N_TRAIN, joined=True)
+    return NumberedSegment(make_segment(fit.segment.plan, table, T, fit.reference), N_TRAIN, joined=True)
 
 
 # ----------------------------------------------------------------------------------------------------------- kernels
@@ -319,14 +319,14 @@ def test_a_weekend_that_moves_is_learned_by_its_days():
     moved = pd.concat([X[:at], early[early.index >= X.index[at]]])
     table, T = as_table(moved), moved["T_za"].to_numpy()
     fit = fit_leads(get_network("4R3C"), table.rows(slice(at)), T[:at], DAY)
-    assert len(fit.stretch.plan.contrast) == 2
+    assert len(fit.segment.plan.contrast) == 2
     turned = [f"gain_turned_{d}" for d in range(7)]
-    before = pd.Series(fit.point.solution.coef[: len(fit.stretch.channels.names)], fit.stretch.channels.names)[turned]
+    before = pd.Series(fit.point.solution.coef[: len(fit.segment.channels.names)], fit.segment.channels.names)[turned]
     assert before.abs().max() < 0.15
-    later = Later(make_stretch(fit.stretch.plan, table, T, fit.reference), at, joined=True)
+    later = NumberedSegment(make_segment(fit.segment.plan, table, T, fit.reference), at, joined=True)
     last = np.array([len(T) - 1])
     coef = follow(fit, later, last, 1, "linear").learned[0].coef
-    after = pd.Series(coef[: len(fit.stretch.channels.names)], fit.stretch.channels.names)[turned].to_numpy() - before
+    after = pd.Series(coef[: len(fit.segment.channels.names)], fit.segment.channels.names)[turned].to_numpy() - before
     assert set(after.nlargest(2).index) == {"gain_turned_4", "gain_turned_6"}
     assert after.nlargest(2).min() > 0.15
     assert after.nsmallest(5).max() < 0.1
@@ -446,7 +446,7 @@ def test_coefficients_solve_the_bounded_ridge(seed):
 
 # --------------------------------------------------------------------------------------------------------- objective
 def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
-    """A stretch whose temperature was made by a network with an emitter that holds back 60 %, with gaps."""
+    """A segment whose temperature was made by a network with an emitter that holds back 60 %, with gaps."""
     network, part = get_network(network), table.rows(slice(n_rows))
     plan = make_plan(network, part, {}, calendar=True)
     model = LeadModel.of(network, 0.5, 2.0)
@@ -461,13 +461,13 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
         air = heat[k] + 0.6 * lag[k] + 0.3 * (channels.series[k, channels.names.index("gain_hour_9")] > 0)
         x = M.A @ x + M.B[:, 0] * (part.inputs["T_oa"][k] - 20.0) + M.B[:, 1 + plan.heated] * air
     T[50:70], T[200] = np.nan, np.nan
-    stretch = make_stretch(plan, part, T, 20.0)
+    segment = make_segment(plan, part, T, 20.0)
     sample = ForecastSample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
     spread = np.full(len(psi), 1.2)
     precision = np.array([4.0, 3.0, 2.0, 1.0])
     parts = (
-        Part(stretch, sample),
-        Part(stretch.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
+        Part(segment, sample),
+        Part(segment.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
     )
     return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
 
@@ -479,12 +479,12 @@ def test_the_objective_is_that_of_weighted_forecast_errors(table):
     for part, count in zip(problem.parts, (1.5 / 8.0, 2.0 * 3.5 / 8.0), strict=True):
         ones = np.ones((len(part.sample.origins), 4))
         rows = part.sample.origins[:, None] + part.sample.leads
-        ones[rows >= part.stretch.n_rows] = 0.0
-        found = respond(problem.model, psi, part.stretch, part.sample.origins)
+        ones[rows >= part.segment.n_rows] = 0.0
+        found = respond(problem.model, psi, part.segment, part.sample.origins)
         E = error_columns(problem.model, found, part.sample, ones)
         e = (E[:, -1] - E[:, :-1] @ point.solution.coef).reshape(ones.shape)
         for (o, h), error in np.ndenumerate(e):
-            if rows[o, h] < part.stretch.n_rows and part.stretch.seen[rows[o, h]]:
+            if rows[o, h] < part.segment.n_rows and part.segment.seen[rows[o, h]]:
                 loss += 0.5 * error**2 * problem.precision[h] * count / 4.0
     loss += 0.5 * np.sum(problem.penalty * point.solution.coef**2) + 0.5 * np.sum(((psi - problem.centre) / 1.2) ** 2)
     assert point.loss == pytest.approx(loss, rel=1e-8)
@@ -522,8 +522,8 @@ def test_the_hessian_is_that_of_the_projected_residuals(table):
 
 def test_penalties_are_in_units_of_the_heat(table):
     problem, _ = lagging_problem(table, shrinkage=Shrinkage(0.5, 2.0, 3.0))
-    names = problem.parts[0].stretch.channels.names
-    penalty = dict(zip(names, penalty_of(problem.parts[0].stretch, problem.shrinkage, 2.0), strict=False))
+    names = problem.parts[0].segment.channels.names
+    penalty = dict(zip(names, penalty_of(problem.parts[0].segment, problem.shrinkage, 2.0), strict=False))
     assert penalty["gain_hour_3"] == pytest.approx(0.5 / 4.0)
     assert penalty["gain_day_type_3"] == pytest.approx(1.5 / 4.0)
     assert penalty["ua"] == penalty["ua_hour_3"] == pytest.approx(2.0 / 4.0)
@@ -554,7 +554,7 @@ def test_a_fit_improves_on_its_start_and_shows_what_it_found(fit):
 
 def test_the_schedule_is_the_mean_heat_of_its_days(fit):
     """Of a week at one outdoor temperature, and of one at another."""
-    shown, mean = ScheduledNetwork.of(fit), fit.stretch.plan.mean_outdoor
+    shown, mean = ScheduledNetwork.of(fit), fit.segment.plan.mean_outdoor
     stamps = pd.date_range("2024-01-01", periods=7 * DAY, freq="30min")
     for away in (0.0, -7.0):
         X = pd.DataFrame({"T_oa": mean + away, "q_sol": 0.0, "u_heat": 0.0, "u_cool": 0.0}, stamps)
@@ -589,29 +589,29 @@ def test_left_out_errors_are_by_coefficients_without_the_block(fit):
 
 
 # --------------------------------------------------------------------------------------------- forecasts and learning
-def brute_force(fit, psi, coef, stretch, origin, n_leads):
+def brute_force(fit, psi, coef, segment, origin, n_leads):
     """Everything in one state space: Kalman's filter on temperatures and tracked heat, then the network runs free.
 
     Returns the path, and the tracked heat at the origin.
     """
-    M, model, channels = fit.model.matrices(psi), fit.model, stretch.channels
+    M, model, channels = fit.model.matrices(psi), fit.model, segment.channels
     n = len(M.A)
-    heat = np.zeros((stretch.n_rows, n))
+    heat = np.zeros((segment.n_rows, n))
     for j, node in enumerate(channels.node):
         heat[:, node] += coef[j] * channels.series[:, j]
-    z = stretch.heat[0]
-    for k in range(stretch.n_rows):
-        heat[k, stretch.plan.heated] += stretch.heat[k] + coef[-1] * (z - stretch.heat[k])
-        z += (1.0 - np.exp(-model.step / np.exp(psi[-1]))) * (stretch.heat[k] - z)
-    v = np.hstack([stretch.boundary, heat]) @ M.B.T
+    z = segment.heat[0]
+    for k in range(segment.n_rows):
+        heat[k, segment.plan.heated] += segment.heat[k] + coef[-1] * (z - segment.heat[k])
+        z += (1.0 - np.exp(-model.step / np.exp(psi[-1]))) * (segment.heat[k] - z)
+    v = np.hstack([segment.boundary, heat]) @ M.B.T
     x, P, c = np.zeros(n + 1), M.P0, np.eye(n + 1)[model.zone]
     for k in range(origin + 1):
         if k:
             x, P = M.F @ x, M.F @ P @ M.F.T + M.Q
             x[:n] += v[k - 1]
-        if stretch.seen[k]:
+        if segment.seen[k]:
             gain = P @ c / (c @ P @ c + NOISE**2)
-            x, P = x + gain * (stretch.y[k] - x[model.zone]), P - np.outer(gain, c @ P)
+            x, P = x + gain * (segment.y[k] - x[model.zone]), P - np.outer(gain, c @ P)
     path, tracked = np.empty(n_leads), x[n]
     for h in range(n_leads):
         x = M.F @ x
@@ -624,7 +624,7 @@ def brute_force(fit, psi, coef, stretch, origin, n_leads):
 def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
     found = follow(fit, later, np.array([origin]), DAY, None)
     coef = fit.point.solution.coef
-    expected, _ = brute_force(fit, fit.point.psi, coef, later.stretch, origin, DAY)
+    expected, _ = brute_force(fit, fit.point.psi, coef, later.segment, origin, DAY)
     np.testing.assert_allclose(found.paths[0], expected, atol=1e-7)
     assert not len(found.errors)
 
@@ -635,7 +635,7 @@ def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, 
     found = follow(fit, later, np.array([origin]), 4 * DAY, None)
     shown = ScheduledNetwork.of(fit)
     planned = shown.heat_at(table).to_numpy()[origin + 1 : origin + 1 + 4 * DAY]
-    _, tracked = brute_force(fit, fit.point.psi, fit.point.solution.coef, later.stretch, origin, 1)
+    _, tracked = brute_force(fit, fit.point.psi, fit.point.solution.coef, later.segment, origin, 1)
     assert abs(tracked) > 1e-3
     fading = np.exp(-0.5 / shown.disturbance_["tau_g"]) ** np.arange(1, 4 * DAY + 1)
     np.testing.assert_allclose(found.heat[0], planned + tracked * fading, atol=1e-9)
@@ -652,15 +652,15 @@ def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
     found = follow(fit, later, origins, DAY, "linear", memory)
-    problem, psi, stretch = fit.problem, fit.point.psi, later.stretch
+    problem, psi, segment = fit.problem, fit.point.psi, later.segment
     training = problem.columns(psi, problem.parts[0])
     rows = sample.origins[:, None] + leads
-    responses = respond(fit.model, psi, stretch, sample.origins)
-    E = error_columns(fit.model, responses, sample, (rows < stretch.n_rows).astype(float))
+    responses = respond(fit.model, psi, segment, sample.origins)
+    E = error_columns(fit.model, responses, sample, (rows < segment.n_rows).astype(float))
     penalty, lowest = np.diag(np.sqrt(problem.penalty)), np.where(problem.positive, 0.0, -np.inf)
     weight = np.sqrt(3.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
     for i, origin in enumerate(origins):
-        use = (rows <= origin) & stretch.seen[np.minimum(rows, stretch.n_rows - 1)]
+        use = (rows <= origin) & segment.seen[np.minimum(rows, segment.n_rows - 1)]
         fade = 0.5 ** ((origin - rows) / (days * DAY) / 2.0)
         own = (E.reshape(*rows.shape, -1) * weight[:, None] * fade[..., None])[use]
         old = 0.5 ** ((origin - later.begin) / (days * DAY) / 2.0)
@@ -668,7 +668,7 @@ def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
         matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
         coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
         np.testing.assert_allclose(found.learned[i].coef, coef, atol=1e-5 * np.abs(coef).max())
-        expected, _ = brute_force(fit, psi, found.learned[i].coef, stretch, origin, DAY)
+        expected, _ = brute_force(fit, psi, found.learned[i].coef, segment, origin, DAY)
         np.testing.assert_allclose(found.paths[i], expected, atol=1e-7)
     assert not np.allclose(found.learned[0].coef, found.learned[2].coef, atol=1e-3)
 
@@ -680,10 +680,10 @@ def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
     clean = follow(fit, later, origins, DAY, adapt, memory)
     rng = np.random.default_rng(0)
     for i, origin in enumerate(origins):
-        y, seen = later.stretch.y.copy(), later.stretch.seen.copy()
+        y, seen = later.segment.y.copy(), later.segment.seen.copy()
         y[origin + 1 :] = rng.normal(0.0, 30.0, len(y) - origin - 1)
         seen[origin + 1 :] |= True
-        changed = later._replace(stretch=later.stretch._replace(y=y, seen=seen))
+        changed = later._replace(segment=later.segment._replace(y=y, seen=seen))
         other = follow(fit, changed, origins, DAY, adapt, memory)
         np.testing.assert_array_equal(other.paths[: i + 1], clean.paths[: i + 1])
         np.testing.assert_array_equal(other.learned[i].coef, clean.learned[i].coef)
@@ -707,15 +707,15 @@ def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Shown the last rows only, and all of them at a re-fit, a learner forecasts what one with all rows does."""
     origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
     whole = [follow(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
-    learner, asked = Learner(fit, later.begin, later.joined, adapt), []
+    learner, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
     for i, origin in enumerate(origins):
         first, end = learner.row, int(origin) + 1 + DAY
 
         def rows(origin=int(origin)):
             asked.append(origin)
-            return later.stretch.between(0, origin + 1)
+            return later.segment.between(0, origin + 1)
 
-        window = later._replace(stretch=later.stretch.between(first, end), first=first, whole=rows)
+        window = later._replace(segment=later.segment.between(first, end), first=first, whole=rows)
         learner.advance(window, int(origin))
         paths, heats = learner.forecast(window, DAY)
         np.testing.assert_allclose(paths, [known.paths[i] for known in whole], atol=1e-9)
@@ -733,10 +733,10 @@ def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later, me
     that_day = follow(fit, later, np.array([morning]), DAY, "linear", memory)
     for place in np.flatnonzero((sample.origins >= morning) & (sample.origins < morning + DAY))[::7]:
         origin = sample.origins[place]
-        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0].coef, later.stretch, origin, DAY)
-        target = np.minimum(origin + sample.leads, later.stretch.n_rows - 1)
-        known = later.stretch.seen[target] & (target <= origins[-1])
-        expected = np.where(known, later.stretch.y[target] - path[sample.leads - 1], np.nan)
+        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0].coef, later.segment, origin, DAY)
+        target = np.minimum(origin + sample.leads, later.segment.n_rows - 1)
+        known = later.segment.seen[target] & (target <= origins[-1])
+        expected = np.where(known, later.segment.y[target] - path[sample.leads - 1], np.nan)
         np.testing.assert_allclose(found.errors[place], expected, atol=1e-6)
 
 
@@ -747,9 +747,9 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     origins = np.array([mark - 1, mark, mark + 20])
 
     def learned(y):
-        return follow(fit, later._replace(stretch=later.stretch._replace(y=y)), origins, 1, "full").learned
+        return follow(fit, later._replace(segment=later.segment._replace(y=y)), origins, 1, "full").learned
 
-    y = later.stretch.y
+    y = later.segment.y
     before, at, behind = (known.psi for known in learned(y))
     np.testing.assert_array_equal(before, fit.point.psi)
     assert not np.array_equal(at, before)
@@ -771,7 +771,7 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
         own = y.copy()
         if changed is not None:
             own[changed:] += 3.0
-        elsewhere = Later(make_stretch(fit.stretch.plan, part, own, fit.reference), 0, joined=False)
+        elsewhere = NumberedSegment(make_segment(fit.segment.plan, part, own, fit.reference), 0, joined=False)
         origins = np.array([mark - 1, mark])
         found.append(follow(fit, elsewhere, origins, 1, "full").learned)
     np.testing.assert_array_equal(found[0][0].psi, fit.point.psi)
@@ -789,6 +789,6 @@ def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
     window = replace(
         fit.problem,
-        parts=(Part(later.stretch.between(0, mark + 1), ForecastSample(origins, fit.sample.leads), weight),),
+        parts=(Part(later.segment.between(0, mark + 1), ForecastSample(origins, fit.sample.leads), weight),),
     )
     assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss

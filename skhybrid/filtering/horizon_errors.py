@@ -42,7 +42,7 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
     gains, dgains : ndarray
         (N, m) and (N, m, p): what an error adds to the state of its own row.
     P : ndarray of shape (m, m)
-        Variance before the row behind the last one, with which a next stretch begins.
+        Variance before the row behind the last one, with which a next segment begins.
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))

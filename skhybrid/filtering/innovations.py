@@ -291,7 +291,7 @@ def _keep(kept, at, k, s, ds, states, dstates):
 
 @compiled
 def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances, kept, states, dstates):
-    """The predictor with forward sensitivities over one stretch of rows, for one start."""
+    """The predictor with forward sensitivities over one segment of rows, for one start."""
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     n, m, o, p, N = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], inputs.shape[0]
     s, after, ds, dafter = s0.copy(), np.empty(n), ds0.copy(), np.empty((n, p))
@@ -350,7 +350,7 @@ def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvar
 
 @compiled
 def one_step_sensitivities(model, inputs, y, filtered, weigh):
-    """One-step errors and their exact derivatives, for S starts over one stretch of rows.
+    """One-step errors and their exact derivatives, for S starts over one segment of rows.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def _collect(open_, dopen, held, dheld, rows, drows, y, origins, leads, errors, 
 
 @compiled
 def multi_step_sensitivities(model, inputs, y, filtered, exact, origins, leads):
-    """Errors of forecasts and their exact derivatives, for S starts over one stretch of rows.
+    """Errors of forecasts and their exact derivatives, for S starts over one segment of rows.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from .._table import ZoneTable, read_table, read_target
 from .._threads import one_blas_thread
 from .._time import rows_of
+from .._transaction import unchanged_on_failure
 from ..filtering import iterate_lags
 from .features import day_type_hour, one_hot, rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
@@ -47,7 +48,7 @@ class _Moments(NamedTuple):
         return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
 
 
-class ARXView(NamedTuple):
+class ARXData(NamedTuple):
     """The rows of a table as the regression sees them, known by their numbers from ``first`` on."""
 
     exogenous: np.ndarray  # (n_rows, p - n_lags) standardised inputs with lags, calendar and constant
@@ -134,6 +135,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.max_missing = max_missing
 
     # ------------------------------------------------------------------------------------------------------------ fit
+    @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
         """Fit the regression.
@@ -205,7 +207,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         columns = [table.inputs[role][chosen] for role in self.input_names_ for chosen in lags]
         return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
-    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXView:
+    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
         """A table as the regression sees it.
 
         Parameters
@@ -218,15 +220,15 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ARXView
+        ARXData
         """
         blocks = [(self._lagged_inputs(table) - self._input_mean) / self._input_scale]
         if self.calendar:
             blocks.append(one_hot(day_type_hour(table.time), 48))
-        return ARXView(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
+        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
 
     def _pairs(
-        self, view: ARXView, begin: int = 0, end: int | None = None
+        self, view: ARXData, begin: int = 0, end: int | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Columns (m, p), temperature steps (m,) and first rows (m,) of pairs (k, k + 1) of measured temperatures.
 
@@ -243,7 +245,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         D = np.hstack([(windows[use] - self._T_mean) / self._T_scale, view.exogenous[here[use]]])
         return D, steps[use], rows[use]
 
-    def _windows(self, view: ARXView, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(n_rows, n_lags) temperatures at and before rows, newest first; row 0 stands for those before."""
         return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
 
@@ -253,7 +255,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return penalty
 
     # -------------------------------------------------------------------------------------------------------- penalty
-    def _choose_alpha(self, view: ARXView, D: np.ndarray, d: np.ndarray, rows: np.ndarray) -> float:
+    def _choose_alpha(self, view: ARXData, D: np.ndarray, d: np.ndarray, rows: np.ndarray) -> float:
         """The penalty with the least forecast error in left-out blocks of time, each at least two horizons long."""
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", self.sampling_time_)
         n_blocks = min(_MOST_BLOCKS, view.end // (2 * n_leads))
@@ -348,7 +350,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             return 0
         return int((table.utc <= self._tail.utc[-1]).sum())
 
-    def learner(self, begin: int = 0) -> ARXLearner:
+    def recursive(self, begin: int = 0) -> RecursiveARX:
         """The regression on its way through rows.
 
         Parameters
@@ -358,16 +360,16 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ARXLearner
+        RecursiveARX
         """
-        return ARXLearner(self, begin)
+        return RecursiveARX(self, begin)
 
-    def refitted(self, view: ARXView, origins: np.ndarray, begin: int = 0) -> np.ndarray:
+    def refitted(self, view: ARXData, origins: np.ndarray, begin: int = 0) -> np.ndarray:
         """Coefficients from the training pairs and the pairs of ``view`` that end by each origin.
 
         Parameters
         ----------
-        view : ARXView
+        view : ARXData
         origins : ndarray of int, shape (n_origins,)
         begin : int
             The first row that the training has not seen.
@@ -376,19 +378,19 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         -------
         ndarray of shape (n_origins, n_columns)
         """
-        learner = self.learner(begin)
+        learner = self.recursive(begin)
         coefs = np.empty((len(origins), len(self.coef_)))
         for i in np.argsort(origins, kind="stable"):
             learner.advance(view, int(origins[i]))
             coefs[i] = learner.coef()
         return coefs
 
-    def iterate(self, view: ARXView, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
+    def iterate(self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
         """Run the recursion from each origin.
 
         Parameters
         ----------
-        view : ARXView
+        view : ARXData
             Its temperature is read up to each origin; inputs behind its last row are held.
         origins : ndarray of int, shape (n_origins,)
         n_leads : int
@@ -412,7 +414,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return iterate_lags(begin, each, driven / self._T_scale, low, high) * self._T_scale + self._T_mean
 
 
-class ARXLearner:
+class RecursiveARX:
     """A regression that takes in pairs of rows as they become known.
 
     Parameters
@@ -429,7 +431,7 @@ class ARXLearner:
         self._next = begin - 1  # the pair that ends at the first new row
         self._coef: np.ndarray | None = None
 
-    def advance(self, view: ARXView, row: int) -> None:
+    def advance(self, view: ARXData, row: int) -> None:
         """Take in the pairs that end by ``row``."""
         if row > max(self._next, 0):
             D, d, _ = self._model._pairs(view, max(self._next, 0), row)

@@ -79,26 +79,26 @@ class QuantileForecastMixin(RollingForecastMixin):
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
-        return np.concatenate([self._quantiles_of_piece(piece, levels) for piece in self._read_X(X).pieces])
+        return np.concatenate([self._quantiles_of_piece(segment, levels) for segment in self._read_X(X).segments])
 
-    def _quantiles_of_piece(self, piece: ZoneTable, levels: np.ndarray) -> np.ndarray:
-        table, n_tail = self._after_tail(piece)
+    def _quantiles_of_piece(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
+        table, n_tail = self._after_tail(segment)
         origins, leads = self._rolled_origins(table, n_tail)
-        out = np.empty((piece.n_rows, len(levels)))
+        out = np.empty((segment.n_rows, len(levels)))
         if not n_tail:
-            out[0] = self._first_quantiles(piece, levels)
+            out[0] = self._first_quantiles(segment, levels)
         if leads.max():
             paths = self._quantile_paths(table, origins, int(leads.max()), levels)
             for origin, count, path in zip(origins - n_tail, leads, paths, strict=True):
                 out[origin + 1 : origin + 1 + count] = path[:count]
         return out
 
-    def _first_quantiles(self, piece: ZoneTable, levels: np.ndarray) -> np.ndarray:
+    def _first_quantiles(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
         """Of the first row of a table without history: what is known, or the error long after a measurement."""
-        value = self._cold_value(piece)
-        if piece.T_za is not None and np.isfinite(piece.T_za[0]):
+        value = self._cold_value(segment)
+        if segment.T_za is not None and np.isfinite(segment.T_za[0]):
             return np.full(len(levels), value)
-        return value + self.intervals_.offsets(path_clock(piece, np.array([-1]), 1), levels)[0]
+        return value + self.intervals_.offsets(path_clock(segment, np.array([-1]), 1), levels)[0]
 
     @one_blas_thread
     def predict_quantiles_from(

@@ -13,22 +13,22 @@ from .._table import ZoneTable
 from .._time import ASSUMED_START
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
-from ..forecasting.arx import ARXView
+from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..schedule import (
-    GrowingErrors,
-    Later,
+    ErrorHistory,
     LeadFit,
-    Learner,
-    Stretch,
+    NumberedSegment,
+    RollingNetwork,
+    Segment,
     fit_leads,
-    make_stretch,
+    make_segment,
 )
 from ..thermal import RCNetwork
 from .tables import frame_by_role
 
 
-class Rows(NamedTuple):
+class NumberedTable(NamedTuple):
     """Known and future rows: behind the training rows as one table with them, or by themselves."""
 
     table: ZoneTable
@@ -39,7 +39,7 @@ class Rows(NamedTuple):
     whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
 
 
-class Course(Protocol):
+class RollingMember(Protocol):
     """A member on its way through rows: it learns from them, forecasts, and knows how wrong it has been."""
 
     @property
@@ -70,14 +70,14 @@ class Member(Protocol):
         The same in all the ways of a member.
         """
 
-    def view(self, rows: Rows) -> Any:
+    def view(self, rows: NumberedTable) -> Any:
         """Rows as the member takes them."""
 
-    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> Course:
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingMember:
         """Begin at the first row; errors are wanted at the leads of ``sample``."""
 
 
-class Physics:
+class ScheduleMember:
     """A network with schedules, fitted on the errors of forecasts at all leads.
 
     Parameters
@@ -106,35 +106,35 @@ class Physics:
         """Errors of the fit's own sample and blocks, which the blend shares."""
         return self.fit_.left_out
 
-    def view(self, rows: Rows) -> Later:
+    def view(self, rows: NumberedTable) -> NumberedSegment:
         """Rows as the fit takes them."""
         whole = rows.whole
-        return Later(
-            self._stretch(rows.table, rows.T),
+        return NumberedSegment(
+            self._segment(rows.table, rows.T),
             rows.begin,
             rows.joined,
             rows.first,
-            None if whole is None else cache(lambda: self._stretch(*whole())),
+            None if whole is None else cache(lambda: self._segment(*whole())),
         )
 
-    def _stretch(self, table: ZoneTable, T: np.ndarray) -> Stretch:
-        return make_stretch(self.fit_.stretch.plan, table, T, self.fit_.reference)
+    def _segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
+        return make_segment(self.fit_.segment.plan, table, T, self.fit_.reference)
 
-    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> PhysicsCourse:
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
-        return PhysicsCourse(self.fit_, rows.begin, rows.joined, adapt)
+        return RollingSchedule(self.fit_, rows.begin, rows.joined, adapt)
 
 
-class PhysicsCourse(Learner):
+class RollingSchedule(RollingNetwork):
     """The network on its way, in degC."""
 
-    def forecast(self, view: Later, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+    def forecast(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """From the last row."""
         path, heat = super().forecast(view, n_leads)
         return path + self.fit.reference, heat
 
 
-class BlackBox:
+class ARXMember:
     """ARX on all inputs.
 
     Parameters
@@ -163,16 +163,16 @@ class BlackBox:
         rows, inside = sample.targets(len(self._T))
         return np.where(inside, self._T[rows] - paths[:, sample.leads - 1], np.nan)
 
-    def view(self, rows: Rows) -> ARXView:
+    def view(self, rows: NumberedTable) -> ARXData:
         """Rows as the regression takes them."""
         return self.arx_.view(rows.table, rows.T, rows.first)
 
-    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> BlackBoxCourse:
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
         """Re-solved at every origin on all pairs known by then."""
-        return BlackBoxCourse(self.arx_, rows.begin, sample.leads, adapt)
+        return RollingARX(self.arx_, rows.begin, sample.leads, adapt)
 
 
-class BlackBoxCourse:
+class RollingARX:
     """A regression on its way through rows.
 
     Parameters
@@ -189,17 +189,17 @@ class BlackBoxCourse:
     def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
         self.arx, self.begin, self.leads, self.adapt = arx, begin, leads, adapt
         self._a_day, self._every = rows_per_day(arx.sampling_time_), rows_per_hour(arx.sampling_time_)
-        self._learner = arx.learner(begin)
+        self._learner = arx.recursive(begin)
         self._row = -1
         self._coefs: list[np.ndarray] = []  # of the days so far
-        self._errors = GrowingErrors(len(leads), 1)
+        self._errors = ErrorHistory(len(leads), 1)
 
     @property
     def errors(self) -> np.ndarray:
         """Errors of forecasts of the history, by the coefficients that were known at the start of their days."""
         return self._errors.values
 
-    def advance(self, view: ARXView, origin: int) -> None:
+    def advance(self, view: ARXData, origin: int) -> None:
         """Take in the pairs of rows up to ``origin``."""
         before, self._row = self._row, origin
         if self.adapt is None or origin < self.begin:
@@ -219,13 +219,13 @@ class BlackBoxCourse:
         known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
-    def forecast(self, view: ARXView, n_leads: int) -> tuple[np.ndarray, None]:
+    def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
         """From the last row."""
         coef = self.arx.coef_ if self.adapt is None else self._learner.coef()
         return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
 
 
-class DayBefore:
+class DayBeforeMember:
     """The temperature of a day before, the rule that is hard to beat with next to nothing learned."""
 
     names: tuple[str, ...] = ("day before",)
@@ -244,30 +244,30 @@ class DayBefore:
         view = self._held(self._T, 0)
         return self.errors(view, sample.origins, sample.leads, len(self._T) - 1)
 
-    def view(self, rows: Rows) -> HeldRows:
+    def view(self, rows: NumberedTable) -> NumberedTemperatures:
         """Rows with the last measurement where there is none."""
         return self._held(rows.T, rows.first)
 
-    def _held(self, T: np.ndarray, first: int) -> HeldRows:
-        return HeldRows(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
+    def _held(self, T: np.ndarray, first: int) -> NumberedTemperatures:
+        return NumberedTemperatures(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
 
-    def course(self, rows: Rows, sample: ForecastSample, adapt: str | None) -> DayBeforeCourse:
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingDayBefore:
         """Nothing is learned on the way."""
-        return DayBeforeCourse(self, rows.begin, sample.leads, adapt)
+        return RollingDayBefore(self, rows.begin, sample.leads, adapt)
 
-    def paths(self, view: HeldRows, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
+    def paths(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
         """(O, L) temperatures of the last day that was known at each origin [degC]."""
         back = -(-leads // self._a_day) * self._a_day
         return view.held[np.maximum(origins[:, None] + leads - back - view.first, 0)]
 
-    def errors(self, view: HeldRows, origins: np.ndarray, leads: np.ndarray, row: int) -> np.ndarray:
+    def errors(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray, row: int) -> np.ndarray:
         """(O, L) errors [K], NaN where unknown at ``row``."""
         ends = origins[:, None] + leads
         measured = view.T[np.minimum(ends, row) - view.first]
         return np.where(ends <= row, measured - self.paths(view, origins, leads), np.nan)
 
 
-class HeldRows(NamedTuple):
+class NumberedTemperatures(NamedTuple):
     """Temperatures of rows that are known by their numbers from ``first`` on [degC]."""
 
     T: np.ndarray  # (n_rows,) NaN where missing
@@ -275,12 +275,12 @@ class HeldRows(NamedTuple):
     first: int
 
 
-class DayBeforeCourse:
+class RollingDayBefore:
     """The rule on its way through rows.
 
     Parameters
     ----------
-    rule : DayBefore
+    rule : DayBeforeMember
     begin : int
         The first row that the training has not seen.
     leads : ndarray of int, shape (L,)
@@ -288,17 +288,17 @@ class DayBeforeCourse:
     adapt : {None, "linear", "full"}
     """
 
-    def __init__(self, rule: DayBefore, begin: int, leads: np.ndarray, adapt: str | None) -> None:
+    def __init__(self, rule: DayBeforeMember, begin: int, leads: np.ndarray, adapt: str | None) -> None:
         self._rule, self._begin, self._leads, self._adapt = rule, begin, leads, adapt
         self._row = -1
-        self._errors = GrowingErrors(len(leads), 1)
+        self._errors = ErrorHistory(len(leads), 1)
 
     @property
     def errors(self) -> np.ndarray:
         """Errors of forecasts of the history."""
         return self._errors.values
 
-    def advance(self, view: HeldRows, origin: int) -> None:
+    def advance(self, view: NumberedTemperatures, origin: int) -> None:
         """Go on to a row."""
         before, self._row = self._row, origin
         if self._adapt is None or origin < self._begin:
@@ -309,6 +309,6 @@ class DayBeforeCourse:
         origins = self._begin + every * np.arange(first, len(self.errors))
         self.errors[first:, :, 0] = self._rule.errors(view, origins, self._leads, origin)
 
-    def forecast(self, view: HeldRows, n_leads: int) -> tuple[np.ndarray, None]:
+    def forecast(self, view: NumberedTemperatures, n_leads: int) -> tuple[np.ndarray, None]:
         """From the last row."""
         return self._rule.paths(view, np.array([self._row]), np.arange(1, n_leads + 1)), None

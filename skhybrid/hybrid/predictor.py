@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._table import ZoneTable, append_tables, read_table, read_target
 from .._threads import one_blas_thread
 from .._time import origin_rows, rows_of
+from .._transaction import unchanged_on_failure
 from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.features import rows_per_day
@@ -143,6 +144,7 @@ class HybridPredictor(OnlineUpdatingMixin, QuantileForecastMixin, RegressorMixin
         self.max_missing = max_missing
 
     # --------------------------------------------------------------------------------------------------------- fit
+    @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> HybridPredictor:
         """Learn from a training table, by the scheme that the parameters ask for.

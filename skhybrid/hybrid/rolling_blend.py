@@ -10,12 +10,12 @@ import numpy as np
 
 from ..filtering import ForecastSample
 from .blend import blend_weights, by_lead, faded, moments
-from .members import Member, Rows
+from .members import Member, NumberedTable
 from .residual_correction import DAYS_BACK, echo
 
 
 @dataclass(frozen=True)
-class Trained:
+class BlendTraining:
     """What a blend knows of its members from their training."""
 
     sample: ForecastSample
@@ -36,8 +36,8 @@ class RollingBlend:
     ----------
     members : sequence of Member
         Fitted.  The first one tells the unmeasured heat.
-    trained : Trained
-    rows : Rows
+    trained : BlendTraining
+    rows : NumberedTable
         Where it begins, at row 0.
     adapt : {None, "linear", "full"}
 
@@ -48,14 +48,16 @@ class RollingBlend:
         The last row that it went through; -1 before the first.
     """
 
-    def __init__(self, members: Sequence[Member], trained: Trained, rows: Rows, adapt: str | None) -> None:
+    def __init__(
+        self, members: Sequence[Member], trained: BlendTraining, rows: NumberedTable, adapt: str | None
+    ) -> None:
         self._members, self._trained, self.adapt = members, trained, adapt
         self._begin, self._joined = rows.begin, rows.joined
-        self._courses = [member.course(rows, trained.sample, adapt) for member in members]
+        self._courses = [member.start(rows, trained.sample, adapt) for member in members]
         self._products = np.zeros_like(trained.products)
         self.row = -1
 
-    def views(self, rows: Rows) -> list[Any]:
+    def views(self, rows: NumberedTable) -> list[Any]:
         """Rows as the members take them."""
         return [member.view(rows) for member in self._members]
 

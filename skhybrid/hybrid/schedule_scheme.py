@@ -17,8 +17,8 @@ from ..schedule import ScheduledNetwork, loads
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, PULL, blend_weights, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
-from .members import BlackBox, DayBefore, Member, Physics, Rows
-from .rolling_blend import RollingBlend, Trained
+from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
+from .rolling_blend import BlendTraining, RollingBlend
 from .scheme import Paths
 from .tables import concatenate_tables, last_rows
 
@@ -27,7 +27,7 @@ _LAGS = 24
 #: prior share of the day before, and the pull toward it: where no days could be left out to try what was learned, with
 #: a week of training or less (three members alike), and with two weeks or more
 _UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
-#: pieces of rows that are kept before they are joined
+#: segments of rows that are kept before they are joined
 _GATHERED = 96
 #: rows beside its leads that a live forecast looks back on, for the lags of the black box
 _MORE_ROWS = 64
@@ -74,10 +74,10 @@ class ScheduleScheme:
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
         self._known, self._n_blocks = [_owned(table, target)], 1
         self._n_learned = self._n_known = table.n_rows
-        self._physics = Physics(self.network, self.known, calendar=True)
+        self._physics = ScheduleMember(self.network, self.known, calendar=True)
         self._members: list[Member] = [self._physics.fit(self._known[0], target, n_leads)]
         fit = self._physics.fit_
-        others: list[Member] = [BlackBox(_LAGS), DayBefore()]
+        others: list[Member] = [ARXMember(_LAGS), DayBeforeMember()]
         self._members += [member.fit(self._known[0], target, n_leads) for member in others]
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         names = [name for m in self._members for name in m.names]
@@ -89,7 +89,7 @@ class ScheduleScheme:
         age = (table.n_rows - 1 - sample.origins[:, None] - sample.leads) / a_day
         products = moments(left_out, groups, faded(age))
         every = rows_per_hour(table.step)
-        self._trained = Trained(sample, left_out, products, groups, prior, pull, n_leads, a_day, every)
+        self._trained = BlendTraining(sample, left_out, products, groups, prior, pull, n_leads, a_day, every)
         self.disturbance_step_ = table.step
         self.gray_box_ = self.forecaster_ = ScheduledNetwork.of(fit)
         self.weights_ = pd.DataFrame(blend_weights(products, prior, pull), list(GROUP_NAMES), names)
@@ -103,21 +103,21 @@ class ScheduleScheme:
         rows, moved = self._rows(table)
         return self._blend(rows, origins + moved, n_leads)
 
-    def _rows(self, table: ZoneTable) -> tuple[Rows, int]:
+    def _rows(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table behind all that is known, and by how many rows origins move."""
         T = table.history.get("T_za", np.full(table.n_rows, np.nan))
         if not table.n_history:
-            return Rows(table, T, 0, joined=False), 0
+            return NumberedTable(table, T, 0, joined=False), 0
         later = table.rows(slice(table.n_history, None)).replace(history={"T_za": T[table.n_history :]})
         rows = self._joined([*self._known, later])
         return rows, rows.table.n_rows - table.n_rows
 
-    def _joined(self, tables: list[ZoneTable]) -> Rows:
+    def _joined(self, tables: list[ZoneTable]) -> NumberedTable:
         """The training and what follows it."""
         whole = concatenate_tables(tables)
-        return Rows(whole, whole.history["T_za"], self._n_learned, joined=True)
+        return NumberedTable(whole, whole.history["T_za"], self._n_learned, joined=True)
 
-    def _blend(self, rows: Rows, origins: np.ndarray, n_leads: int) -> Paths:
+    def _blend(self, rows: NumberedTable, origins: np.ndarray, n_leads: int) -> Paths:
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         course = RollingBlend(self._members, self._trained, rows, self.adapt)
         views = course.views(rows)
@@ -131,12 +131,12 @@ class ScheduleScheme:
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points, under its schedules and what its filter tracks."""
         rows, moved = self._rows(table)
-        course, view = self._physics.course(rows, self._trained.sample, self.adapt), self._physics.view(rows)
+        course, view = self._physics.start(rows, self._trained.sample, self.adapt), self._physics.view(rows)
         learned = []
         for origin in origins + moved:
             course.advance(view, int(origin))
-            learned.append(course.standing())
-        return loads(self._physics.fit_, view.stretch, origins + moved, learned, rows.table, setpoint, limits)
+            learned.append(course.state())
+        return loads(self._physics.fit_, view.segment, origins + moved, learned, rows.table, setpoint, limits)
 
     # ------------------------------------------------------------------------------------------------- its own errors
     def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
@@ -180,7 +180,7 @@ class ScheduleScheme:
         self._live = course
         return Paths(path[None], heat[None])
 
-    def _last_rows(self, first: int, ahead: ZoneTable) -> Rows:
+    def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """What is known from a row on, or from the last measurement before it, and the rows ahead."""
         known = last_rows(self._known, self._n_known - first)
         while not np.isfinite(known.history["T_za"][0]) and known.n_rows < self._n_known:
@@ -191,7 +191,7 @@ class ScheduleScheme:
             rows = self._joined(self._known)
             return rows.table, rows.T
 
-        return Rows(table, table.history["T_za"], self._n_learned, True, self._n_known - known.n_rows, whole)
+        return NumberedTable(table, table.history["T_za"], self._n_learned, True, self._n_known - known.n_rows, whole)
 
     def learn(self, table: ZoneTable, target: np.ndarray) -> None:
         """Fit again on the last weeks of all that is known."""

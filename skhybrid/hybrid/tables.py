@@ -117,9 +117,9 @@ def concatenate_tables(tables: list[ZoneTable]) -> ZoneTable:
 
 def last_rows(tables: list[ZoneTable], n_rows: int) -> ZoneTable:
     """The last rows of tables that follow each other, as one; all of them where there are fewer."""
-    pieces: list[ZoneTable] = []
-    while n_rows > 0 and len(pieces) < len(tables):
-        table = tables[-1 - len(pieces)]
-        pieces.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
+    segments: list[ZoneTable] = []
+    while n_rows > 0 and len(segments) < len(tables):
+        table = tables[-1 - len(segments)]
+        segments.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
         n_rows -= table.n_rows
-    return concatenate_tables(pieces[::-1])
+    return concatenate_tables(segments[::-1])

@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
 from .._threads import one_blas_thread
 from .._time import rows_covering
+from .._transaction import unchanged_on_failure
 from ..control import make_plant
 from ..filtering import simulate_path
 from ..thermal import Parameter, RCNetwork, get_network
@@ -22,7 +23,7 @@ from .experiment import Experiment, make_experiment
 from .filtered_network import FilteredNetwork, checked_kind
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
-from .gain_filter import Start, Track
+from .gain_filter import FilteredStates, FilterStart
 from .loads import LoadMixin
 from .uncertainty.standard_errors import UncertaintyMixin
 
@@ -60,7 +61,7 @@ def state_space_of(
 
 
 class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredNetwork):
-    """Base of the identifications; a subclass gives ``_identify`` and may give ``_outlook``."""
+    """Base of the identifications; a subclass gives ``_identify`` and may give ``_forecast_start``."""
 
     sampling_time_: pd.Timedelta
     #: parameters that the search begins at, where another fit has found them
@@ -100,6 +101,7 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredN
         self.priors = priors
 
     # --------------------------------------------------------------------------------------------------------- fit
+    @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> NetworkIdentifier:
         """Identify the network.
@@ -108,7 +110,7 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredN
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and measured heat ``Q_*``
-            [kW].  Consecutive, or in stretches with gaps of three hours or more between them: those are one
+            [kW].  Consecutive, or in segments with gaps of three hours or more between them: those are one
             experiment, and each has an initial state of its own.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.  A column a measured node, in the network's order,
@@ -235,32 +237,32 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredN
 
     def _finish(self, table: ZoneTable, experiment: Experiment) -> None:
         """Keep the end of the training table and what was known at its first row."""
-        pieces, last = table.pieces, len(table.pieces) - 1
-        self._train_start = self._piece_start(pieces[0], experiment.pieces[0], 0)
+        segments, last = table.segments, len(table.segments) - 1
+        self._train_start = self._segment_start(segments[0], experiment.segments[0], 0)
         self._train_first = None if table.utc is None else table.utc[0]
         self.initial_state_ = self._train_start.mean[: self._filter.n].copy()
-        begin = self._piece_start(pieces[last], experiment.pieces[last], last) if last else self._train_start
-        self._keep_tail(pieces[last], experiment.pieces[last], begin)
+        begin = self._segment_start(segments[last], experiment.segments[last], last) if last else self._train_start
+        self._keep_tail(segments[last], experiment.segments[last], begin)
         self._mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
         self._plant = make_plant(self._capacities(table), table.inputs)
 
-    def _piece_start(self, piece: ZoneTable, experiment: Experiment, number: int) -> Start:
-        """What the fit knows of the first row of a stretch of the training table."""
-        tracker, cells = self._filter, self._cells(piece)
+    def _segment_start(self, segment: ZoneTable, experiment: Experiment, number: int) -> FilterStart:
+        """What the fit knows of the first row of a segment of the training table."""
+        tracker, cells = self._filter, self._cells(segment)
         cold = tracker.cold(experiment.firsts)
-        smooth = tracker.track(experiment, cells, self._classes(piece), cold, smooth=True)
+        smooth = tracker.track(experiment, cells, self._classes(segment), cold, smooth=True)
         nodes = self._first_state(smooth, number)
-        return Start(np.append(nodes, smooth.gain[0] - tracker.profile[cells[0]]), cold.covariance)
+        return FilterStart(np.append(nodes, smooth.gain[0] - tracker.profile[cells[0]]), cold.covariance)
 
-    def _keep_tail(self, piece: ZoneTable, experiment: Experiment, begin: Start) -> None:
-        causal = self._filter.track(experiment, self._cells(piece), self._classes(piece), begin)
-        keep = min(piece.n_rows, rows_covering(self.warmup, piece.step))
-        tail = piece.rows(slice(piece.n_rows - keep, None))
+    def _keep_tail(self, segment: ZoneTable, experiment: Experiment, begin: FilterStart) -> None:
+        causal = self._filter.track(experiment, self._cells(segment), self._classes(segment), begin)
+        keep = min(segment.n_rows, rows_covering(self.warmup, segment.step))
+        tail = segment.rows(slice(segment.n_rows - keep, None))
         measured = zip(self.network_.history_roles, experiment.outputs[-keep:].T, strict=True)
         history = {**tail.history, **{role: column.copy() for role, column in measured}}
         self._tail = tail.replace(history=history, inputs={k: v.copy() for k, v in tail.inputs.items()})
         means, covariances = causal.starts
-        self._tail_start = Start(means[-keep].copy(), covariances[-keep].copy())
+        self._tail_start = FilterStart(means[-keep].copy(), covariances[-keep].copy())
         free_run = self._open_loop(experiment, begin.mean[: self._filter.n])
         self._tail_open = free_run[-keep - 1].copy()  # the last row of the run lies one step behind the table
 
@@ -273,8 +275,8 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredN
     def _theta(self) -> dict[str, float]:
         return {p.name: float(self.theta_[p.name]) for p in self.parameters_}
 
-    def _first_state(self, smooth: Track, number: int) -> np.ndarray:
-        """(n,) node temperatures at the first row of a stretch."""
+    def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
+        """(n,) node temperatures at the first row of a segment."""
         return smooth.nodes[0].copy()
 
     # -------------------------------------------------------------------------------------------------- simulation
@@ -393,10 +395,10 @@ class NetworkIdentifier(UncertaintyMixin, LoadMixin, TransformerMixin, FilteredN
         return ["zeta"] if len(nodes) == 1 else [f"zeta_{node}" for node in nodes]
 
     def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
-        """(N, d) disturbance of every row, each stretch behind the training table's end or from a cold start."""
+        """(N, d) disturbance of every row, each segment behind the training table's end or from a cold start."""
         parts = []
-        for piece in table.pieces:
-            whole, n_tail = self._after_tail(piece)
+        for segment in table.segments:
+            whole, n_tail = self._after_tail(segment)
             if checked_kind(kind) == "input":
                 parts.append(self._track(whole, smooth).gain[n_tail:])
                 continue

@@ -18,7 +18,7 @@ from .disturbance_models import (
     take_searched,
 )
 from .experiment import Experiment
-from .filtered_network import Outlook
+from .filtered_network import ForecastStart
 from .fitting.prediction_errors import PredictionErrorProblem
 from .gain_filter import GainFilter, without_disturbance
 from .least_squares import LeastSquaresIdentifier
@@ -111,10 +111,10 @@ class GrayBoxRC(LeastSquaresIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
         return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
 
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return simulation_errors(self, table)
 
-    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
         span, tracker = rows_covering(self.warmup, table.step), self._filter
         experiment, start = self._experiment(table), self._open_start(table)
@@ -122,7 +122,7 @@ class GrayBoxRC(LeastSquaresIdentifier):
         free_run = self._open_loop(experiment, start)
         states = np.array([self._state_at(experiment, plain, free_run, int(o), span) for o in origins])
         size = (len(origins), n)
-        return Outlook(states, np.zeros((*size, tracker.n_gains)), np.zeros((*size, len(tracker.measured))))
+        return ForecastStart(states, np.zeros((*size, tracker.n_gains)), np.zeros((*size, len(tracker.measured))))
 
     def _state_at(
         self, experiment: Experiment, plain: GainFilter, free_run: np.ndarray, origin: int, span: int
@@ -255,8 +255,8 @@ class InputDisturbanceID(LeastSquaresIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own
 
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        return scaled_innovations(self, table, stretch)
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
+        return scaled_innovations(self, table, segment)
 
     def _measurement_variance(self, hours: float) -> float:
         return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
@@ -381,7 +381,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        firsts = tuple(piece.first for piece in experiment.pieces)
+        firsts = tuple(segment.first for segment in experiment.segments)
         return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
@@ -400,10 +400,10 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         take_searched(state, self.network_, self.disturbance_, number)
         return state
 
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        return arma_innovations(self, table, stretch)
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
+        return arma_innovations(self, table, segment)
 
-    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The network open loop, and the output disturbance that decays by ``rho_1``."""
         experiment, tracker = self._experiment(table), self._filter
         rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
@@ -411,4 +411,4 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         free = experiment.outputs - states[:-1, tracker.measured]
         zeta = arma_prediction(free, rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
-        return Outlook(states[origins], np.zeros((len(origins), n, tracker.n_gains)), offset)
+        return ForecastStart(states[origins], np.zeros((len(origins), n, tracker.n_gains)), offset)

@@ -124,13 +124,13 @@ class Conventional:
         return np.diag(np.append(np.full(len(network.nodes), self.process_sd**2), none))[None]
 
     def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         S, n = d.A.shape[:2]
         model = append_states(d, np.zeros((S, 0)), 0, 0)
         Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
-        s0, P0 = first_state(network, piece), first_covariance(network)
-        R = measurement_variance(piece.hours)
+        s0, P0 = first_state(network, segment), first_covariance(network)
+        R = measurement_variance(segment.hours)
         return _complete(model, _outputs(network, 0, False), s0, R, Q=Q, P0=P0)
 
 
@@ -157,7 +157,7 @@ class InputRandomWalk:
         return 0
 
     def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         (S, n), a = d.A.shape[:2], len(network.disturbed_nodes)
         model = append_states(d, np.ones((S, a)), feed=a, n_own=2)
@@ -166,8 +166,8 @@ class InputRandomWalk:
         model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
         model.dQ[:, nodes, nodes, -2] = 2.0 * own["sigma_x"][:, None]
         model.dQ[:, walks, walks, -1] = 2.0 * own["sigma_zeta"][:, None]
-        R = self.measurement_sd**2 if self.measurement_sd else measurement_variance(piece.hours)
-        s0, P0 = first_state(network, piece, a), first_covariance(network, ZETA_SD)
+        R = self.measurement_sd**2 if self.measurement_sd else measurement_variance(segment.hours)
+        s0, P0 = first_state(network, segment, a), first_covariance(network, ZETA_SD)
         return _complete(model, _outputs(network, a, False), s0, R, P0=P0)
 
 
@@ -177,11 +177,11 @@ class OutputARMA:
 
     The search is over ``rho_1`` and ``rho_gap = rho_1 - rho_2``, the two roots whose size decides stability (ruling 1);
     with ``paper_box`` over ``rho_1`` and ``rho_2`` as the paper prints.  Temperatures of hidden nodes at the first row
-    of every stretch of rows are parameters too.
+    of every segment of rows are parameters too.
     """
 
     hidden: tuple[str, ...]  # nodes that are not measured
-    firsts: tuple[float, ...]  # a temperature around which those of each stretch are searched
+    firsts: tuple[float, ...]  # a temperature around which those of each segment are searched
     paper_box: bool = False
     hours: float = 0.25  # the step; the paper's bound of rho_1 at 15 minutes is a longest memory, the same at any step
     weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
@@ -208,7 +208,7 @@ class OutputARMA:
         return 0
 
     def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, piece: Experiment, number: int
+        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         (S, n), o, base = d.A.shape[:2], len(network.measured_nodes), d.dA.shape[1]
         model = append_states(d, np.repeat(own["rho_1"][:, None], o, axis=1), 0, len(self.own))
@@ -218,7 +218,7 @@ class OutputARMA:
         K, dK = np.zeros((S, n + o, o)), np.zeros((S, n + o, o, model.dA.shape[3]))
         K[:, each, outputs] = rho_2[:, None]
         dK[:, each, outputs, base : base + 2] = (0.0, 1.0) if self.paper_box else (1.0, -1.0)
-        s0 = np.tile(first_state(network, piece, o), (S, 1))
+        s0 = np.tile(first_state(network, segment, o), (S, 1))
         for q, node in enumerate(self.hidden):
             i = network.nodes.index(node)
             s0[:, i] = own[first_name(node, number)]
@@ -227,11 +227,11 @@ class OutputARMA:
 
 
 def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int) -> None:
-    """Put what a fit found of the first row of a stretch into its (n,) state, in place."""
+    """Put what a fit found of the first row of a segment into its (n,) state, in place."""
     for i, node in enumerate(network.nodes):
         state[i] = found.get(first_name(node, number), state[i])
 
 
 def first_name(node: str, number: int) -> str:
-    """Name of a hidden node's temperature at the first row of a stretch: ``T0_w``, of further ones ``T0_w_2`` ...."""
+    """Name of a hidden node's temperature at the first row of a segment: ``T0_w``, of further ones ``T0_w_2`` ...."""
     return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"

@@ -11,7 +11,7 @@ from ..thermal import RCNetwork
 
 
 class Experiment(NamedTuple):
-    """Stretches of consecutive rows, one behind the other."""
+    """Segments of consecutive rows, one behind the other."""
 
     y: np.ndarray  # (N,) measured temperature [degC], NaN where missing; (N, o) of o measured nodes
     inputs: np.ndarray  # (N, m) in the order of ``network.inputs(roles)``, then the heat gains (0)
@@ -19,7 +19,7 @@ class Experiment(NamedTuple):
     hours: float  # the step [h]
     hour_of_day: np.ndarray  # (N,) int, local
     weekend: np.ndarray  # (N,) bool, local
-    breaks: tuple[int, ...] = (0,)  # the first row of every stretch
+    breaks: tuple[int, ...] = (0,)  # the first row of every segment
 
     @property
     def outputs(self) -> np.ndarray:
@@ -38,15 +38,15 @@ class Experiment(NamedTuple):
         return float(self.firsts.mean())
 
     @property
-    def pieces(self) -> tuple[Experiment, ...]:
-        """The stretches, each an experiment of its own."""
+    def segments(self) -> tuple[Experiment, ...]:
+        """The segments, each an experiment of its own."""
         if len(self.breaks) == 1:
             return (self,)
         ends = (*self.breaks[1:], len(self.y))
         return tuple(self.rows(slice(a, b)) for a, b in zip(self.breaks, ends, strict=True))
 
     def rows(self, rows: slice) -> Experiment:
-        """Some consecutive rows of one stretch."""
+        """Some consecutive rows of one segment."""
         return self._replace(
             y=self.y[rows],
             inputs=self.inputs[rows],

@@ -12,12 +12,12 @@ from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from ..filtering import simulate_path
 from .experiment import Experiment, make_experiment
-from .gain_filter import GainFilter, Start, Track
+from .gain_filter import FilteredStates, FilterStart, GainFilter
 from .gain_model import profile_cell
 from .one_step_errors import InnovationsMixin
 
 
-class Outlook(NamedTuple):
+class ForecastStart(NamedTuple):
     """What a model expects after each origin, apart from the known inputs."""
 
     states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
@@ -26,7 +26,7 @@ class Outlook(NamedTuple):
 
 
 class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, BaseEstimator):
-    """What an identified network does with a table; a subclass identifies it and may give ``_outlook``."""
+    """What an identified network does with a table; a subclass identifies it and may give ``_forecast_start``."""
 
     def _experiment(self, table: ZoneTable) -> Experiment:
         return make_experiment(self.network_, self._roles, table, self._measurements(table))
@@ -52,7 +52,7 @@ class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Ba
         first = self._measurements(table)[0]
         return np.where(np.isfinite(first), first, self._mean)[()]
 
-    def _start(self, table: ZoneTable) -> Start:
+    def _start(self, table: ZoneTable) -> FilterStart:
         """What is known of the first row: the training's own start, its end, or no more than a temperature."""
         if self._is_tail(table):
             return self._tail_start
@@ -73,12 +73,12 @@ class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Ba
         """(N + 1, n) node temperatures by the known inputs alone."""
         return simulate_path(self._filter.A, experiment.inputs @ self._filter.B.T, state)
 
-    def _track(self, table: ZoneTable, smooth: bool = False) -> Track:
+    def _track(self, table: ZoneTable, smooth: bool = False) -> FilteredStates:
         experiment = self._experiment(table)
         return self._filter.track(experiment, self._cells(table), self._classes(table), self._start(table), smooth)
 
     # ---------------------------------------------------------------------------------------------------- forecasts
-    def _outlook(self, table: ZoneTable, origins: np.ndarray, n: int) -> Outlook:
+    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The filter's own expectation: the gain state decays towards the profile."""
         track, cells = self._track(table), self._cells(table)
         tracker: GainFilter = self._filter
@@ -86,12 +86,12 @@ class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Ba
         rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
         decay = tracker.phi ** np.arange(n)
         heat = g[:, None] * decay[:, None] + tracker.profile[cells[rows]]
-        return Outlook(track.nodes[origins], heat, np.zeros((len(origins), n, len(tracker.measured))))
+        return ForecastStart(track.nodes[origins], heat, np.zeros((len(origins), n, len(tracker.measured))))
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        return self._run(table, origins, self._outlook(table, origins, n_leads))
+        return self._run(table, origins, self._forecast_start(table, origins, n_leads))
 
-    def _run(self, table: ZoneTable, origins: np.ndarray, outlook: Outlook) -> np.ndarray:
+    def _run(self, table: ZoneTable, origins: np.ndarray, outlook: ForecastStart) -> np.ndarray:
         experiment, tracker = self._experiment(table), self._filter
         paths = [
             tracker.drive(experiment, int(o), state, heat)[:, tracker.measured]
@@ -100,7 +100,7 @@ class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Ba
         out = np.array(paths).reshape(outlook.offset.shape) + outlook.offset
         return out[..., 0] if out.shape[2] == 1 else out
 
-    def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> Outlook:
+    def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> ForecastStart:
         tracker, size = self._filter, disturbance.shape[:2]
         wanted = tracker.n_gains if checked_kind(kind) == "input" else len(tracker.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
@@ -110,9 +110,9 @@ class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, Ba
                 f"{kind!r}: give (n_origins, n_leads{f', {wanted}' if wanted > 1 else ''})."
             )
         if kind == "input":
-            return Outlook(self._track(table).nodes[origins], given, np.zeros((*size, len(tracker.measured))))
+            return ForecastStart(self._track(table).nodes[origins], given, np.zeros((*size, len(tracker.measured))))
         states = self._open_loop(self._experiment(table), self._open_start(table))[origins]
-        return Outlook(states, np.zeros((*size, tracker.n_gains)), given)
+        return ForecastStart(states, np.zeros((*size, tracker.n_gains)), given)
 
     def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
         """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).

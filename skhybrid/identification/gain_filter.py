@@ -14,19 +14,19 @@ from .disturbance_models import ZETA_SD, Conventional, first_covariance, measure
 from .experiment import Experiment
 
 
-class Start(NamedTuple):
+class FilterStart(NamedTuple):
     """What is known of the first row before its own measurement."""
 
     mean: np.ndarray  # (s,) nodes [degC], then the gain states [kW]
     covariance: np.ndarray  # (s, s)
 
 
-class Track(NamedTuple):
+class FilteredStates(NamedTuple):
     """Filtered (or smoothed) states of every row."""
 
     nodes: np.ndarray  # (N, n) [degC]
     gain: np.ndarray  # (N, d) the unmeasured heat of every disturbed node, profile included [kW]
-    end: Start  # what is known of the row behind the last
+    end: FilterStart  # what is known of the row behind the last
     starts: tuple[np.ndarray, np.ndarray]  # predicted means (N, s) and covariances (N, s, s)
 
 
@@ -73,11 +73,11 @@ class GainFilter:
         A[:n, :n], A[:n, n:], A[n:, n:] = self.A, self.heat, self.phi * np.eye(d)
         return A, np.eye(n + d)[self.measured]
 
-    def cold(self, temperatures: np.ndarray) -> Start:
+    def cold(self, temperatures: np.ndarray) -> FilterStart:
         """A start about which nothing but (o,) temperatures is known."""
         nodes = np.full(self.n, float(np.mean(temperatures)))
         nodes[self.measured] = temperatures
-        return Start(np.append(nodes, np.zeros(self.n_gains)), first_covariance(self.network, self.g_sd))
+        return FilterStart(np.append(nodes, np.zeros(self.n_gains)), first_covariance(self.network, self.g_sd))
 
     def forcing(self, experiment: Experiment, cells: np.ndarray) -> np.ndarray:
         """(N, n) effect of all known inputs and of the profile over each step."""
@@ -85,9 +85,9 @@ class GainFilter:
         return experiment.inputs @ self.B.T + profile @ self.heat.T
 
     def track(
-        self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: Start, smooth: bool = False
-    ) -> Track:
-        """Filter (causal) or smooth (by all rows) the states of one stretch of rows."""
+        self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: FilterStart, smooth: bool = False
+    ) -> FilteredStates:
+        """Filter (causal) or smooth (by all rows) the states of one segment of rows."""
         A, C = self.augmented()
         forcing = np.zeros((len(experiment.y), len(A)))
         forcing[:, : self.n] = self.forcing(experiment, cells)
@@ -95,9 +95,9 @@ class GainFilter:
         run = kalman_filter(A, forcing, self.Q, klass, C, R, experiment.outputs, start.mean, start.covariance)
         filtered, covariances, predicted, before = run
         states = smooth_states(A, filtered, covariances, predicted, before).states if smooth else filtered
-        end = Start(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[klass[-1]])
+        end = FilterStart(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[klass[-1]])
         gain = states[:, self.n :] + self.profile[cells]
-        return Track(states[:, : self.n].copy(), gain, end, (predicted, before))
+        return FilteredStates(states[:, : self.n].copy(), gain, end, (predicted, before))
 
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
         """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ...."""
@@ -120,15 +120,15 @@ def fit_walk_noise(tracker: GainFilter, experiment: Experiment) -> np.ndarray:
     """
     A, C = tracker.augmented()
     R, n = np.full(len(C), tracker.R), tracker.n
-    pieces = []
-    for piece in experiment.pieces:
-        forcing = np.zeros((len(piece.y), len(A)))
-        forcing[:, :n] = piece.inputs @ tracker.B.T
-        pieces.append((forcing, piece.outputs, tracker.cold(piece.firsts)))
+    segments = []
+    for segment in experiment.segments:
+        forcing = np.zeros((len(segment.y), len(A)))
+        forcing[:, :n] = segment.inputs @ tracker.B.T
+        segments.append((forcing, segment.outputs, tracker.cold(segment.firsts)))
 
     def negative_log_likelihood(logs: np.ndarray) -> float:
         Q, value = walk_noise(tracker.network, *np.exp(logs)), 0.0
-        for forcing, y, start in pieces:
+        for forcing, y, start in segments:
             klass = np.zeros(len(y), np.int64)
             _, _, predicted, before = kalman_filter(A, forcing, Q, klass, C, R, y, start.mean, start.covariance)
             e = y - predicted @ C.T

@@ -79,31 +79,31 @@ HOUR_CLASSES = {"day_night": _day_and_night(), "3h": _blocks(3)}
 class VarianceModel:
     """Standard deviation of the gain state of every row: ``exp(variance @ logarithms)`` of the row's class."""
 
-    klass: tuple[np.ndarray, ...]  # (N,) int of every stretch
+    klass: tuple[np.ndarray, ...]  # (N,) int of every segment
     variance: np.ndarray  # (n_classes, len(names)) of 0 and 1
     names: tuple[str, ...]  # its parameters: of the hours, then of the days
-    first_rows: tuple[tuple[int, int], ...]  # stretch and row where each day's factor begins
+    first_rows: tuple[tuple[int, int], ...]  # segment and row where each day's factor begins
 
     @classmethod
-    def of(cls, pieces: Sequence[Experiment], hours: HourClasses) -> VarianceModel:
-        """The classes of the rows of an experiment's stretches; a day begins where the hour falls."""
+    def of(cls, segments: Sequence[Experiment], hours: HourClasses) -> VarianceModel:
+        """The classes of the rows of an experiment's segments; a day begins where the hour falls."""
         days, count, size = [], 0, len(hours.names)
-        for piece in pieces:
-            begins = np.append(1, np.diff(piece.hour_of_day) < 0)
+        for segment in segments:
+            begins = np.append(1, np.diff(segment.hour_of_day) < 0)
             days.append(count + np.cumsum(begins) - 1)
             count = int(days[-1][-1]) + 1
         together = -(-count // MOST_DAYS)
         days = [day // together for day in days]
         n_days = int(days[-1][-1]) + 1
-        cells = [profile_cell(p.hour_of_day, p.weekend) for p in pieces]
+        cells = [profile_cell(p.hour_of_day, p.weekend) for p in segments]
         keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
         variance = np.hstack([np.eye(size)[used % size], np.eye(n_days)[used // size]])
-        where = np.concatenate([np.arange(len(p.y)) for p in pieces])
-        which = np.repeat(np.arange(len(pieces)), [len(p.y) for p in pieces])
+        where = np.concatenate([np.arange(len(p.y)) for p in segments])
+        which = np.repeat(np.arange(len(segments)), [len(p.y) for p in segments])
         _, first = np.unique(np.concatenate(days), return_index=True)
         return cls(
-            tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in pieces])[:-1])),
+            tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in segments])[:-1])),
             variance,
             (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in range(n_days))),
             tuple((int(which[i]), int(where[i])) for i in first),
@@ -126,15 +126,15 @@ def own_priors(n_days: int, hours: HourClasses) -> dict[str, tuple[float, float]
     return {f"sigma_{c}": SIGMA_PRIOR for c in hours.names} | {f"day_{d}": DAY_PRIOR for d in range(n_days)}
 
 
-def ventilation_series(piece: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:
+def ventilation_series(segment: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:
     """(N,) outdoor minus last measured temperature [K] in the weekday hours of :data:`DAY_HOURS`, else 0.
 
     A measurement of the row itself or of an earlier one is known before the next innovation, so that the likelihood
     stays exact.
     """
-    y = piece.outputs[:, output]
+    y = segment.outputs[:, output]
     last = np.maximum.accumulate(np.where(np.isfinite(y), np.arange(len(y)), -1))
     room = np.where(last >= 0, y[last], np.nan)
     difference = np.where(np.isfinite(room), outdoor - room, 0.0)
-    busy = ~piece.weekend & (piece.hour_of_day >= DAY_HOURS[0]) & (piece.hour_of_day < DAY_HOURS[1])
+    busy = ~segment.weekend & (segment.hour_of_day >= DAY_HOURS[0]) & (segment.hour_of_day < DAY_HOURS[1])
     return difference * busy

@@ -15,7 +15,7 @@ from ..control import Limits, Plant, is_plant, load_frame, read_limits, read_set
 from ..filtering import simulate_inverse
 from ..thermal import RCNetwork
 from .experiment import Experiment
-from .filtered_network import Outlook
+from .filtered_network import ForecastStart
 from .gain_filter import GainFilter
 
 
@@ -31,8 +31,8 @@ class LoadMixin:
     _with_history: Callable[..., tuple[ZoneTable, int]]
     _experiment: Callable[[ZoneTable], Experiment]
     _measurements: Callable[[ZoneTable], np.ndarray]
-    _outlook: Callable[..., Outlook]
-    _given: Callable[..., Outlook]
+    _forecast_start: Callable[..., ForecastStart]
+    _given: Callable[..., ForecastStart]
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
@@ -74,7 +74,7 @@ class LoadMixin:
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         origins, n = self._load_origins(table, n_tail)
-        return self._load(table, n_tail, setpoint, origins, self._outlook(table, origins, n), limits)
+        return self._load(table, n_tail, setpoint, origins, self._forecast_start(table, origins, n), limits)
 
     def required_heat(
         self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input", limits: Any = None
@@ -110,7 +110,7 @@ class LoadMixin:
         return origins + n_tail, int(np.diff(np.append(origins, here.n_rows)).max())
 
     def _load(
-        self, table: ZoneTable, n_tail: int, setpoint: Any, origins: np.ndarray, outlook: Outlook, limits: Any
+        self, table: ZoneTable, n_tail: int, setpoint: Any, origins: np.ndarray, outlook: ForecastStart, limits: Any
     ) -> pd.DataFrame:
         tracker = self._filter
         if len(tracker.measured) > 1 or tracker.n_gains > 1:

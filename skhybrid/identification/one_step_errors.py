@@ -64,8 +64,8 @@ class InnovationsMixin:
             if role not in table.history:
                 raise ValueError(f"role {role!r} is missing: innovations compare predictions with the measurements.")
         in_training, errors, spreads = self._is_training(table), [], []  # type: ignore[attr-defined]
-        for number, piece in enumerate(table.pieces):
-            longer, n_tail = self._after_tail(piece) if number == 0 else (piece, 0)  # type: ignore[attr-defined]
+        for number, segment in enumerate(table.segments):
+            longer, n_tail = self._after_tail(segment) if number == 0 else (segment, 0)  # type: ignore[attr-defined]
             found = self._innovations(longer, number if in_training else None)
             errors.append(found.error[n_tail:])
             spreads.append(found.std[n_tail:])
@@ -76,25 +76,25 @@ class InnovationsMixin:
         columns |= {f"std{end}": std[:, j] for j, end in enumerate(ends)}
         return pd.DataFrame(columns, index=table.index)
 
-    def _innovations(self, table: ZoneTable, stretch: int | None) -> Innovations:
-        """Of one stretch of rows; ``stretch`` is its number in the training table, None where it is not from there."""
-        return kalman_innovations(self, table, stretch)
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
+        """Of one segment of rows; ``segment`` is its number in the training table, None where it is not from there."""
+        return kalman_innovations(self, table, segment)
 
 
-def kalman_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
+def kalman_innovations(model: Any, table: ZoneTable, segment: int | None) -> Innovations:
     """Of the filter with the gain state, which starts as in ``fit`` or from the end of the training table."""
     tracker, experiment = model._filter, model._experiment(table)
     C = tracker.augmented()[1]
-    follows = stretch is None and model._is_tail(table)
+    follows = segment is None and model._is_tail(table)
     start = model._start(table) if follows else tracker.cold(experiment.firsts)
     means, covariances = tracker.track(experiment, model._cells(table), model._classes(table), start).starts
     variance = np.einsum("os,kst,ot->ko", C, covariances, C) + tracker.R
     return Innovations(experiment.outputs - means @ C.T, np.sqrt(variance))
 
 
-def scaled_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
+def scaled_innovations(model: Any, table: ZoneTable, segment: int | None) -> Innovations:
     """Kalman innovations whose variance, in the steady state, is that of the training errors."""
-    found = kalman_innovations(model, table, stretch)
+    found = kalman_innovations(model, table, segment)
     return Innovations(found.error, found.std * model.noise_std_ / np.sqrt(steady_variance(model._filter)))
 
 
@@ -127,14 +127,14 @@ def simulation_errors(model: Any, table: ZoneTable) -> Innovations:
     return Innovations(experiment.outputs - predicted, np.full(predicted.shape, model.noise_std_))
 
 
-def arma_innovations(model: Any, table: ZoneTable, stretch: int | None) -> Innovations:
+def arma_innovations(model: Any, table: ZoneTable, segment: int | None) -> Innovations:
     """OD: what the open loop leaves over, predicted by the ARMA(1,1) disturbance (paper Eq. od_pred)."""
     tracker, experiment = model._filter, model._experiment(table)
-    if stretch is None:
+    if segment is None:
         state = np.array(model._open_start(table), dtype=np.float64)
     else:  # as it was searched
         state = first_state(tracker.network, experiment)
-        take_searched(state, tracker.network, model.disturbance_, stretch)
+        take_searched(state, tracker.network, model.disturbance_, segment)
     free = experiment.outputs - model._open_loop(experiment, state)[:-1, tracker.measured]
     found = arma_errors(free, *(float(model.disturbance_[name]) for name in ("rho_1", "rho_2")))
     return Innovations(found.error, model.noise_std_ * found.std)

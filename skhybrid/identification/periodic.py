@@ -192,7 +192,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         self.day_factors_.index = table.index[self.day_factors_.index]
 
     def _all_own(self, experiment: Experiment) -> tuple[Parameter, ...]:
-        return own_parameters(len(VarianceModel.of(experiment.pieces, self._hours).first_rows), self._hours)
+        return own_parameters(len(VarianceModel.of(experiment.segments, self._hours).first_rows), self._hours)
 
     def _minima(self, problem: PeriodicProblem) -> list[Minimum]:
         if not problem.searched:
@@ -258,8 +258,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         own = {p.name: values[p.name] for p in self._own_parameters()}
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
         self.disturbance_ = pd.Series({**own, **in_kw})
-        begins = np.cumsum([0, *(len(piece.y) for piece in problem.experiment.pieces)])
-        rows = [begins[piece] + row for piece, row in problem.variance.first_rows]
+        begins = np.cumsum([0, *(len(segment.y) for segment in problem.experiment.segments)])
+        rows = [begins[segment] + row for segment, row in problem.variance.first_rows]
         self.day_factors_ = pd.Series(problem.day_factors(values), index=rows, name="day_factor")
 
     def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
@@ -268,7 +268,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         basis, parts = profile_basis()[0], beta.reshape(len(nodes), -1)
         profiles = [basis @ part[: basis.shape[1]] for part in parts]
         if problem.ventilated:
-            cells = np.concatenate([profile_cell(p.hour_of_day, p.weekend) for p in problem.experiment.pieces])
+            cells = np.concatenate([profile_cell(p.hour_of_day, p.weekend) for p in problem.experiment.segments])
             for profile, part, series in zip(profiles, parts, problem.ventilation.T, strict=True):
                 total = np.bincount(cells, weights=series, minlength=len(profile))
                 profile += part[-1] * total / np.maximum(np.bincount(cells, minlength=len(profile)), 1)

@@ -10,15 +10,15 @@ from sklearn.base import clone
 from .._table import ZoneTable
 from .experiment import Experiment
 from .filtered_network import FilteredNetwork, checked_kind
-from .gain_filter import Start, Track
+from .gain_filter import FilteredStates, FilterStart
 from .gain_model import profile_cell
 
 
-class Standing(NamedTuple):
+class RollingState(NamedTuple):
     """Where the filter and the open loop stand."""
 
     nodes: np.ndarray  # (n,) filtered node temperatures at the last known row [degC]
-    ahead: Start  # what is known of the row behind it
+    ahead: FilterStart  # what is known of the row behind it
     open_nodes: np.ndarray  # (n,) node temperatures at the last known row by the inputs alone [degC]
     open_ahead: np.ndarray  # (n,) the same of the row behind it
     inputs: np.ndarray  # (m,) of the last known row, which act until the next one
@@ -40,7 +40,7 @@ def advance(model: FilteredNetwork, table: ZoneTable, kind: str = "input") -> np
     ndarray of shape (n_rows, d)
         The disturbance of each row, causal, as :meth:`estimate_disturbance` gives it.
     """
-    now = standing(model)
+    now = rolling_state(model)
     experiment, tracker = model._experiment(table), model._filter
     track, path = _follow(model, experiment, now.ahead, now.open_ahead)
     last = table.rows(slice(table.n_rows - 1, None))
@@ -50,27 +50,29 @@ def advance(model: FilteredNetwork, table: ZoneTable, kind: str = "input") -> np
     )
     means, covariances = track.starts
     model._tail, model._tail_open = last, path[-2].copy()
-    model._tail_start = Start(means[-1].copy(), covariances[-1].copy())
-    model._standing = Standing(track.nodes[-1].copy(), track.end, path[-2], path[-1], experiment.inputs[-1].copy())
+    model._tail_start = FilterStart(means[-1].copy(), covariances[-1].copy())
+    model._rolling_state = RollingState(
+        track.nodes[-1].copy(), track.end, path[-2], path[-1], experiment.inputs[-1].copy()
+    )
     if checked_kind(kind) == "input":
         return track.gain
     return experiment.outputs - path[:-1, tracker.measured]
 
 
-def standing(model: FilteredNetwork) -> Standing:
+def rolling_state(model: FilteredNetwork) -> RollingState:
     """Where a fitted model stands: behind its training table, or the rows that it was advanced by."""
-    known = getattr(model, "_standing", None)
+    known = getattr(model, "_rolling_state", None)
     if known is not None:
         return known
     tail = model._tail
     experiment = model._experiment(tail)
     track, path = _follow(model, experiment, model._tail_start, model._tail_open)
-    return Standing(track.nodes[-1], track.end, path[-2], path[-1], experiment.inputs[-1])
+    return RollingState(track.nodes[-1], track.end, path[-2], path[-1], experiment.inputs[-1])
 
 
 def _follow(
-    model: FilteredNetwork, experiment: Experiment, start: Start, open_start: np.ndarray
-) -> tuple[Track, np.ndarray]:
+    model: FilteredNetwork, experiment: Experiment, start: FilterStart, open_start: np.ndarray
+) -> tuple[FilteredStates, np.ndarray]:
     """The filter over some rows, and the (N + 1, n) node temperatures by the inputs alone."""
     cells = profile_cell(experiment.hour_of_day, experiment.weekend)
     track = model._filter.track(experiment, cells, model._filter.classes[cells], start)
@@ -96,7 +98,7 @@ def drive_on(model: FilteredNetwork, future: ZoneTable, disturbance: np.ndarray,
     ndarray of shape (n_rows,)
         Temperature of the measured node [degC].
     """
-    now, tracker = standing(model), model._filter
+    now, tracker = rolling_state(model), model._filter
     experiment = model._experiment(future)
     acting = experiment._replace(inputs=np.vstack([now.inputs, experiment.inputs[:-1]]))
     inward = checked_kind(kind) == "input"

@@ -1,20 +1,20 @@
 """A network with schedules of gains and conductance, fitted on the errors of forecasts at all leads (design 6)."""
 
 from .fit import LeadFit, fit_leads
-from .online_updating import GrowingErrors, Later, Learner, follow
+from .online_updating import ErrorHistory, NumberedSegment, RollingNetwork, follow
 from .required_heat import loads
-from .responses import Stretch, make_stretch
+from .responses import Segment, make_segment
 from .scheduled_network import ScheduledNetwork
 
 __all__ = [
-    "GrowingErrors",
-    "Later",
+    "ErrorHistory",
     "LeadFit",
-    "Learner",
+    "NumberedSegment",
+    "RollingNetwork",
     "ScheduledNetwork",
-    "Stretch",
+    "Segment",
     "fit_leads",
     "follow",
     "loads",
-    "make_stretch",
+    "make_segment",
 ]

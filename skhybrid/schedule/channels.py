@@ -30,7 +30,7 @@ _PARTS = {"morning": -3.5, "noon": 0.0, "afternoon": 3.5}
 _PART_WIDTH = 3.5
 
 
-class Plan(NamedTuple):
+class ChannelPlan(NamedTuple):
     """Which channels a model has: fixed by its training table."""
 
     network: RCNetwork
@@ -95,7 +95,7 @@ class Channels(NamedTuple):
         return self.series @ by_node
 
 
-def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> Plan:
+def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
     """Choose the channels that a table can feed.
 
     Measured heat has no parameter.  Without it the scale of a network is free, so that one stage's capacity is taken as
@@ -114,7 +114,7 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
     sun = tuple(role for role in table.inputs if role.startswith("q_sol"))
     tops = {role: float(table.inputs[role].max()) for role in stages}
     knots = tuple((role, share * tops[role], c) for role, c in given for share in _KNOTS if tops[role] > 0)
-    return Plan(
+    return ChannelPlan(
         network,
         sun,
         (*measured, *given),
@@ -141,7 +141,7 @@ def _sun_hour(table: ZoneTable) -> np.ndarray:
     return np.asarray((time - time.normalize()) / pd.Timedelta("1h"), dtype=np.float64)
 
 
-def heat_of(plan: Plan, table: ZoneTable) -> np.ndarray:
+def heat_of(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     """(N,) known heat into the heated node [kW]."""
     heat = np.zeros(table.n_rows)
     for role, capacity in plan.fixed:
@@ -149,7 +149,7 @@ def heat_of(plan: Plan, table: ZoneTable) -> np.ndarray:
     return heat
 
 
-def make_channels(plan: Plan, table: ZoneTable) -> Channels:
+def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
     """The channels of a table but for the emitter's, whose series depends on its time constant."""
     parts = [*_sunlight(plan, table), *_equipment(plan, table), *_schedules(plan, table), *_turned(plan, table)]
     names, columns, node, positive, group = zip(*parts, strict=True)
@@ -162,7 +162,7 @@ def make_channels(plan: Plan, table: ZoneTable) -> Channels:
     )
 
 
-def _sunlight(plan: Plan, table: ZoneTable):
+def _sunlight(plan: ChannelPlan, table: ZoneTable):
     """Every irradiance on every node; the horizontal one alone is split into parts of the day, which face the sun."""
     beams = {role: table.inputs[role] for role in plan.sun}
     if len(beams) == 1:
@@ -177,7 +177,7 @@ def _sunlight(plan: Plan, table: ZoneTable):
             yield f"{role}->{node}", light, i, True, "free"
 
 
-def _equipment(plan: Plan, table: ZoneTable):
+def _equipment(plan: ChannelPlan, table: ZoneTable):
     for role, sign in plan.stages:
         yield role, sign * table.inputs[role], plan.heated, True, "free"
     tops = dict(plan.tops)
@@ -193,7 +193,7 @@ def bent(stage: np.ndarray, knot: float, top: float) -> np.ndarray:
     return np.minimum(stage, knot) - np.minimum(stage, top) * knot / top
 
 
-def _drives(plan: Plan, table: ZoneTable) -> dict[str, np.ndarray]:
+def _drives(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
     """What the schedules multiply."""
     drives = {"gain": np.ones(table.n_rows)}
     if "T_oa" in table.inputs:
@@ -206,7 +206,7 @@ def _contrast(table: ZoneTable) -> np.ndarray:
     return np.where(table.time.day_of_week.to_numpy() >= 5, 1.0, -1.0)
 
 
-def _schedules(plan: Plan, table: ZoneTable):
+def _schedules(plan: ChannelPlan, table: ZoneTable):
     drives = _drives(plan, table)
     every = drives["gain"]
     yield "gain", every, plan.zone, False, "free"
@@ -221,7 +221,7 @@ def _schedules(plan: Plan, table: ZoneTable):
                 yield f"{group}_{h}", (hour == h) * drive * sign, plan.zone, False, group
 
 
-def _turned(plan: Plan, table: ZoneTable):
+def _turned(plan: ChannelPlan, table: ZoneTable):
     """Heat of a day of the other kind less that of its own, for every day of the week."""
     if not plan.contrast:
         return
@@ -233,22 +233,22 @@ def _turned(plan: Plan, table: ZoneTable):
         yield f"gain_turned_{d}", (day == d) * other, plan.zone, False, "turned"
 
 
-def with_contrast(plan: Plan, names: Sequence[str], coef: np.ndarray) -> Plan:
+def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
     """A plan that knows how weekends differ from weekdays by fitted coefficients of the channels ``names``."""
     found = dict(zip(names, coef, strict=False))  # the emitter's is the last, and has no name
     contrast = np.array([[found.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)] for kind in ("gain", "ua")])
     return plan._replace(contrast=tuple(map(tuple, contrast.tolist()))) if contrast.any() else plan
 
 
-class Store(NamedTuple):
-    """An emitter between two stretches of rows."""
+class EmitterStore(NamedTuple):
+    """An emitter between two segments of rows."""
 
     held: float  # what it gave back in the last row [kW]
     given: float  # what it was given in that row [kW]
 
 
 def emitter_series(
-    heat: np.ndarray, step: float, time_constant: float, store: Store | None = None
+    heat: np.ndarray, step: float, time_constant: float, store: EmitterStore | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """What a lagging emitter gives back later of the heat it was given, less what it takes: ``z - heat``.
 

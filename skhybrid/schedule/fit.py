@@ -15,7 +15,7 @@ from .channels import make_plan, with_contrast
 from .constrained_ridge import gram, solve_coefficients
 from .filter_model import OWN, LeadModel
 from .lead_problem import LeadProblem, Part, Point, Shrinkage, minimise, penalty_of
-from .responses import Stretch, make_stretch
+from .responses import Segment, make_segment
 
 #: the leads of a sample on which the grid is scored
 _COARSE = slice(2, None, 4)
@@ -70,9 +70,9 @@ class LeadFit:
         return self.problem.parts[0].sample
 
     @property
-    def stretch(self) -> Stretch:
+    def segment(self) -> Segment:
         """The training rows."""
-        return self.problem.parts[0].stretch
+        return self.problem.parts[0].segment
 
 
 def fit_leads(
@@ -103,19 +103,19 @@ def fit_leads(
     """
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
-    stretch = make_stretch(plan, table, T, reference)
+    segment = make_segment(plan, table, T, reference)
     step = table.step / pd.Timedelta("1h")
     # a plant that hardly ran does not make the building small
-    scale = max(float(stretch.heat.std()), _LEAST_SPREAD * float(np.abs(stretch.heat).max()))
+    scale = max(float(segment.heat.std()), _LEAST_SPREAD * float(np.abs(segment.heat).max()))
     model = LeadModel.of(network, step, scale if scale > 1e-6 else 1.0)
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
-    problem = _start(model, Part(stretch, sample))
+    problem = _start(model, Part(segment, sample))
     point = minimise(problem, problem.centre, most=10)
     blocks = _blocks(sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, point, blocks))
     point = minimise(problem, point.psi, most=4)
-    plan = with_contrast(plan, stretch.channels.names, point.solution.coef)
-    problem = replace(problem, parts=(Part(make_stretch(plan, table, T, reference), sample),))
+    plan = with_contrast(plan, segment.channels.names, point.solution.coef)
+    problem = replace(problem, parts=(Part(make_segment(plan, table, T, reference), sample),))
     point = problem.evaluate(point.psi)
     left_out = _left_out(problem, point.columns[0], blocks)
     return LeadFit(model, problem, point._replace(columns=()), point.products, blocks, left_out, reference)
@@ -131,7 +131,7 @@ def _start(model: LeadModel, part: Part) -> LeadProblem:
         for pace in _PACES:
             psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
             problem = LeadProblem(
-                model, (Part(part.stretch, rough),), psi, spread, Shrinkage(), np.ones(len(rough.leads))
+                model, (Part(part.segment, rough),), psi, spread, Shrinkage(), np.ones(len(rough.leads))
             )
             point = problem.evaluate(psi)
             if best is None or point.loss < best.loss:
@@ -206,10 +206,10 @@ def _best_shrinkage(problem: LeadProblem, point: Point, blocks: np.ndarray) -> S
     if not problem.plan.calendar or not len(blocks) or not blocks.max():
         return Shrinkage()
     parts = _parted(point.columns[0], problem.parts[0].sample, blocks)
-    stretch, scale, positive = problem.parts[0].stretch, problem.model.heat_scale, problem.positive
+    segment, scale, positive = problem.parts[0].segment, problem.model.heat_scale, problem.positive
 
     def score(shrinkage: Shrinkage) -> float:
-        penalty, out = penalty_of(stretch, shrinkage, scale), 0.0
+        penalty, out = penalty_of(segment, shrinkage, scale), 0.0
         for part in parts:
             against = np.append(-solve_coefficients(part.others, penalty, positive).coef, 1.0)
             out += float(against @ part.own @ against)

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ..filtering import ForecastSample
-from .channels import GROUPS, Plan
+from .channels import GROUPS, ChannelPlan
 from .constrained_ridge import Solution, gram, solve_coefficients
 from .filter_model import LeadModel
-from .responses import Responses, Stretch, error_columns, error_sensitivities, respond
+from .responses import Responses, Segment, error_columns, error_sensitivities, respond
 
 #: hours within which forecasts overlap so much that they count as one
 _OVERLAP = 8.0
@@ -38,9 +38,9 @@ class Shrinkage(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Forecasts of one stretch, and how much they count."""
+    """Forecasts of one segment, and how much they count."""
 
-    stretch: Stretch
+    segment: Segment
     sample: ForecastSample
     weight: np.ndarray | float = 1.0  # of every origin
 
@@ -78,30 +78,30 @@ class LeadProblem:
     precision: np.ndarray
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> ChannelPlan:
         """Its channels."""
-        return self.parts[0].stretch.plan
+        return self.parts[0].segment.plan
 
     @property
     def positive(self) -> np.ndarray:
         """(J,) coefficients that are at least 0."""
-        own = self.parts[0].stretch.channels.positive
+        own = self.parts[0].segment.channels.positive
         return np.append(own, True) if self.plan.emitter else own
 
     @property
     def penalty(self) -> np.ndarray:
         """(J,) of every coefficient."""
-        return penalty_of(self.parts[0].stretch, self.shrinkage, self.model.heat_scale)
+        return penalty_of(self.parts[0].segment, self.shrinkage, self.model.heat_scale)
 
     def root_weights(self, part: Part) -> np.ndarray:
-        """(O, L); 0 where the target is missing or beyond the stretch."""
-        rows, inside = part.sample.targets(part.stretch.n_rows)
+        """(O, L); 0 where the target is missing or beyond the segment."""
+        rows, inside = part.sample.targets(part.segment.n_rows)
         origins = part.sample.origins
         # a single origin is the first of hourly ones, and counts as it will among them
         several = len(origins) > 1
         apart = (origins[-1] - origins[0]) / (len(origins) - 1) if several else max(1.0 / self.model.step, 1.0)
         share = np.broadcast_to(part.weight, len(origins)) * self.share(apart)
-        return self.roots(inside & part.stretch.seen[rows], share)
+        return self.roots(inside & part.segment.seen[rows], share)
 
     def share(self, apart: float) -> float:
         """How much each of several forecasts counts whose origins are so many rows apart."""
@@ -114,7 +114,7 @@ class LeadProblem:
     def columns(self, psi: np.ndarray, part: Part, found: Responses | None = None) -> np.ndarray:
         """(O L, J + 1) weighted columns and target; ``found`` are the responses at ``psi``, at the part's origins."""
         if found is None:
-            found = respond(self.model, psi, part.stretch, part.sample.origins)
+            found = respond(self.model, psi, part.segment, part.sample.origins)
         return error_columns(self.model, found, part.sample, self.root_weights(part))
 
     def evaluate(self, psi: np.ndarray) -> Point:
@@ -133,7 +133,7 @@ class LeadProblem:
         cross = np.zeros((len(free), len(g)))
         for part, E in zip(self.parts, point.columns, strict=True):
             root = self.root_weights(part)
-            e, de = error_sensitivities(self.model, point.psi, point.solution.coef, part.stretch, part.sample)
+            e, de = error_sensitivities(self.model, point.psi, point.solution.coef, part.segment, part.sample)
             J = (root[..., None] * de).reshape(-1, len(g))
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()
@@ -141,14 +141,14 @@ class LeadProblem:
         return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
 
 
-def penalty_of(stretch: Stretch, shrinkage: Shrinkage, heat_scale: float) -> np.ndarray:
-    """(J,) penalty of every coefficient of a stretch."""
-    channels = stretch.channels
+def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.ndarray:
+    """(J,) penalty of every coefficient of a segment."""
+    channels = segment.channels
     strength = shrinkage.by_group()[channels.group]
     unit = np.full(len(strength), heat_scale)
     unit[channels.solar] = _WINDOW
     unit[channels.group == GROUPS.index("turned")] = 1.0
-    if stretch.plan.emitter:
+    if segment.plan.emitter:
         strength, unit = np.append(strength, _LEAST), np.append(unit, 1.0)
     return strength / unit**2
 

@@ -14,7 +14,7 @@ from .constrained_ridge import gram, solve_coefficients
 from .filter_model import Matrices
 from .fit import LeadFit
 from .lead_problem import LeadProblem, Part, minimise
-from .responses import Stream, Stretch
+from .responses import ResponseFilter, Segment
 
 #: how much a completed forecast of the history counts beside one of the training
 _RECENT = 3.0
@@ -27,29 +27,29 @@ _PIECE_DAYS = 7
 _DAY = 24.0
 
 
-class Later(NamedTuple):
-    """Rows behind the training: as one stretch with it, or by themselves."""
+class NumberedSegment(NamedTuple):
+    """Rows behind the training: as one segment with it, or by themselves."""
 
-    stretch: Stretch
+    segment: Segment
     begin: int  # the first row that the training has not seen
     joined: bool  # whether the rows before ``begin`` are the training's own
-    first: int = 0  # the stretch's first row, where it holds the last ones only
-    whole: Callable[[], Stretch] | None = None  # all rows from 0 on, where the stretch does not hold them
+    first: int = 0  # the segment's first row, where it holds the last ones only
+    whole: Callable[[], Segment] | None = None  # all rows from 0 on, where the segment does not hold them
 
     @property
     def end(self) -> int:
         """The row behind the last one."""
-        return self.first + self.stretch.n_rows
+        return self.first + self.segment.n_rows
 
-    def between(self, begin: int, end: int) -> Stretch:
+    def between(self, begin: int, end: int) -> Segment:
         """Rows from ``begin`` on, before ``end``."""
         if begin >= self.first:
-            return self.stretch.between(begin - self.first, end - self.first)
+            return self.segment.between(begin - self.first, end - self.first)
         assert self.whole is not None
         return self.whole().between(begin, end)
 
 
-class Standing(NamedTuple):
+class OriginState(NamedTuple):
     """What a network knows at an origin."""
 
     psi: np.ndarray
@@ -60,7 +60,7 @@ class Standing(NamedTuple):
     store: float  # what the emitter holds back, before the origin's own row [kW]
 
 
-class _Ended(NamedTuple):
+class _CompletedForecasts(NamedTuple):
     """Forecasts of the history that have come to their ends."""
 
     columns: np.ndarray  # (k, J + 1), weighted
@@ -70,7 +70,7 @@ class _Ended(NamedTuple):
     age: np.ndarray  # (k,) rows since their ends
 
 
-class _Memory:
+class _FadingProducts:
     """What completed forecasts teach the coefficients, fading with time."""
 
     def __init__(self, products: np.ndarray, row: int, half_life: float) -> None:
@@ -91,14 +91,14 @@ class _Memory:
         return self._coef
 
 
-class _Run:
+class _NetworkPass:
     """One network on its way through the rows, and what forecasts of the history teach its coefficients."""
 
     def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
-        channels = fit.stretch.channels
+        channels = fit.segment.channels
         self.fit, self.psi, self.start, self.stop = fit, psi, begin, np.iinfo(np.int64).max
         self._begin = begin
-        self.stream = Stream(fit.model, psi, fit.stretch.plan, channels.node)
+        self.stream = ResponseFilter(fit.model, psi, fit.segment.plan, channels.node)
         M = self.stream.matrices
         self._rows, _ = lead_rows(M.F, M.dF[..., :0], fit.model.zone, fit.sample.leads)
         m, J = self.stream.held.shape
@@ -110,17 +110,17 @@ class _Run:
     def remember(self, products: np.ndarray) -> None:
         """Begin with the products of the training."""
         a_day, begin = round(_DAY / self.fit.model.step), self._begin
-        self.memories = [_Memory(products, begin, days * a_day) for days in HALF_LIVES]
+        self.memories = [_FadingProducts(products, begin, days * a_day) for days in HALF_LIVES]
 
-    def go(self, stretch: Stretch, first: int, origins: np.ndarray, apart: float) -> _Ended:
+    def go(self, segment: Segment, first: int, origins: np.ndarray, apart: float) -> _CompletedForecasts:
         """Go through the next rows; forecasts from the origins, which are ``apart`` rows from one another, begin."""
-        found = self.stream.run(stretch, origins - first)
-        end, leads, problem = first + stretch.n_rows, self.fit.sample.leads, self.fit.problem
+        found = self.stream.run(segment, origins - first)
+        end, leads, problem = first + segment.n_rows, self.fit.sample.leads, self.fit.problem
         if not len(self._origins):
-            self._first, self._series, self._seen = first, found.series, stretch.seen
+            self._first, self._series, self._seen = first, found.series, segment.seen
         else:
             self._series = np.concatenate([self._series, found.series])
-            self._seen = np.concatenate([self._seen, stretch.seen])
+            self._seen = np.concatenate([self._seen, segment.seen])
         self._origins = np.concatenate([self._origins, origins])
         self._states = np.concatenate([self._states, found.states])
         self._share = np.append(self._share, np.full(len(origins), _RECENT * problem.share(apart)))
@@ -131,7 +131,7 @@ class _Run:
         E = lead_errors(self._series, self._states, self._rows, self._origins - self._first, leads, root)
         place, lead = np.nonzero(root)
         age = end - 1 - ends[place, lead]
-        ended = _Ended(E[root.ravel() > 0], root[place, lead], self._origins[place], lead, age)
+        ended = _CompletedForecasts(E[root.ravel() > 0], root[place, lead], self._origins[place], lead, age)
         self._forget(end)
         return ended
 
@@ -143,7 +143,7 @@ class _Run:
         keep = slice(first - self._first, None)
         self._first, self._series, self._seen = first, self._series[keep], self._seen[keep]
 
-    def learn(self, ended: _Ended, row: int) -> None:
+    def learn(self, ended: _CompletedForecasts, row: int) -> None:
         """Take in forecasts that have ended by the last row."""
         for memory in self.memories:
             memory.learn(ended.columns, ended.age, row)
@@ -153,7 +153,7 @@ class _Run:
         return np.array([memory.coef(self.fit.problem) for memory in self.memories])
 
 
-class GrowingErrors:
+class ErrorHistory:
     """Errors of one forecast after the other at some leads; NaN until they are known.
 
     Parameters
@@ -181,7 +181,7 @@ class GrowingErrors:
         self._n = max(n, self._n)
 
 
-class Learner:
+class RollingNetwork:
     """A fit that goes through later rows and forecasts from them.
 
     Parameters
@@ -210,9 +210,9 @@ class Learner:
         self.every = max(1, round(1.0 / fit.model.step))
         self.row = 0
         self._a_day = round(_DAY / fit.model.step)
-        self._errors = GrowingErrors(len(fit.sample.leads), len(HALF_LIVES))
-        self._run = _Run(fit, fit.point.psi, begin)
-        self._before: _Run | None = None  # the network before, whose last forecasts have not ended
+        self._errors = ErrorHistory(len(fit.sample.leads), len(HALF_LIVES))
+        self._run = _NetworkPass(fit, fit.point.psi, begin)
+        self._before: _NetworkPass | None = None  # the network before, whose last forecasts have not ended
         self._days: dict[int, np.ndarray] = {}
 
     @property
@@ -221,7 +221,7 @@ class Learner:
         return self._errors.values
 
     # -------------------------------------------------------------------------------------------------------- advance
-    def advance(self, later: Later, origin: int) -> None:
+    def advance(self, later: NumberedSegment, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
         while self.row <= origin:
             if self.adapt is None:
@@ -240,18 +240,18 @@ class Learner:
     def _longest(self) -> int:
         return int(self.fit.sample.leads[-1])
 
-    def _take(self, later: Later, last: int) -> None:
+    def _take(self, later: NumberedSegment, last: int) -> None:
         """Go through the rows up to ``last``."""
-        stretch, first = later.between(self.row, last + 1), self.row
+        segment, first = later.between(self.row, last + 1), self.row
         nothing = np.empty(0, dtype=np.int64)
         origins = nothing if self.adapt is None else self._hourly(first, last + 1, self.every)
         self._errors.extend(len(self.errors) + len(origins))
-        ended = self._run.go(stretch, first, origins, self.every)
+        ended = self._run.go(segment, first, origins, self.every)
         if self.adapt is not None:
             self._keep_errors(ended, self._run)
             self._run.learn(ended, last)
         if self._before is not None:
-            self._keep_errors(self._before.go(stretch, first, nothing, self.every), self._before)
+            self._keep_errors(self._before.go(segment, first, nothing, self.every), self._before)
             if last >= self._run.start + self._longest:
                 self._before = None
         self.row = last + 1
@@ -261,7 +261,7 @@ class Learner:
         first = max(first, self.begin)
         return np.arange(first + (self.begin - first) % every, end, every)
 
-    def _keep_errors(self, ended: _Ended, run: _Run) -> None:
+    def _keep_errors(self, ended: _CompletedForecasts, run: _NetworkPass) -> None:
         """Errors of forecasts that began under a network, by the coefficients of their days."""
         day, own = (ended.origin - self.begin) // self._a_day, (ended.origin >= run.start) & (ended.origin < run.stop)
         for d in np.unique(day[own]):
@@ -271,14 +271,14 @@ class Learner:
             self.errors[(ended.origin[mine] - self.begin) // self.every, ended.lead[mine]] = e
 
     # ---------------------------------------------------------------------------------------------------------- re-fit
-    def _refit(self, later: Later) -> None:
+    def _refit(self, later: NumberedSegment) -> None:
         """Fit the network again at the last row, and take it through all rows so far."""
         mark, fit = self.row - 1, self.fit
-        run = _Run(fit, self._refitted(later), self.begin)
+        run = _NetworkPass(fit, self._refitted(later), self.begin)
         half = ForecastSample(fit.sample.origins[::2], fit.sample.leads)
-        part, done = Part(fit.stretch, half), self.begin
+        part, done = Part(fit.segment, half), self.begin
         if self.joined:  # the rows are the same, and so is the stream
-            done = fit.stretch.n_rows
+            done = fit.segment.n_rows
             found = run.stream.run(later.between(0, done), half.origins)
             run.remember(gram(fit.problem.columns(run.psi, part, found)))
         else:
@@ -290,7 +290,7 @@ class Learner:
         self._run.stop = run.start = mark
         self._before, self._run = self._run, run
 
-    def _refitted(self, later: Later) -> np.ndarray:
+    def _refitted(self, later: NumberedSegment) -> np.ndarray:
         """The network's parameters from the last weeks of rows, beginning with what they were."""
         fit, end, leads = self.fit, self.row, self.fit.sample.leads
         first = max(0, end - _WINDOW_DAYS * self._a_day - self._a_day)
@@ -299,7 +299,7 @@ class Learner:
         weight = np.where(origins + first >= self.begin, _RECENT, 1.0)
         parts = [Part(later.between(first, end), ForecastSample(origins, leads), weight)]
         if not self.joined:
-            parts.append(Part(fit.stretch, ForecastSample(fit.sample.origins[::2], leads)))
+            parts.append(Part(fit.segment, ForecastSample(fit.sample.origins[::2], leads)))
         return minimise(replace(fit.problem, parts=tuple(parts)), self._run.psi, most=_STEPS).psi
 
     # -------------------------------------------------------------------------------------------------------- forecast
@@ -309,15 +309,15 @@ class Learner:
             return np.tile(self.fit.point.solution.coef, (len(HALF_LIVES), 1))
         return self._run.coefs()
 
-    def standing(self, memory: int = 0) -> Standing:
+    def state(self, memory: int = 0) -> OriginState:
         """What is known at the last row, by one memory."""
         stream, coef = self._run.stream, self.coefs()[memory]
         own, held = np.append(coef, 1.0), stream.held @ np.append(-coef, 1.0)
         # what acts over the first of all rows is not known to have acted before
         store = stream.store.held if stream.store is not None and self.row > 1 else 0.0
-        return Standing(self._run.psi, stream.matrices, coef, stream.here @ own + held[:-1], held[-1], store)
+        return OriginState(self._run.psi, stream.matrices, coef, stream.here @ own + held[:-1], held[-1], store)
 
-    def forecast(self, later: Later, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+    def forecast(self, later: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """From the last row: (K, n_leads) deviations from the reference [K], and unmeasured heat [kW].
 
         What lies behind the rows of ``later`` is held at the last of them.
@@ -330,7 +330,7 @@ class Learner:
         return np.array([path for path, _ in found]), np.array([heat for _, heat in found])
 
     def _path(
-        self, ahead: Stretch, coef: np.ndarray, leads: np.ndarray, n_ahead: int, P: np.ndarray
+        self, ahead: Segment, coef: np.ndarray, leads: np.ndarray, n_ahead: int, P: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Of some coefficients, over ``n_ahead`` rows that are known."""
         stream, zone, own = self._run.stream, self.fit.model.zone, np.append(coef, 1.0)
@@ -344,15 +344,15 @@ class Learner:
         return path[rows] + P @ held, planned[rows] + held[-1] * M.F[-1, -1] ** leads
 
 
-def _forcing(stream: Stream, stretch: Stretch, coef: np.ndarray) -> np.ndarray:
+def _forcing(stream: ResponseFilter, segment: Segment, coef: np.ndarray) -> np.ndarray:
     """(N, n) what all inputs of rows that come next add to the nodes."""
-    M, plan, channels = stream.matrices, stretch.plan, stretch.channels
+    M, plan, channels = stream.matrices, segment.plan, segment.channels
     heat = channels.heat(coef[: len(channels.names)], len(M.A))
-    heat[:, plan.heated] += stretch.heat
+    heat[:, plan.heated] += segment.heat
     if plan.emitter:
-        lag, _ = emitter_series(stretch.heat, stream.model.step, np.exp(stream.psi[-1]), stream.store)
+        lag, _ = emitter_series(segment.heat, stream.model.step, np.exp(stream.psi[-1]), stream.store)
         heat[:, plan.heated] += coef[-1] * lag
-    return np.hstack([stretch.boundary, heat]) @ M.B.T
+    return np.hstack([segment.boundary, heat]) @ M.B.T
 
 
 class Followed(NamedTuple):
@@ -360,19 +360,19 @@ class Followed(NamedTuple):
 
     paths: np.ndarray  # (n_origins, n_leads)
     heat: np.ndarray  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
-    errors: np.ndarray  # (O, L) [K], as :class:`Learner` has them
-    learned: list[Standing]  # at each origin
+    errors: np.ndarray  # (O, L) [K], as :class:`RollingNetwork` has them
+    learned: list[OriginState]  # at each origin
 
 
 def follow(
-    fit: LeadFit, later: Later, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
+    fit: LeadFit, later: NumberedSegment, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
 ) -> Followed:
     """Forecast from each origin.
 
     Parameters
     ----------
     fit : LeadFit
-    later : Later
+    later : NumberedSegment
     origins : ndarray of int, shape (n_origins,)
         Rows, increasing.
     n_leads : int
@@ -384,11 +384,11 @@ def follow(
     -------
     Followed
     """
-    learner = Learner(fit, later.begin, later.joined, adapt)
+    learner = RollingNetwork(fit, later.begin, later.joined, adapt)
     paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
     learned = []
     for i, origin in enumerate(origins):
         learner.advance(later, int(origin))
         paths[i], heat[i] = (found[memory] for found in learner.forecast(later, n_leads))
-        learned.append(learner.standing(memory))
+        learned.append(learner.state(memory))
     return Followed(paths, heat, learner.errors[..., memory], learned)

@@ -12,11 +12,11 @@ from sklearn.isotonic import isotonic_regression
 from .._table import ZoneTable
 from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, steps_ahead
 from ..filtering import simulate_inverse, track_path
-from .channels import Plan, bent
+from .channels import ChannelPlan, bent
 from .filter_model import NOISE
 from .fit import LeadFit
-from .online_updating import Standing
-from .responses import Stretch
+from .online_updating import OriginState
+from .responses import Segment
 
 #: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
 _GRID = 101
@@ -28,9 +28,9 @@ _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
 def loads(
     fit: LeadFit,
-    stretch: Stretch,
+    segment: Segment,
     origins: np.ndarray,
-    learned: Sequence[Standing],
+    learned: Sequence[OriginState],
     table: ZoneTable,
     setpoint: Band,
     limits: Limits,
@@ -43,13 +43,13 @@ def loads(
     Parameters
     ----------
     fit : LeadFit
-    stretch : Stretch
+    segment : Segment
     origins : ndarray of int, shape (n_origins,)
-        Rows of the stretch, increasing.
-    learned : sequence of Standing
+        Rows of the segment, increasing.
+    learned : sequence of OriginState
         What is known at each origin.
     table : ZoneTable
-        The rows of ``stretch``.
+        The rows of ``segment``.
     setpoint : Band
         Of the rows from the first origin on [degC].
     limits : Limits
@@ -67,7 +67,7 @@ def loads(
         rows = slice(origin - origins[0], end - origins[0])
         band = Band(*(side[rows] for side in setpoint))
         within = Limits(*(side[rows] for side in limits))
-        ahead = stretch.between(int(origin), int(end))
+        ahead = segment.between(int(origin), int(end))
         frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within, usual))
     # a stage whose capacity came out as 0 at one origin delivers nothing there
     return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
@@ -85,9 +85,9 @@ class _Usual(NamedTuple):
         errors = fit.left_out[:, 0]
         known = np.isfinite(errors)
         noise = _NOISE_SHARE * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
-        channels, coef = fit.stretch.channels, fit.point.solution.coef
+        channels, coef = fit.segment.channels, fit.point.solution.coef
         plant = ~(channels.scheduled | channels.solar)
-        heat = fit.stretch.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
+        heat = fit.segment.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
         change = float(np.sqrt(np.mean(np.diff(heat) ** 2)))
         return cls(noise, change if change > 0 else fit.model.heat_scale)
 
@@ -103,18 +103,18 @@ class _Usual(NamedTuple):
 
 def _load_from(
     fit: LeadFit,
-    stretch: Stretch,
-    known: Standing,
+    segment: Segment,
+    known: OriginState,
     index: pd.Index,
     setpoint: Band,
     limits: Limits,
     usual: _Usual | None,
 ) -> pd.DataFrame:
     """The rows from an origin on, by what is known there."""
-    M, coef, n = known.matrices, known.coef, stretch.n_rows
-    plant = _plant(stretch.plan, coef, fit)
-    zeta = stretch.channels.scheduled_heat(coef) + known.tracked * M.F[-1, -1] ** np.arange(n)
-    A, forcing, effect = _augmented(fit, known, stretch, zeta)
+    M, coef, n = known.matrices, known.coef, segment.n_rows
+    plant = _plant(segment.plan, coef, fit)
+    zeta = segment.channels.scheduled_heat(coef) + known.tracked * M.F[-1, -1] ** np.arange(n)
+    A, forcing, effect = _augmented(fit, known, segment, zeta)
     c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
     band = [side - fit.reference for side in setpoint]
     system, free = (A, forcing, effect, c), np.full(n, np.inf)
@@ -127,15 +127,15 @@ def _load_from(
 
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
-    here = stretch.y[0] if stretch.seen[0] else begin[fit.model.zone]
+    here = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(here, path[:-1]) + fit.reference
     out = load_frame(plant, index, clipped, unclipped, temperature)
-    return _bent(out, stretch.plan, plant, coef, fit).assign(zeta=zeta)
+    return _bent(out, segment.plan, plant, coef, fit).assign(zeta=zeta)
 
 
-def _bent(out: pd.DataFrame, plan: Plan, plant: Plant, coef: np.ndarray, fit: LeadFit) -> pd.DataFrame:
+def _bent(out: pd.DataFrame, plan: ChannelPlan, plant: Plant, coef: np.ndarray, fit: LeadFit) -> pd.DataFrame:
     """Stages whose heat is not in proportion: those that give the heat that is asked of them."""
-    names, full = fit.stretch.channels.names, dict((*plant.heating, *plant.cooling))
+    names, full = fit.segment.channels.names, dict((*plant.heating, *plant.cooling))
     for role in full.keys() & {role for role, _, _ in plan.knots}:
         grid = np.linspace(0.0, plant.most[role], _GRID)
         heat = next(c for known, c in plan.fixed if known == role) * grid
@@ -159,9 +159,9 @@ def _rising(given: np.ndarray, proportional: np.ndarray) -> np.ndarray:
     return isotonic_regression(given - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
 
-def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
+def _plant(plan: ChannelPlan, coef: np.ndarray, fit: LeadFit) -> Plant:
     """What heats and cools: stages of a given or a fitted capacity; a measured heat tells of no limit."""
-    names = fit.stretch.channels.names
+    names = fit.segment.channels.names
     most = {role: max(1.0, top) for role, top in plan.tops}
     capacity = {role: c for role, c in plan.fixed if role.startswith("u_")}
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
@@ -174,11 +174,11 @@ def _plant(plan: Plan, coef: np.ndarray, fit: LeadFit) -> Plant:
 
 
 def _augmented(
-    fit: LeadFit, known: Standing, stretch: Stretch, zeta: np.ndarray
+    fit: LeadFit, known: OriginState, segment: Segment, zeta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The network with the emitter's store: transition, forcing of the rows without the plant, effect of 1 kW."""
-    M, coef, plan, channels = known.matrices, known.coef, stretch.plan, stretch.channels
-    n, nb = len(M.A), stretch.boundary.shape[1]
+    M, coef, plan, channels = known.matrices, known.coef, segment.plan, segment.channels
+    n, nb = len(M.A), segment.boundary.shape[1]
     unit = M.B[:, nb:]
     held = coef[-1] if plan.emitter else 0.0
     a = np.exp(-fit.model.step / np.exp(known.psi[-1]))
@@ -187,6 +187,6 @@ def _augmented(
     effect[:n], effect[n] = (1.0 - held) * unit[:, plan.heated], 1.0 - a
     heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
     heat[:, plan.zone] += zeta
-    forcing = np.zeros((stretch.n_rows, n + 1))
-    forcing[:, :n] = stretch.boundary @ M.B[:, :nb].T + heat @ unit.T
+    forcing = np.zeros((segment.n_rows, n + 1))
+    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ unit.T
     return A, forcing, effect

@@ -9,7 +9,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..thermal import RCNetwork
-from .channels import UA_DIFFERENCE, Plan, make_channels
+from .channels import UA_DIFFERENCE, ChannelPlan, make_channels
 from .filter_model import OWN
 from .fit import LeadFit
 
@@ -47,18 +47,18 @@ class ScheduledNetwork:
     def of(cls, fit: LeadFit) -> ScheduledNetwork:
         """Read a fit."""
         values = pd.Series(np.exp(fit.point.psi), fit.model.names)
-        names = [*fit.stretch.channels.names, *(["emitter"] if fit.stretch.plan.emitter else [])]
+        names = [*fit.segment.channels.names, *(["emitter"] if fit.segment.plan.emitter else [])]
         coef = pd.Series(fit.point.solution.coef, names)
         own = list(OWN)
-        return cls(fit.model.network, values.drop(own), values[own], coef, _schedule(coef, fit.stretch.plan), fit)
+        return cls(fit.model.network, values.drop(own), values[own], coef, _schedule(coef, fit.segment.plan), fit)
 
     def heat_at(self, table: ZoneTable) -> pd.Series:
         """Scheduled heat over the rows of a table [kW]."""
-        channels = make_channels(self._fit.stretch.plan, table)
+        channels = make_channels(self._fit.segment.plan, table)
         return pd.Series(channels.scheduled_heat(self._fit.point.solution.coef), table.index, name="zeta")
 
 
-def _schedule(coef: pd.Series, plan: Plan) -> pd.DataFrame:
+def _schedule(coef: pd.Series, plan: ChannelPlan) -> pd.DataFrame:
     index = pd.MultiIndex.from_product([("weekday", "weekend"), range(_HOURS)], names=["day", "hour"])
     out = pd.DataFrame(0.0, index, ["gain", "ua"])
     turned = np.array([coef.get(f"gain_turned_{d}", 0.0) for d in range(7)])

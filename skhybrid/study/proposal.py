@@ -67,7 +67,7 @@ def propose_settings(log: str | PathLike[str]) -> str:
             raise ValueError(f"no column of {file.name} looks like the {what} temperature ({shown}).")
     frame = read_zone_csv(file, chosen, sep=sep, decimal=decimal).replace([np.inf, -np.inf], np.nan)
     return _proposal(
-        file, chosen, _guess_units(frame, chosen), _guess_scale(frame), _stretch(frame, file.name), (sep, decimal)
+        file, chosen, _guess_units(frame, chosen), _guess_scale(frame), _segment(frame, file.name), (sep, decimal)
     )
 
 
@@ -119,16 +119,16 @@ def _guess_scale(frame: pd.DataFrame) -> dict[str, float]:
     return {role: round(1.0 / highest, 6) for role, highest in top.items() if highest > 1.5}
 
 
-def _stretch(frame: pd.DataFrame, name: str) -> pd.DatetimeIndex:
-    """Stamps of the longest stretch in which no input is away for long, up to the last known temperature."""
+def _segment(frame: pd.DataFrame, name: str) -> pd.DatetimeIndex:
+    """Stamps of the longest segment in which no input is away for long, up to the last known temperature."""
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     frame = frame.iloc[: known[-1] + 1 if len(known) else None]
     found = pd.DatetimeIndex(frame.index[frame.drop(columns="T_za").notna().all(axis=1)])
     if len(found) < 2:
         raise ValueError(f"{name} has fewer than two rows with every input; check the columns.")
     broken = found[1:] - found[:-1] > max(_LONGEST_GAP, 2 * _usual(found))
-    stretch = np.concatenate([[0], np.cumsum(broken)])
-    return found[stretch == np.bincount(stretch).argmax()]
+    segment = np.concatenate([[0], np.cumsum(broken)])
+    return found[segment == np.bincount(segment).argmax()]
 
 
 def _usual(index: pd.DatetimeIndex) -> pd.Timedelta:

@@ -327,7 +327,7 @@ class _Words:
             part = self.crossed[name].loc[1:]
             t = part["t"].abs().to_numpy()
             worst = int(np.nanargmax(t))
-            lags, r = _stretch(t > _Z95, worst) + 1, float(part["ccf"].iloc[worst])
+            lags, r = _segment(t > _Z95, worst) + 1, float(part["ccf"].iloc[worst])
             first, last = _spell(int(lags[0]) * self.step), _spell(int(lags[-1]) * self.step)
             at = f"at a lag of {first}" if first == last else f"at lags of {first} to {last}"
             out.append(
@@ -372,7 +372,7 @@ def _spell(span: pd.Timedelta) -> str:
     return f"{minutes:.3g} min" if minutes < 120 else f"{minutes / 60:.3g} h"
 
 
-def _stretch(high: np.ndarray, place: int) -> np.ndarray:
+def _segment(high: np.ndarray, place: int) -> np.ndarray:
     """The unbroken run of high values around a place; one low value does not break it."""
     first = last = place
     while first > 0 and high[max(0, first - 2) : first].any():

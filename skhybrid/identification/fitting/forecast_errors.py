@@ -45,22 +45,22 @@ class MultiStepProblem(PredictionErrorProblem):
     # ------------------------------------------------------------------------------------------------ the forecasts
     @cached_property
     def samples(self) -> tuple[ForecastSample, ...]:
-        """Origins and leads of every stretch of rows."""
-        return tuple(self._sample(piece) for piece in self.experiment.pieces)
+        """Origins and leads of every segment of rows."""
+        return tuple(self._sample(segment) for segment in self.experiment.segments)
 
-    def _sample(self, piece: Experiment) -> ForecastSample:
+    def _sample(self, segment: Experiment) -> ForecastSample:
         """Hourly origins, each moved on to the first measured row of its hour; an hour without one has none.
 
         A thermometer that reports every few rows is then compared at rows on which it reports.
         """
-        n_rows = len(piece.y)
+        n_rows = len(segment.y)
         first = self.first if self._kalman(n_rows) else 0  # OD searches its first state
-        sample = hourly_sample(n_rows, self.n_leads, piece.hours, first)
-        measured = np.flatnonzero(np.isfinite(piece.outputs).any(axis=1))
+        sample = hourly_sample(n_rows, self.n_leads, segment.hours, first)
+        measured = np.flatnonzero(np.isfinite(segment.outputs).any(axis=1))
         place = np.searchsorted(measured, sample.origins)
         inside = place < len(measured)
         origins = measured[place[inside]]
-        return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(piece.hours)])
+        return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(segment.hours)])
 
     def _kalman(self, n_rows: int) -> int:
         """Rows that a filter serves: none of OD, else all, as the filter of CONV gives the state at every origin."""
@@ -68,11 +68,11 @@ class MultiStepProblem(PredictionErrorProblem):
 
     @cached_property
     def _seen(self) -> tuple[np.ndarray, ...]:
-        """(O, L, o) of every stretch: whether a forecast meets a measurement."""
+        """(O, L, o) of every segment: whether a forecast meets a measurement."""
         out = []
-        for piece, sample in zip(self.experiment.pieces, self.samples, strict=True):
-            rows, inside = sample.targets(len(piece.y))
-            out.append(inside[..., None] & np.isfinite(piece.outputs[rows]))
+        for segment, sample in zip(self.experiment.segments, self.samples, strict=True):
+            rows, inside = sample.targets(len(segment.y))
+            out.append(inside[..., None] & np.isfinite(segment.outputs[rows]))
         return tuple(out)
 
     @cached_property
@@ -92,10 +92,10 @@ class MultiStepProblem(PredictionErrorProblem):
     def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
         """Errors of all forecasts, (S, n), by origin, lead and output, and their derivatives (S, n, p)."""
         S, parts = len(free), []
-        for m, piece, sample in zip(self.models(free, derive), self.experiment.pieces, self.samples, strict=True):
-            kalman = self._kalman(len(piece.y))
-            exact = not kalman and bool(np.isnan(piece.outputs).any())
-            run = multi_step_sensitivities(m, piece.inputs, piece.outputs, kalman, exact, *sample)
+        for m, segment, sample in zip(self.models(free, derive), self.experiment.segments, self.samples, strict=True):
+            kalman = self._kalman(len(segment.y))
+            exact = not kalman and bool(np.isnan(segment.outputs).any())
+            run = multi_step_sensitivities(m, segment.inputs, segment.outputs, kalman, exact, *sample)
             n = run.errors[0].size
             parts.append((run.errors.reshape(S, n), run.derrors.reshape(S, n, run.derrors.shape[-1])))
         errors, derrors = (np.concatenate(values, axis=1) for values in zip(*parts, strict=True))

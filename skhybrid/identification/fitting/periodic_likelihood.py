@@ -74,8 +74,8 @@ class Channel(NamedTuple):
     times: str | None = None  # the parameter that multiplies ``sd``
 
 
-class _Piece(NamedTuple):
-    """One stretch of rows, ready for the filter."""
+class _Segment(NamedTuple):
+    """One segment of rows, ready for the filter."""
 
     y: np.ndarray  # (N, o)
     series: np.ndarray  # (N, J) of every channel; column 0 is that of the measurement
@@ -132,7 +132,7 @@ class PeriodicProblem:
     @cached_property
     def variance(self) -> VarianceModel:
         """Classes of variance of the rows."""
-        return VarianceModel.of(self.experiment.pieces, HOUR_CLASSES[self.hours])
+        return VarianceModel.of(self.experiment.segments, HOUR_CLASSES[self.hours])
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -176,7 +176,7 @@ class PeriodicProblem:
     def ventilation(self) -> np.ndarray:
         """(N, d) outdoor less room temperature of the rows in which air may be let in, of every disturbed node [K]."""
         places = [j + 1 for j, c in enumerate(self.channels) if c.name == "ventilation"]
-        return np.concatenate([piece.series[:, places] for piece in self._pieces])
+        return np.concatenate([segment.series[:, places] for segment in self._segments])
 
     def day_factors(self, values: Mapping[str, float]) -> np.ndarray:
         """Factors of the days by which their gain varies more or less."""
@@ -188,24 +188,24 @@ class PeriodicProblem:
         return len(self.plain)
 
     @cached_property
-    def _pieces(self) -> tuple[_Piece, ...]:
+    def _segments(self) -> tuple[_Segment, ...]:
         return tuple(
-            self._piece(p, klass) for p, klass in zip(self.experiment.pieces, self.variance.klass, strict=True)
+            self._segment(p, klass) for p, klass in zip(self.experiment.segments, self.variance.klass, strict=True)
         )
 
-    def _piece(self, piece: Experiment, klass: np.ndarray) -> _Piece:
-        cells = profile_basis()[0][profile_cell(piece.hour_of_day, piece.weekend)]
-        columns = [np.zeros(len(cells)), *(piece.inputs[:, self._columns[role]] for _, role in self.plain)]
+    def _segment(self, segment: Experiment, klass: np.ndarray) -> _Segment:
+        cells = profile_basis()[0][profile_cell(segment.hour_of_day, segment.weekend)]
+        columns = [np.zeros(len(cells)), *(segment.inputs[:, self._columns[role]] for _, role in self.plain)]
         outputs = list(measured_rows(self.network))
         for node in self.disturbed:
             columns += list(cells.T)
             if self.ventilated:
                 output = outputs.index(node) if node in outputs else 0
-                columns.append(ventilation_series(piece, piece.inputs[:, self._columns["T_oa"]], output))
-        boundary = np.ascontiguousarray(piece.inputs[:, : len(self.network.boundaries)])
+                columns.append(ventilation_series(segment, segment.inputs[:, self._columns["T_oa"]], output))
+        boundary = np.ascontiguousarray(segment.inputs[:, : len(self.network.boundaries)])
         series = np.ascontiguousarray(np.array(columns).T)
-        s0 = first_state(self.network, piece, len(self.disturbed))
-        return _Piece(np.ascontiguousarray(piece.outputs), series, boundary, piece.inputs, klass, s0)
+        s0 = first_state(self.network, segment, len(self.disturbed))
+        return _Segment(np.ascontiguousarray(segment.outputs), series, boundary, segment.inputs, klass, s0)
 
     @cached_property
     def _sd(self) -> tuple[np.ndarray, np.ndarray]:
@@ -266,9 +266,9 @@ class PeriodicProblem:
         C = np.eye(n + m)[measured_rows(self.network)]
         return _Model(values, d, heat, phi, sigma, A, columns, Q, C, np.full(len(C), values["sigma_y"] ** 2))
 
-    def _known_heat(self, piece: _Piece, values: Mapping[str, float]) -> np.ndarray:
+    def _known_heat(self, segment: _Segment, values: Mapping[str, float]) -> np.ndarray:
         """(N, n) heat into every node by inputs whose coefficient is not solved inside [kW]."""
-        heat = np.zeros((len(piece.y), len(self._place)))
+        heat = np.zeros((len(segment.y), len(self._place)))
         for source in self.sources:
             if source.parameter in self.inner:
                 continue
@@ -276,18 +276,28 @@ class PeriodicProblem:
             left = 1.0 - sum(values[f] for _, f in source.shares if f)
             for node, fraction in source.shares:
                 share = values[fraction] if fraction else left
-                heat[:, self._place[node]] += gain * share * piece.inputs[:, self._columns[source.role]]
+                heat[:, self._place[node]] += gain * share * segment.inputs[:, self._columns[source.role]]
         return heat
 
-    def _filter(self, piece: _Piece, model: _Model) -> tuple[ChannelFilter, np.ndarray]:
-        """The filtered channels of a stretch, and the known heat (N, n) that drove its first."""
+    def _filter(self, segment: _Segment, model: _Model) -> tuple[ChannelFilter, np.ndarray]:
+        """The filtered channels of a segment, and the known heat (N, n) that drove its first."""
         n, k = len(self._place), len(self.network.boundaries)
-        known_heat = self._known_heat(piece, model.values)
-        known = np.zeros((len(piece.y), len(model.A)))
-        known[:, :n] = piece.boundary @ model.discrete.B[:, :k].T + known_heat @ model.heat.T
-        P0 = first_covariance(self.network, float(model.sigma[piece.klass[0]]))
+        known_heat = self._known_heat(segment, model.values)
+        known = np.zeros((len(segment.y), len(model.A)))
+        known[:, :n] = segment.boundary @ model.discrete.B[:, :k].T + known_heat @ model.heat.T
+        P0 = first_covariance(self.network, float(model.sigma[segment.klass[0]]))
         run = filter_channels(
-            model.A, model.columns, piece.series, known, model.Q, piece.klass, model.C, model.R, piece.y, piece.s0, P0
+            model.A,
+            model.columns,
+            segment.series,
+            known,
+            model.Q,
+            segment.klass,
+            model.C,
+            model.R,
+            segment.y,
+            segment.s0,
+            P0,
         )
         return run, known_heat
 
@@ -295,28 +305,28 @@ class PeriodicProblem:
         """Objective, its exact gradient and the inner coefficients."""
         values = self.values(free)
         model = self._model(values)
-        runs = [self._filter(piece, model) for piece in self._pieces]
+        runs = [self._filter(segment, model) for segment in self._segments]
         J = len(self.channels) + 1
         errors = np.concatenate([run.errors.reshape(-1, J) for run, _ in runs])
         S = np.concatenate([run.S.ravel() for run, _ in runs])
         loss, linear, errors_bar, S_bar, sd_bar = self._solve_inner(errors, S, free)
         slopes = _Slopes(self, model)
         begin = 0
-        for piece, (run, known_heat) in zip(self._pieces, runs, strict=True):
+        for segment, (run, known_heat) in zip(self._segments, runs, strict=True):
             rows = slice(begin, begin + run.S.size)
             begin = rows.stop
             adjoint = filter_channels_adjoint(
                 model.A,
-                piece.series,
-                piece.klass,
+                segment.series,
+                segment.klass,
                 model.C,
-                piece.y,
+                segment.y,
                 len(model.Q),
                 run,
                 errors_bar[rows].reshape(run.errors.shape),
                 S_bar[rows].reshape(run.S.shape),
             )
-            slopes.add(piece, adjoint, known_heat)
+            slopes.add(segment, adjoint, known_heat)
         gradient = slopes.by_free() + sd_bar
         pull = (free - self.centre) / self.spread**2
         return loss + 0.5 * float(pull @ (free - self.centre)), gradient + pull, linear
@@ -401,7 +411,7 @@ class PeriodicProblem:
 
 
 class _Slopes:
-    """Derivatives of the objective by every parameter, gathered over the stretches."""
+    """Derivatives of the objective by every parameter, gathered over the segments."""
 
     def __init__(self, problem: PeriodicProblem, model: _Model) -> None:
         self.problem, self.model = problem, model
@@ -412,29 +422,29 @@ class _Slopes:
         self.log_sigma, self.R = np.zeros(len(model.sigma)), 0.0
         self.by_value = dict.fromkeys(model.values, 0.0)
 
-    def add(self, piece: _Piece, adjoint: ChannelAdjoint, known_heat: np.ndarray) -> None:
-        """Add a stretch's share."""
+    def add(self, segment: _Segment, adjoint: ChannelAdjoint, known_heat: np.ndarray) -> None:
+        """Add a segment's share."""
         model, n = self.model, len(self.model.heat)
         known = adjoint.known[:, :n]
         self.A += adjoint.A
-        self.boundary += known.T @ piece.boundary
+        self.boundary += known.T @ segment.boundary
         self.heat += known.T @ known_heat
         for j, channel in enumerate(self.problem.channels):
             self.heat[:, channel.node] += adjoint.columns[:n, j + 1]
         self.Q += np.trace(adjoint.Q[:, n:, n:], axis1=1, axis2=2)
-        first = piece.klass[0]
+        first = segment.klass[0]
         self.log_sigma[first] += 2.0 * model.sigma[first] ** 2 * np.trace(adjoint.P0[n:, n:])
         self.R += float(adjoint.R.sum())
-        self._add_known(piece, known @ model.heat)
+        self._add_known(segment, known @ model.heat)
 
-    def _add_known(self, piece: _Piece, heat_by: np.ndarray) -> None:
+    def _add_known(self, segment: _Segment, heat_by: np.ndarray) -> None:
         """Searched capacities, areas and fractions that act through the known heat."""
         problem, values, by_value = self.problem, self.model.values, self.by_value
         for source in problem.sources:
             if source.parameter in problem.inner or source.parameter is None:
                 continue
             left = 1.0 - sum(values[f] for _, f in source.shares if f)
-            flows = heat_by.T @ piece.inputs[:, problem._columns[source.role]]
+            flows = heat_by.T @ segment.inputs[:, problem._columns[source.role]]
             gain = values[source.parameter]
             rest = next(flows[problem._place[node]] for node, fraction in source.shares if fraction is None)
             for node, fraction in source.shares:

@@ -74,16 +74,16 @@ class PredictionErrorProblem:
     @cached_property
     def n_counted(self) -> int:
         """Measurements whose errors count."""
-        return int(sum(np.isfinite(piece.outputs[first:]).sum() for piece, first in self._counted))
+        return int(sum(np.isfinite(segment.outputs[first:]).sum() for segment, first in self._counted))
 
     @cached_property
     def _counted(self) -> tuple[tuple[Experiment, int], ...]:
-        pieces = self.experiment.pieces
-        return tuple((piece, self.disturbance.first_counted(len(piece.y))) for piece in pieces)
+        segments = self.experiment.segments
+        return tuple((segment, self.disturbance.first_counted(len(segment.y))) for segment in segments)
 
     # ----------------------------------------------------------------------------------------------- evaluation
     def models(self, free: np.ndarray, derive: bool = True) -> list[Model]:
-        """The predictors of S points, one of each stretch of rows, with derivatives by the searched scale."""
+        """The predictors of S points, one of each segment of rows, with derivatives by the searched scale."""
         S = len(free)
         columns = {name: np.full(S, value) for name, value in self.fixed.items()}
         slopes = np.ones((S, len(self.searched)))
@@ -100,8 +100,8 @@ class PredictionErrorProblem:
         chosen = self._chosen if derive else self._chosen[:0]
         slopes = slopes[:, None, None, : len(chosen)]
         out = []
-        for number, (piece, _) in enumerate(self._counted):
-            m = self.disturbance.build(d, columns, self.network, piece, number)
+        for number, (segment, _) in enumerate(self._counted):
+            m = self.disturbance.build(d, columns, self.network, segment, number)
             scaled = {
                 name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in ("dA", "dB", "dK", "dQ")
             }
@@ -111,18 +111,18 @@ class PredictionErrorProblem:
 
     @cached_property
     def weighted(self) -> bool:
-        """Whether errors count by their variance: a counted measurement is missing between others of its stretch."""
-        seen = [np.flatnonzero(np.isfinite(y)) for piece, first in self._counted for y in piece.outputs[first:].T]
+        """Whether errors count by their variance: a counted measurement is missing between others of its segment."""
+        seen = [np.flatnonzero(np.isfinite(y)) for segment, first in self._counted for y in segment.outputs[first:].T]
         return self.disturbance.weighted and any(len(rows) and np.ptp(rows) + 1 > len(rows) for rows in seen)
 
     def _run(self, free: np.ndarray, derive: bool) -> Sensitivity:
-        """Rows that count, of all stretches and outputs: errors (S, n), their derivatives, and their variances."""
+        """Rows that count, of all segments and outputs: errors (S, n), their derivatives, and their variances."""
         S, parts = len(free), []
-        for m, (piece, first) in zip(self.models(free, derive), self._counted, strict=True):
-            filtered = self.disturbance.filtered(len(piece.y))
-            run = one_step_sensitivities(m, piece.inputs, piece.outputs, filtered, self.weighted)
+        for m, (segment, first) in zip(self.models(free, derive), self._counted, strict=True):
+            filtered = self.disturbance.filtered(len(segment.y))
+            run = one_step_sensitivities(m, segment.inputs, segment.outputs, filtered, self.weighted)
             if self.weighted and filtered:
-                run = _beside_complete(run, m, piece, filtered)
+                run = _beside_complete(run, m, segment, filtered)
             kept = (values[:, first:] for values in run)
             parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
         if len(parts) == 1:
@@ -227,15 +227,15 @@ class PredictionErrorProblem:
         return out
 
 
-def _beside_complete(run: Sensitivity, model: Model, piece: Experiment, filtered: int) -> Sensitivity:
+def _beside_complete(run: Sensitivity, model: Model, segment: Experiment, filtered: int) -> Sensitivity:
     """Variances in units of those that the same rows have where none is missing.
 
     The first rows of a filter are uncertain on a complete log too, which is not weighted: what counts is what missing
     rows add, so that one missing row changes little.
     """
-    seen = np.isfinite(piece.outputs)
+    seen = np.isfinite(segment.outputs)
     complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on
-    whole = one_step_sensitivities(model, piece.inputs, complete, filtered, True)
+    whole = one_step_sensitivities(model, segment.inputs, complete, filtered, True)
     ratio = np.where(seen, run.variances / whole.variances, 1.0)
     slope = (run.dvariances - ratio[..., None] * whole.dvariances) / whole.variances[..., None]
     return run._replace(variances=ratio, dvariances=np.where(seen[..., None], slope, 0.0))

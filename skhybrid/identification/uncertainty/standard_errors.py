@@ -44,7 +44,7 @@ MOST_PARTS = 56
 _FEW_DAYS = 3
 
 
-class Doubt(NamedTuple):
+class ParameterUncertainty(NamedTuple):
     """What a fit leaves open about its k network parameters, on the logarithmic scale."""
 
     parameters: tuple[Parameter, ...]  # the k that the data decide
@@ -72,7 +72,7 @@ class UncertaintyMixin:
     theta_std_: pd.Series
     parameters_: tuple[Parameter, ...]
 
-    def _keep_doubt(self, doubt: Doubt, bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
+    def _keep_doubt(self, doubt: ParameterUncertainty, bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
         names = [p.name for p in self.parameters_]
         chosen = [p.name for p in doubt.parameters]
         scale = np.array([_unit(float(self.theta_[name])) for name in chosen])
@@ -167,7 +167,7 @@ def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
 # ------------------------------------------------------------------------------------------------------ least squares
 def least_squares_doubt(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
-) -> Doubt:
+) -> ParameterUncertainty:
     """What a fit of CONV, ID or OD leaves open.
 
     Parameters
@@ -186,7 +186,7 @@ def least_squares_doubt(
 
     Returns
     -------
-    Doubt
+    ParameterUncertainty
 
     Notes
     -----
@@ -199,7 +199,7 @@ def least_squares_doubt(
     n_days = int(day_of_rows(n_rows, hours)[-1]) + 1
     if not p:
         none = np.zeros((0, 0))
-        return Doubt((), none, none, none, n_days)
+        return ParameterUncertainty((), none, none, none, n_days)
     noise = max(noise, 1e-300)
     errors, jacobian = problem.linearised(free)
     share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
@@ -218,7 +218,7 @@ def least_squares_doubt(
         moves.append(inverse_information(left / noise) @ (score / noise))
     scale = _log_slopes(problem, free)[place]
     model = model[np.ix_(place, place)] * scale[:, None] * scale
-    return Doubt(
+    return ParameterUncertainty(
         tuple(problem.searched[i] for i in place),
         _without(jacobian, place) / np.sqrt(noise) / scale,
         model,
@@ -286,7 +286,7 @@ def periodic_doubt(
     theta: Mapping[str, float],
     turn: Mapping[str, np.ndarray],
     parameters: Sequence[Parameter],
-) -> Doubt:
+) -> ParameterUncertainty:
     """What a fit of the periodic model leaves open.
 
     Parameters
@@ -303,7 +303,7 @@ def periodic_doubt(
 
     Returns
     -------
-    Doubt
+    ParameterUncertainty
     """
     _, _, linear = problem.evaluate(free)
     p, J = len(free), len(linear.beta)
@@ -332,7 +332,7 @@ def periodic_doubt(
     information = _without_scale(information, problem, decided)
     values, vectors = np.linalg.eigh(information) if len(decided) else (np.zeros(0), np.zeros((0, 0)))
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    return Doubt(decided, root, model, jackknife_covariance(moves @ held_subspace(model)), n_days)
+    return ParameterUncertainty(decided, root, model, jackknife_covariance(moves @ held_subspace(model)), n_days)
 
 
 def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Parameter]) -> np.ndarray:

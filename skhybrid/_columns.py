@@ -1,0 +1,149 @@
+"""Columns of a table: the role of each, and the checks of its values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .exceptions import RoleWarning, UnitWarning, warn_user
+
+#: role (a pattern), unit and meaning of every column that an estimator may read.
+ROLES: tuple[tuple[str, str, str], ...] = (
+    ("T_oa", "degC", "outdoor air temperature"),
+    ("q_sol", "kW/m2", "solar irradiance on the window, or global horizontal"),
+    ("q_sol_<name>", "kW/m2", "a further irradiance input, such as a facade"),
+    ("u_heat, u_cool, u_<name>", "-", "mean stage or runtime fraction over the step; its capacity [kW] is a parameter"),
+    ("Q_hvac, Q_<name>", "kW", "measured heat into the zone (+ heats)"),
+    ("T_<name>", "degC", "a further boundary temperature that the network names"),
+    ("T_za", "degC", "the measured zone temperature itself, as history"),
+    ("zeta", "kW or degC", "the estimated disturbance, as history"),
+)
+_ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
+#: roles that hold the past only: read up to a forecast origin, NaN allowed.
+HISTORY_ROLES = ("T_za", "zeta")
+
+
+def role_of(name: object) -> str | None:
+    """The role that a column bears by its name, or None."""
+    return name if isinstance(name, str) and _ROLE.match(name) else None
+
+
+def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
+    columns = dict(columns or {})
+    for role in columns:
+        if role_of(role) is None:
+            raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
+    return columns
+
+
+def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
+    columns = _known_roles(columns)
+    for role, column in columns.items():
+        if column is not None and column not in X.columns:
+            raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {listed(X.columns)}.")
+    taken = {c for c in columns.values() if c is not None}
+    by_name = {str(c): c for c in X.columns if role_of(c) and c not in taken and c not in columns}
+    found: dict[str, Any] = by_name | {role: c for role, c in columns.items() if c is not None}
+    if not found and not columns and not isinstance(X.index, pd.DatetimeIndex):
+        warn_user(
+            f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
+            "name them or pass columns={role: column}.",
+            RoleWarning,
+        )
+        return {role: X.columns[j] for role, j in columns_by_position(X.shape[1], None).items()}
+    absent = [r for r in required if r not in found and columns.get(r, r) is not None]
+    absent = [r for r in absent if not (r == "q_sol" and any(f.startswith("q_sol_") for f in found))]
+    if absent:
+        raise ValueError(
+            f"role {absent[0]!r} is missing: X has {listed(X.columns)}; name a column {absent[0]!r}, pass "
+            f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without."
+        )
+    return found
+
+
+def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
+    roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
+    for role, j in _known_roles(columns).items():
+        if j is None:
+            roles.pop(role, None)
+            continue
+        if not isinstance(j, int | np.integer) or not 0 <= j < n_columns:
+            raise ValueError(
+                f"columns= gives {role!r} the column {j!r}, but X is an array of {n_columns} columns: give a position."
+            )
+        roles = {r: k for r, k in roles.items() if k != j} | {role: int(j)}
+    return roles
+
+
+def numeric(column: pd.Series, name: object) -> np.ndarray:
+    try:
+        if pd.api.types.is_complex_dtype(column):
+            raise ValueError("Complex data not supported")
+        return column.to_numpy(dtype=np.float64, na_value=np.nan)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"column {name!r} is not numeric ({error}); convert it to float first.") from None
+
+
+def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
+    if not X.columns.is_unique:
+        twice = X.columns[X.columns.duplicated()][0]
+        raise ValueError(f"column {twice!r} stands twice in X; keep one of them.")
+    if X.shape[1] == 0:
+        raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
+    if len(X) < min_rows:
+        raise ValueError(f"Found array with {len(X)} sample(s) (n_samples={len(X)}) while {min_rows} are required.")
+
+
+def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
+    bad = ~np.isfinite(v)
+    if bad.any():
+        kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
+        raise ValueError(
+            f"column {name} contains {kind} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
+        )
+    return np.ascontiguousarray(v, dtype=np.float64)
+
+
+def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
+    bad = np.isinf(v)
+    if bad.any():
+        raise ValueError(
+            f"column {name} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            "set it to NaN where the sensor failed."
+        )
+    return np.array(v, dtype=np.float64)
+
+
+def warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
+    for role, v in values.items():
+        known = v[np.isfinite(v)]
+        if not len(known):
+            continue
+        low, high = float(known.min()), float(known.max())
+        likely = None
+        if role.startswith("T_") and (high > 200):
+            likely = "K rather than degC"
+        elif role.startswith("T_") and (high > 55 or float(np.median(known)) > 42):
+            likely = "degF rather than degC"
+        elif role.startswith("q_sol") and high > 2.0:
+            likely = "W/m2 rather than kW/m2"
+        elif role.startswith("u_") and high > 4.0:
+            likely = "percent rather than a fraction or stage"
+        elif role.startswith("Q_") and max(abs(low), abs(high)) > 5000.0:
+            likely = "W rather than kW"
+        if likely:
+            warn_user(
+                f"column {names[role]} (role {role}) ranges from {low:.4g} to {high:.4g}: likely {likely}; "
+                "convert it with skhybrid.preprocessing.UnitConverter.",
+                UnitWarning,
+            )
+
+
+def listed(names: Iterable[object], most: int = 12) -> str:
+    shown = [repr(str(n)) for n in names]
+    return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

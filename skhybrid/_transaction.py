@@ -1,0 +1,28 @@
+"""Methods that leave an estimator as it was when they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+def unchanged_on_failure(method: _Method) -> _Method:
+    """Restore the estimator's attributes if the method raises.
+
+    The method may replace attributes but must not change the objects that they hold.
+    """
+
+    @wraps(method)
+    def guarded(self: Any, *args: Any, **kwargs: Any) -> Any:
+        before = dict(vars(self))
+        try:
+            return method(self, *args, **kwargs)
+        except BaseException:  # an interrupted fit leaves nothing half-fitted either
+            vars(self).clear()
+            vars(self).update(before)
+            raise
+
+    return cast(_Method, guarded)
