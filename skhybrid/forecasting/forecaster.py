@@ -18,7 +18,7 @@ from .._time import rows_of
 from .cases import NETWORKS, ModelCase, resolve_case
 from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
 from .linear import FlatRegressor, LinearForecaster
-from .rivals import LastWeek, LinearSchedule, Persistence, WeeklyProfile
+from .rivals import LastWeek, Persistence, WeeklyProfile
 
 if TYPE_CHECKING:
     from .trained import TrainedNetwork
@@ -29,7 +29,6 @@ BASELINES: dict[str, Any] = {
     "last_week": LastWeek,
     "persistence": Persistence,
     "ridge": LinearForecaster,
-    "linear": LinearSchedule,
 }
 ACTIVATIONS = ("relu", "selu", "gelu")
 _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
@@ -47,10 +46,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     model : str or regressor, default "lstm"
         A network (paper Eqs. MLP, CNN, RNN, LSTM): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
-        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"linear"`` in hours and in hours
-        times the outdoor temperature, which :class:`~skhybrid.HybridPredictor` fits through the network; ``"profile"``
-        the mean by hour of week; ``"last_week"`` the value seven days before, else the last known one of that time of
-        day; ``"persistence"`` the last known value.
+        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
+        week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
+        ``"persistence"`` the last known value.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
@@ -67,7 +65,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Width of a convolution (CNN) [rows].
     pool_size : int, default 0
         Width of max-pooling (CNN) [rows]; 0 pools nothing.
-    residual_of : {"ridge", "linear", "profile", "last_week", "persistence"} or None, default "ridge"
+    residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
         The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
         adds error on the validation block.  None: the network stands alone.
     horizon : timedelta-like or None, default "1D"
@@ -437,10 +435,11 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
         )
-        if modes and reset and isinstance(X, pd.DataFrame) and not plant_roles(table.inputs):
+        if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
+            there = X.roles if isinstance(X, ZoneTable) else X.columns
             raise ValueError(
                 f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "
-                f"{', '.join(map(repr, X.columns))}."
+                f"{', '.join(map(repr, there))}."
             )
         return table
 

@@ -1,6 +1,7 @@
 """A network with schedules of gains and conductance, fitted on the errors of forecasts at all leads (design 6)."""
 
 from .fit import LeadFit, fit_leads
+from .lead_problem import Part
 from .online_updating import ErrorHistory, NumberedSegment, RollingNetwork, follow
 from .required_heat import loads
 from .responses import Segment, make_segment
@@ -10,6 +11,7 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
+    "Part",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
