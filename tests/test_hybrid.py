@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pickle
 import warnings
+from copy import deepcopy
 
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
@@ -21,11 +22,13 @@ from skhybrid import (
     PeriodicDisturbanceID,
     SchedulePredictor,
     TwoStagePredictor,
+    _table,
 )
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ScaleNotIdentifiableWarning
 from skhybrid.hybrid import takes_two_stages
 from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter
 
 DAY = 96
@@ -370,3 +373,84 @@ def test_bad_settings_are_refused(settings, message, office):
 def test_set_point_of_another_index_is_refused(hybrid, office):
     with pytest.raises(ValueError, match="setpoint bears other time stamps"):
         hybrid.predict_load(office.X[28 * DAY : 29 * DAY], office.y[:DAY])
+
+
+# --------------------------------------------------------------------------------------------- reads and model size
+@pytest.mark.parametrize("scheme", ["schedule", "two-stage"])
+def test_a_table_is_read_once_per_call(scheme, office, monkeypatch):
+    reads = []
+    parse = _table._parse
+    monkeypatch.setattr(_table, "_parse", lambda *args: reads.append(args) or parse(*args))
+    gray_box = None if scheme == "schedule" else InputDisturbanceID(n_starts=1)
+    model = HybridPredictor(gray_box, known={"Q_h": 6.0}, random_state=0)
+    X, n = office.X, 12 * DAY
+
+    def count(call):
+        reads.clear()
+        call()
+        return len(reads)
+
+    assert count(lambda: model.fit(X[:n], office.y[:n])) == 1
+    assert model.scheme_ == scheme
+    history, future = X[n : n + 9 * DAY], X[n + 9 * DAY : n + 10 * DAY]
+    for name, call in {
+        "predict": lambda: model.predict(history),
+        "predict_from": lambda: model.predict_from(history, [3, DAY]),
+        "quantiles": lambda: model.predict_quantiles(history),
+        "load": lambda: model.predict_load(history, 21.0),
+        "drift": lambda: model.drift(history),
+        "forecast": lambda: model.forecast(history, future, quantiles=(0.1, 0.9)),
+        "update": lambda: model.update(history),
+        "forecast from now": lambda: model.forecast(None, future, quantiles=(0.1, 0.9)),
+        "partial_fit": lambda: model.partial_fit(future, future["T_za"]),
+    }.items():
+        assert count(call) == 1, name
+
+
+def test_a_forecaster_of_another_kind_is_given_frames(office):
+    """A regressor that knows no tables of this package, by the methods that a forecaster needs."""
+    model = TwoStagePredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), _MeanOfDay(), adapt="linear")
+    model.fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    assert model.forecaster_.columns_ == ["T_oa", "q_sol", "u_heat", "u_cool", "zeta"]
+    assert np.isfinite(model.predict(office.X[7 * DAY : 9 * DAY])).all()
+    assert np.isfinite(model.predict_quantiles(office.X[7 * DAY : 9 * DAY])).all()
+    model.update(office.X[7 * DAY : 8 * DAY])
+    assert np.isfinite(model.forecast(None, office.X[8 * DAY : 9 * DAY])).all(axis=None)
+
+
+class _MeanOfDay(BaseEstimator):
+    def fit(self, X, y):
+        assert isinstance(X, pd.DataFrame)
+        assert X.index.equals(y.index)
+        self.columns_, self.mean_ = list(X.columns), float(y.mean())
+        return self
+
+    def predict_from(self, X, origins, horizon):
+        assert isinstance(X, pd.DataFrame)
+        return np.full((len(origins), int(horizon / (X.index[1] - X.index[0]))), self.mean_)
+
+
+def test_a_saved_default_of_four_weeks_is_small_and_the_same(office, tmp_path):
+    """One copy of the training rows and nothing that can be computed from them."""
+    n = 28 * DAY
+    model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:n], office.y[:n])
+    save_model(model, tmp_path / "zone.skops")
+    assert (tmp_path / "zone.skops").stat().st_size < 0.8e6
+    assert len(pickle.dumps(model)) < 1e6
+    X, y = office.X[n:], office.y[n:]
+    calls = (
+        lambda m: m.predict(X),
+        lambda m: m.predict_quantiles(X),
+        lambda m: m.predict_load(X, (20.0, 24.0)),
+        lambda m: m.drift(X)["statistic"],
+        lambda m: m.forecast(None, X[:DAY]),
+        lambda m: m.update(X[:50]).forecast(None, X[50 : 2 * DAY]),
+        lambda m: m.partial_fit(X[50:DAY], y[50:DAY]).predict(X[DAY:]),
+        lambda m: m.weights_,
+        lambda m: m.gray_box_.coef_,
+        lambda m: m.zeta_,
+    )
+    for again in (load_model(tmp_path / "zone.skops"), pickle.loads(pickle.dumps(model))):
+        one = deepcopy(model)
+        for call in calls:
+            np.testing.assert_array_equal(call(again), call(one))

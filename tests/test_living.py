@@ -190,6 +190,108 @@ def test_an_updated_model_can_be_saved(office, fitted, tmp_path):
         np.testing.assert_array_equal(ahead, deepcopy(model).update(row).forecast(None, future))
 
 
+# ------------------------------------------------------------------------------------------------ what is refused
+SCHEMES = {
+    "schedule": lambda: HybridPredictor(known=KNOWN),
+    "two-stage": lambda: _hybrid(adapt="full"),
+}
+
+
+@pytest.fixture(scope="module", params=SCHEMES)
+def either(request, office):
+    model = SCHEMES[request.param]().fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
+    return model.update(office.X[N_TRAIN : N_TRAIN + 5])
+
+
+def _all_that_it_says(model, office):
+    first = N_TRAIN + 5
+    X = office.X[first : first + 2 * DAY]
+    return {
+        "predict": model.predict(X),
+        "quantiles": model.predict_quantiles(X),
+        "ahead": model.forecast(None, X[:DAY]),
+        "load": model.predict_load(X, 21.0),
+        "drift": model.drift(X)["statistic"],
+        "theta": model.gray_box_.theta_,
+        "zeta": model.zeta_,
+    }
+
+
+def _assert_unchanged(model, before, office):
+    for name, found in _all_that_it_says(model, office).items():
+        np.testing.assert_array_equal(found, before[name], err_msg=name)
+
+
+@pytest.mark.parametrize("bad", [9.96921e36, -9999.0, 1e300])
+@pytest.mark.parametrize("method", ["update", "partial_fit", "fit", "predict"])
+def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, either, office):
+    """Such as the fill value of netCDF files."""
+    model = deepcopy(either)
+    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    for column in ("T_za", "T_oa"):
+        X = office.X[N_TRAIN + 5 : N_TRAIN + 25].copy()
+        X.iloc[7, X.columns.get_loc(column)] = bad
+        given = (X,) if method in ("update", "predict") else (X, X["T_za"])
+        stamp = str(X.index[7])
+        with pytest.raises(ValueError, match=f"'{column}' holds .* in 1 rows .first at {stamp}.*fill value"):
+            getattr(model, method)(*given)
+    if method in ("partial_fit", "fit"):
+        X = office.X[N_TRAIN + 5 : N_TRAIN + 25]
+        y = X["T_za"].copy()
+        y.iloc[3] = bad
+        with pytest.raises(ValueError, match=r"^y holds .* in 1 rows"):
+            getattr(model, method)(X, y)
+    assert vars(model).keys() == attributes.keys()
+    assert all(vars(model)[name] is value for name, value in attributes.items())
+    _assert_unchanged(model, before, office)
+
+
+PLACES = {
+    "schedule": (
+        ("schedule_scheme.ARXMember.fit", "fit"),
+        ("schedule_scheme.BlendRecord", "fit"),
+        ("known_rows.KnownRows.appended", "update"),
+        ("schedule_scheme.KnownRows.of", "partial_fit"),
+        ("schedule_scheme.ARXMember.fit", "partial_fit"),
+        ("known_rows.KnownRows.retrained", "partial_fit"),
+    ),
+    "two-stage": (
+        ("two_stage_scheme.fit_forecaster", "fit"),
+        ("base.intervals_from", "fit"),
+        ("known_rows.KnownRows.appended", "update"),
+        ("hourly_aggregation.HourlyAggregation.added", "update"),
+        ("two_stage_scheme.identify_again", "partial_fit"),
+        ("two_stage_scheme.fit_forecaster", "partial_fit"),
+        ("two_stage_scheme.HourlyAggregation.since", "partial_fit"),
+    ),
+}
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, office, monkeypatch):
+    """Wherever it is interrupted, and however much it has done by then."""
+    model = deepcopy(either)
+    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    rows = slice(N_TRAIN + 5, N_TRAIN + 5 + DAY)
+
+    def interrupted(*args, **kwargs):
+        raise error
+
+    for place, method in PLACES[model.scheme_]:
+        given = (office.X[rows],) if method == "update" else (office.X[rows], office.y[rows])
+        with monkeypatch.context() as patch:
+            patch.setattr(f"skhybrid.hybrid.{place}", interrupted)
+            with pytest.raises(error):
+                getattr(model, method)(*given)
+        assert vars(model).keys() == attributes.keys(), place
+        assert all(vars(model)[name] is value for name, value in attributes.items()), place
+    _assert_unchanged(model, before, office)
+    twin = deepcopy(either).partial_fit(office.X[rows], office.y[rows])
+    model.partial_fit(office.X[rows], office.y[rows])
+    later = office.X[rows.stop : rows.stop + DAY]
+    np.testing.assert_array_equal(model.predict(later), twin.predict(later))
+
+
 # ------------------------------------------------------------------------------------------------- partial_fit
 def test_partial_fit_learns_the_new_weeks(office, fitted):
     """The forecaster becomes that of all steps, the gray box stays."""

@@ -42,8 +42,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Columns and sampling time by which tables are read."""
         return self.columns, self.sampling_time
 
-    #: whether intervals are learned where that takes another training of a network or a regressor
-    _slow_intervals = False
+    def _wants_intervals(self) -> bool:
+        """Whether ``fit`` learns intervals."""
+        return True
 
     # --------------------------------------------------------------------------------------------------------- fit
     @unchanged_on_failure
@@ -80,25 +81,22 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
-        self._take(scheme.fit(table.replace(history={"T_za": target})))
+        self._take(scheme.fit(table.replace(history={"T_za": target})), intervals=self._wants_intervals())
         return self
 
-    def _take(self, scheme: Scheme) -> None:
+    def _take(self, scheme: Scheme, *, intervals: bool) -> None:
         """Forecast with a scheme that was just fitted, and learn the intervals of its forecasts."""
         training = scheme.rows.training
         target = training.history["T_za"]
         self._scheme, self.scheme_, self.sampling_time_ = scheme, scheme.name, training.step
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = None if training.utc is None else training.utc[-1]
-        n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
-        left_out = scheme.left_out_errors(n_leads, slow=self._slow_intervals)
-        self._without_intervals = (
-            "intervals are learned from another fit of the forecaster, which takes long; fit with intervals=True."
-            if left_out is None
-            else "the training table was too short to learn intervals from; fit on more days, with T_za measured."
-        )
-        enough = left_out is not None and np.isfinite(left_out.errors).sum() >= LEAST_ERRORS
-        self._intervals = intervals_from(left_out, training) if left_out is not None and enough else None
+        self._intervals = None
+        if intervals:
+            n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
+            left_out = scheme.left_out_errors(n_leads)
+            if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
+                self._intervals = intervals_from(left_out, training)
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
@@ -179,7 +177,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
     def _learn_intervals(self) -> LeadIntervals:
-        raise ValueError(self._without_intervals)
+        raise ValueError(
+            "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
+            "T_za measured, and with intervals=True."
+        )
 
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:

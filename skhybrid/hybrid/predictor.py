@@ -34,9 +34,9 @@ class HybridPredictor(BaseTwoStage):
         How far ahead ``predict`` looks; None forecasts from the first row on.
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin; see the two estimators.
-    intervals : bool, default=False
-        True learns intervals in ``fit`` for any forecaster; those of the schedule model and of baselines are always
-        learned.
+    intervals : bool, default=True
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.  They cost the schedule model and baselines
+        next to nothing; a network or a regressor is trained a second time for them.
     memory : str or joblib.Memory, optional
         Where identifications are kept (two-stage scheme; refused for the schedule model, which identifies nothing).
     n_jobs : int, optional

@@ -184,7 +184,7 @@ class ScheduleScheme(Scheme):
         return loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
 
     # ------------------------------------------------------------------------------------------------- its own errors
-    def left_out_errors(self, n_leads: int, *, slow: bool) -> LeftOut:
+    def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
         return self._left_out(n_leads, every=_EVERY)
 

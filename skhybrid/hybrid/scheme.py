@@ -79,11 +79,8 @@ class Scheme(ABC):
         """
 
     @abstractmethod
-    def left_out_errors(self, n_leads: int, *, slow: bool) -> LeftOut | None:
-        """Errors of forecasts of parts of the training table, each by what has not learned from that part.
-
-        None where they take another training of a network or regressor and ``slow`` is false.
-        """
+    def left_out_errors(self, n_leads: int) -> LeftOut:
+        """Errors of forecasts of parts of the training table, each by what has not learned from that part."""
 
     @abstractmethod
     def advanced(self, measured: ZoneTable) -> Self:

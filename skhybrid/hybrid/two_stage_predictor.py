@@ -28,7 +28,7 @@ class BaseTwoStage(BaseHybrid):
         disturbance="input",
         horizon="1D",
         adapt="full",
-        intervals=False,
+        intervals=True,
         memory=None,
         n_jobs=None,
         random_state=None,
@@ -93,8 +93,7 @@ class BaseTwoStage(BaseHybrid):
             sampling_time if sampling_time is not None else getattr(self.gray_box, "sampling_time", None),
         )
 
-    @property
-    def _slow_intervals(self) -> bool:  # type: ignore[override]
+    def _wants_intervals(self) -> bool:
         return bool(self.intervals)
 
     def _two_stage_scheme(self) -> TwoStageScheme:
@@ -147,7 +146,8 @@ class BaseTwoStage(BaseHybrid):
     def with_forecasters(self, forecasters: Sequence[Any], disturbance: str | None = None) -> list[Self]:
         """Fit other forecasters on the disturbance of this fitted estimator's network, which is not identified again.
 
-        To the bit what a fit with each of them on the same training table gives (two-stage scheme only).
+        They forecast to the bit as after a fit of each on the same training table, but have no intervals (two-stage
+        scheme only).
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class BaseTwoStage(BaseHybrid):
         read = ("n_features_in_", "feature_names_in_")
         for one, fitted in zip(made, scheme.with_forecasters([m._forecaster_part() for m in made], kind), strict=True):
             vars(one).update({name: value for name, value in vars(self).items() if name in read})
-            one._take(fitted)
+            one._take(fitted, intervals=False)
         return made
 
 
@@ -208,9 +208,10 @@ class TwoStagePredictor(BaseTwoStage):
         of history (on its last weeks alone where those forecast the latest one clearly better); networks and other
         regressors stay as they are.  ``"full"``: forecasts as with ``"linear"``; :meth:`partial_fit` also identifies
         the network again and trains any forecaster anew, for which the measured rows are kept.
-    intervals : bool, default=False
-        True learns intervals in ``fit`` for any forecaster; that of a network or a regressor is then fitted twice.
-        Those of baselines are always learned, at a fraction of the cost of a fit.
+    intervals : bool, default=True
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`, from forecasters that are fitted without a
+        part of the training: of a baseline without each week, of a network or a regressor without the last quarter,
+        so that False saves the second of its two trainings.
     memory : str or joblib.Memory, optional
         Where identifications are kept, so that candidates of a search that share one identify it once.
     n_jobs : int, optional

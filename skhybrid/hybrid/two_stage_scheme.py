@@ -229,14 +229,12 @@ class TwoStageScheme(Scheme):
         load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
         return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
 
-    def left_out_errors(self, n_leads: int, *, slow: bool) -> LeftOut | None:
+    def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors in weeks whose disturbance the forecaster was not fitted on; the network stays as identified.
 
         Where the forecaster takes long to fit, one block is left out: the last quarter.
         """
         table, quick = self.rows.training, refits_fast(self.forecaster_)
-        if not (quick or slow):
-            return None
         per_day, target = rows_per_day(table.step), table.history["T_za"]
         _, step_of_row = steps_of_rows(with_stamps(table, ASSUMED_START), self.disturbance_step_)
         found = []
