@@ -119,7 +119,9 @@ def test_jackknife_by_one_step_is_the_regression_without_each_day():
     np.testing.assert_allclose(uncertainty.jackknife, by_hand[:2, :2], rtol=1e-6)
     np.testing.assert_allclose(uncertainty.model, 0.7 * np.linalg.inv(line.design.T @ line.design)[:2, :2], rtol=1e-6)
     # what is left of the sensitivity when C follows freely is the inverse of the marginal covariance
-    np.testing.assert_allclose(np.linalg.inv(uncertainty.sensitivity.T @ uncertainty.sensitivity), uncertainty.model, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.inv(uncertainty.sensitivity.T @ uncertainty.sensitivity), uncertainty.model, rtol=1e-6
+    )
     assert (np.diag(uncertainty.covariance) >= np.diag(uncertainty.jackknife) * (1 - 1e-12)).all()
     assert (np.diag(uncertainty.covariance) >= np.diag(uncertainty.model) * (1 - 1e-12)).all()
     assert np.linalg.eigvalsh(uncertainty.covariance)[0] > 0

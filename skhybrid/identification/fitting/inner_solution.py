@@ -14,9 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 class Linear:
     """The coefficients that are solved inside, at the optimum: a ridge regression on standardised columns."""
 
-    gamma: (
-        np.ndarray
-    )  # (J - 1,) capacities and areas, then the gain's coefficients as standard normal numbers
+    gamma: np.ndarray  # (J - 1,) capacities and areas, then the gain's coefficients as standard normal numbers
     free: np.ndarray  # (J - 1,) bool, False where a sign bound holds a coefficient at 0
     normal: np.ndarray  # (J - 1, J - 1) of the normal equations, ridge included
     scale: np.ndarray  # (J - 1,) prior standard deviations, 1 for capacities and areas
