@@ -186,7 +186,7 @@ def test_with_missing_rows_the_sum_of_squares_is_the_likelihood(kind, experiment
 def test_where_no_row_is_missing_between_others_errors_count_as_they_are(kind, experiment):
     name, e = experiment
     whole = pd.Series(e.y).interpolate().to_numpy(copy=True)
-    whole[[0, 1, -1]] = np.nan  # before the first measured row, and behind the last
+    whole[[0, 1, -1]] = np.nan  # before the first measured row, and after the last
     problem, x = problem_of(kind, name, e._replace(y=whole))
     assert not problem.weighted
     assert problem.mean_variance(x) == 1.0
@@ -248,7 +248,7 @@ def test_periodic_gradient_is_exact_over_stretches():
 
 
 def test_stretches_forget_each_other():
-    """What is behind a gap starts anew: with all else known, the objective of two segments is the sum of theirs."""
+    """Rows after a gap start anew: with all else known, the objective of two segments is the sum of theirs."""
     e = drawn_experiment("2R2C", 144, "30min", start="2023-07-06")  # three days, cut at a midnight
     split = e._replace(breaks=(0, 48))
     # hardly any profile, so that nothing but the searched parameters is shared

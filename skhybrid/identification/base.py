@@ -35,7 +35,7 @@ def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:
 
 
 class SearchResult(NamedTuple):
-    """What the search of a fit found, and the problem that it solved."""
+    """Minima of a search, and the problem that it solved."""
 
     problem: Any
     best: Minimum

@@ -72,7 +72,7 @@ class FilteredNetwork:
 
     # ------------------------------------------------------------------------------------------------------- states
     def start(self, table: ZoneTable) -> FilterStart:
-        """What is known of the first row: the training's own start, its end, or no more than a temperature."""
+        """Start at the first row: that of the training, that of its kept end, or from the first temperature alone."""
         if self.is_tail(table):
             return self.rolling.tail_start
         if self.is_training(table):
@@ -111,7 +111,7 @@ class FilteredNetwork:
 
     # ---------------------------------------------------------------------------------------------------- forecasts
     def expected(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
-        """What the filter itself expects: the gain state decays towards the profile."""
+        """Forecasts of the filter itself: the gain state decays towards the profile."""
         experiment, kalman = self.experiment(table), self.kalman
         states, cells = kalman.run(experiment, self.start(table)), week_cells(experiment)
         g = states.gain[origins] - kalman.profile[cells[origins]]

@@ -16,7 +16,7 @@ from .gain_model import week_cells
 
 
 class FilterStart(NamedTuple):
-    """What is known of the first row before its own measurement."""
+    """State and covariance at the first row, before its own measurement."""
 
     mean: np.ndarray  # (s,) nodes [degC], then the gain states [kW]
     covariance: np.ndarray  # (s, s)
@@ -110,7 +110,7 @@ def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:
 def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> np.ndarray:
     """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter around a given network.
 
-    The identifications without a gain state need them to estimate the input disturbance.
+    CONV and OD have no gain state of their own and use it to estimate the input disturbance.
     """
     A, C = kalman.augmented()
     R, n = np.full(len(C), kalman.R), kalman.n

@@ -1,8 +1,8 @@
-"""What is assumed of the unmeasured heat: classes of variance, a smooth weekly profile, and air that is let in by day.
+"""Model of the unmeasured heat: classes of variance, a smooth weekly profile, and ventilation by day.
 
 The gain is ``p(t) + U(t) (T_oa - T_za) + g(t)`` [kW]: a profile by hour and day type, a conductance of the weekday's
-ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  Which hours
-and which days are quiet is thus learned, and the quiet ones carry most of the information about the building.
+ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  The
+quiet hours and days are thus learned, and they carry most of the information about the building.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from ..thermal import Parameter
 from .experiment import Experiment
 
 DAY_TYPES = ("weekday", "weekend")
-#: the weekday hours in which air may be let in
+#: weekday hours of ventilation
 DAY_HOURS = (6, 21)
 #: prior standard deviations, for a plant of 6 kW: of the profile's level [kW] and of the ventilation [kW/K]
 LEVEL_SD, VENTILATION_SD = 3.0, 0.03
-#: harmonics of the day that a profile is made of, out of twelve: the others do not earn what they cost
+#: harmonics of the day that a profile is made of, out of twelve; the others cost more time than they gain
 N_HARMONICS = 8
 #: prior of a standard deviation [6 kW plant], as mean and standard deviation of its logarithm; and of a day's factor
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
-#: most days that have a factor of their own; of longer logs two or more days in a row share one
+#: most days that have a factor of their own; in longer logs two or more days in a row share one
 MOST_DAYS = 56
 _HOURS = 24
 
@@ -76,7 +76,7 @@ def profile_basis() -> tuple[np.ndarray, tuple[float, ...], tuple[str | None, ..
     return np.kron(np.eye(len(DAY_TYPES)), one), (LEVEL_SD, *[1.0] * r) * len(DAY_TYPES), tuple(names)
 
 
-#: ways to share the hours out: few classes bear a network that is too simple, many tell quiet hours apart
+#: few classes are robust to a network that is too simple; many tell quiet hours apart
 HOUR_CLASSES = {"day_night": _day_and_night(), "3h": _blocks(3)}
 
 

@@ -23,7 +23,7 @@ from .one_step_errors import Innovations, innovations_table, kalman_innovations
 
 
 class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
-    """What an identified network answers; a subclass identifies it.
+    """Methods of an identified network; a subclass identifies it.
 
     The hooks ``_forecast_start`` and ``_innovations`` are those of the Kalman filter; a subclass may give its own.
     """

@@ -24,7 +24,7 @@ from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
 
-#: how much wider than the paper's box the search is; a prior holds it together
+#: factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
 _WIDER = 10.0
 
 
@@ -49,8 +49,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     %(data)s
     variance : {"day_night", "3h"}, default="day_night"
         Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a
-        weekday or weekend day.  The finer ones find the solar shares of homes better, and mistake what a network is
-        too simple for more easily for unmeasured heat.
+        weekday or weekend day.  The finer classes find the solar shares of homes better, but where a network is too
+        simple they more easily mistake its errors for unmeasured heat.
 
     Attributes
     ----------
@@ -59,10 +59,10 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         ``tau`` [h]; ``sigma_<class of hours>`` [kW] of the gain around its profile, on a middling day;
         ``sigma_y`` [K]; ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
     day_factors_ : Series
-        By how much every day's gain varies more than on a middling day [-]; the index is the row where each begins.
+        Factor by which the gain varies more than on a middling day, by day [-]; the index is each day's first row.
     ventilation_ : float or Series
         Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed; it
-        has no sign bound, so that a negative one says that the network or the weather is otherwise than assumed.
+        may be negative, which is a sign that the network or the weather differs from what was assumed.
     profile_ : DataFrame of shape (24, 2)
         Weekly gain profile [kW], ventilation included at its mean; columns ``weekday`` and ``weekend``, with the node
         above them where several are disturbed.
@@ -165,11 +165,11 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return self._make_filter(problem)
 
     def _without_gain(self, problem: PeriodicProblem, best: Minimum) -> tuple[PeriodicProblem, Minimum] | None:
-        """The fit without unmeasured heat, where that is as likely and nothing was said of the heat.
+        """The fit without unmeasured heat, where it is as likely and the user set nothing about the heat.
 
-        Both losses hold the same priors of what both have, so that the smaller one is the model to take: a gain that
-        is not there costs the full model its priors and the determinant of its profile, and leaves the building less
-        sure.
+        Both losses hold the same priors of their common parameters, so that the model with the smaller one is taken: a
+        gain that is absent costs the full model its priors and the determinant of its profile, and makes the building's
+        parameters less certain.
         """
         said = {*problem.fixed, *dict(self.bounds or {}), *problem.priors}
         own = {p.name for p in self._own_parameters()} - {"sigma_y"}
@@ -182,7 +182,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return (quiet, found) if found.loss <= best.loss else None
 
     def _store_variances(self, problem: PeriodicProblem, best: Minimum, table: ZoneTable) -> None:
-        """How much the gain varies; where none is found, how much it still may, by which the filter goes."""
+        """Standard deviations of the gain; where no gain is found, those that it may still have, for the filter."""
         values = problem.values(best.free)
         own = {p.name: values[p.name] for p in self._own_parameters()}
         in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
@@ -220,7 +220,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return values | {f"day_{d}": float(value) for d, value in enumerate(np.log(self.day_factors_))}
 
     def _make_filter(self, problem: PeriodicProblem) -> GainFilter:
-        """The filter of a middling day: a day to come has no factor yet."""
+        """The filter of a middling day, as the factor of a future day is unknown."""
         d = problem.network.discrete(self._theta, problem.experiment.roles, problem.experiment.hours)
         n, m, own = len(d.A), len(problem.layout.disturbed), self.disturbance_
         phi = float(np.exp(-problem.experiment.hours / own["tau"]))
@@ -236,7 +236,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
-    """How large the plant is, in units of the 6 kW that the priors were made for."""
+    """Size of the plant, in units of the 6 kW for which the priors were chosen."""
     measured = [v for role, v in table.inputs.items() if role.startswith("Q_")]
     if measured:
         return max(float(np.quantile(np.abs(np.sum(measured, axis=0)), 0.98)), 0.05) / 6.0
@@ -275,7 +275,7 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
         elif p.unit == "K/kW":
             start = np.log((6.0 if p.name.endswith("o") else 1.2) / scale)
         centre.append(min(max(start, low), high))
-    # a draw far out in what is not the building only takes longer
+    # a wide spread of the disturbance's parameters only makes the search longer
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
     draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0

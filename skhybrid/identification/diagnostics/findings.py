@@ -1,4 +1,4 @@
-"""What the pattern of a model's errors means, in words."""
+"""Findings of a diagnosis: the meaning of a model's errors, in words."""
 
 from __future__ import annotations
 

@@ -157,8 +157,8 @@ def diagnose_residuals(
     Parameters
     ----------
     innovations : DataFrame
-        Columns ``innovation`` and ``std`` [K], one row per step; NaN where nothing was measured.  Stamps that are absent
-        count as rows without a measurement.
+        Columns ``innovation`` and ``std`` [K], one row per step; NaN where nothing was measured.  Absent stamps are
+        rows without a measurement.
     inputs : DataFrame, optional
         Inputs of the same rows, by name; one that never changes is left out.
     sampling_time : timedelta-like, optional

@@ -46,7 +46,7 @@ class _Gains(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """What the score of M logs is made of."""
+    """Derivatives of which the score of M logs is made."""
 
     de: np.ndarray  # (N, M, q) derivatives of the innovations
     dS: np.ndarray  # (N, q) derivatives of their variances

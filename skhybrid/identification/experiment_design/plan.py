@@ -1,4 +1,4 @@
-"""Experiment design: how many hours of which set-points bring the parameters' errors under a target."""
+"""Experiment plan: hours of perturbed set-points that bring the parameters' errors below a target."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STAGES = {"u_heat": "Q_h", "u_cool": "Q_c"}
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """What each candidate experiment would tell.
+    """Expected errors of each candidate experiment, and the one to choose.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ExperimentPlan:
     recommended : tuple of (str, float) or None
         Perturbation and hours: the shortest that reaches the target; None where no candidate does.
     best : tuple of (str, float)
-        What is recommended, or else the candidate whose worst error is the smallest.
+        The recommended candidate, or else the one whose worst error is the smallest.
     obstacles : tuple of str
         Parameters that stay above the target under the best candidate, worst first; empty where one suffices.
     """

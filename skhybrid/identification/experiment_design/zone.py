@@ -27,14 +27,14 @@ def _office_profile() -> np.ndarray:
 
 @dataclass(frozen=True)
 class GainStatistics:
-    """What is expected of the heat that nobody measures: a weekly profile, and a wandering around it.
+    """Expected statistics of the unmeasured heat: a weekly profile, and random variation around it.
 
     The defaults are those of the synthetic office, rounded (``python benchmarks/experiment_design.py --statistics``).
 
     Attributes
     ----------
     tau : float
-        Time constant of the wandering [h].
+        Time constant of the variation [h].
     weekday_day, weekday_night, weekend : float
         Standard deviation around the profile on weekdays from 6 to 21 h, on the other weekday hours, and on weekends
         [kW].
@@ -73,7 +73,7 @@ class GainStatistics:
 
 
 class Calendar(NamedTuple):
-    """What the clock says of every row."""
+    """Class of variance and cell of the weekly profile of every row."""
 
     klass: np.ndarray  # (N,) int, class of the gain's variance
     cell: np.ndarray  # (N,) int, cell of the weekly profile: the hour on weekdays, 24 + the hour on weekends

@@ -39,7 +39,7 @@ class SegmentSeries(NamedTuple):
 
 @dataclass(frozen=True)
 class ChannelLayout:
-    """What heats a network, by whether its coefficient is solved inside.
+    """Heat sources of a network: those whose coefficient is solved inside, and the others.
 
     ``inner`` names the network parameters that are solved inside.
     """
@@ -95,7 +95,7 @@ class ChannelLayout:
 
     @property
     def ventilated(self) -> bool:
-        """Whether an outdoor temperature is there to let in."""
+        """Whether there is an outdoor temperature, so that ventilation can be told."""
         return "T_oa" in self.columns
 
     @property

@@ -25,11 +25,11 @@ from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
 from .periodic_slopes import PeriodicMatrices, Slopes
 
-#: standard deviation of a log parameter's prior; the data dominate it wherever they say anything
+#: standard deviation of a log parameter's prior; the data dominate it wherever they are informative
 PRIOR_LOG_SD = 1.2
 #: units of what enters linearly: a weak prior in the middle of its bounds would pull it
 _NO_PRIOR = ("-", "m2", "kW")
-#: how far a parameter typically lies from where the data have it, on the searched scale: the search steps in these
+#: typical uncertainty of a parameter on the searched scale, the unit of the search's steps
 _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 
 
@@ -60,7 +60,7 @@ class PeriodicProblem:
 
     @cached_property
     def layout(self) -> ChannelLayout:
-        """What is solved inside, and what is not."""
+        """Heat sources whose coefficients are solved inside, and the others."""
         return ChannelLayout(self.network, self.experiment.roles, self.inner)
 
     @property
@@ -80,7 +80,7 @@ class PeriodicProblem:
         return np.concatenate([segment.series[:, places] for segment in self._segments])
 
     def day_factors(self, values: Mapping[str, float]) -> np.ndarray:
-        """Factors of the days by which their gain varies more or less."""
+        """Factors of the days, by which their gain varies more or less."""
         return np.exp([values[f"day_{d}"] for d in range(self.n_days)])
 
     @cached_property

@@ -46,7 +46,7 @@ def search(
     """Minima of the starts that were made, in the order of the starts.
 
     Starts run in rounds of a fixed size, so that ``n_jobs`` changes nothing but the time; after a round the best
-    minima are polished, and the search ends once ``enough`` starts lie at the best one.
+    minima are polished, and the search ends once ``enough`` starts have reached the best one.
 
     ``drop`` gives by how much the log-likelihood of one loss lies below that of the best; ``polish`` carries a minimum
     that was found roughly to the end.
@@ -84,7 +84,7 @@ def _polish_best(polish: Minimise, minima: list[Minimum], first: int, how_many: 
 
 
 def reached_best(minima: Sequence[Minimum], drop: Callable[[float, float], float]) -> np.ndarray:
-    """Which minima are the best one, to within :data:`SAME` of log-likelihood, (n,) bool."""
+    """(n,) bool, True for minima within :data:`SAME` of the best log-likelihood."""
     best = min(m.loss for m in minima)
     return np.array([np.isfinite(m.loss) and drop(m.loss, best) <= SAME for m in minima])
 
@@ -105,6 +105,6 @@ def starts_table(
 def _bar(total: int, verbose: int, name: str):
     if not verbose:
         return None
-    from tqdm.auto import tqdm  # only where somebody watches
+    from tqdm.auto import tqdm  # slow to import, and rarely needed
 
     return tqdm(total=total, desc=f"{name} starts", unit="start")

@@ -21,7 +21,7 @@ from .standard_errors import (
 def least_squares_uncertainty(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
 ) -> ParameterUncertainty:
-    """What a fit of CONV, ID or OD leaves open.
+    """Uncertainty of the parameters after a fit of CONV, ID or OD.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def least_squares_uncertainty(
     days : ndarray of int, shape (n,), optional
         Day of every error, from 0; by default they follow each other evenly.
     overlap : int, default=0
-        Days over which errors go together.
+        Days over which errors are correlated.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def least_squares_uncertainty(
     Notes
     -----
     The exact Hessian is the central difference of exact gradients, by day; where it is not positive definite, the
-    Gauss-Newton matrix stands in.
+    Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
@@ -107,7 +107,7 @@ def _positive(matrix: np.ndarray) -> bool:
 
 
 def _without(jacobian: np.ndarray, place: Sequence[int]) -> np.ndarray:
-    """Columns ``place`` of a Jacobian, less what the other columns can follow."""
+    """Columns ``place`` of a Jacobian, less their projection on the other columns."""
     others = [j for j in range(jacobian.shape[1]) if j not in set(place)]
     chosen = jacobian[:, list(place)]
     if not others:

@@ -31,7 +31,7 @@ def periodic_uncertainty(
     turn: Mapping[str, np.ndarray],
     parameters: Sequence[Parameter],
 ) -> ParameterUncertainty:
-    """What a fit of the periodic model leaves open.
+    """Uncertainty of the parameters after a fit of the periodic model.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def periodic_uncertainty(
 
 
 def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Parameter]) -> np.ndarray:
-    """Without what the prior of the gain says of the scale of the building, where no row and no user fixes it."""
+    """The information less that of the gain's prior on the scale, where neither rows nor known values fix the scale."""
     experiment = problem.experiment
     columns = dict(zip(problem.network.inputs(experiment.roles), experiment.inputs.T, strict=False))
     idle = {s.parameter for s in problem.network.sources(experiment.roles) if not np.any(columns[s.role])}

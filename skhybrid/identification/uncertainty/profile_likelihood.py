@@ -14,13 +14,13 @@ from scipy.stats import t as student
 from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
 
-#: steps outward in search of an end of the interval, each so much longer than the last
+#: most steps outward to an end of the interval, and the factor by which each is longer than the last
 _STEPS, _GROWTH = 8, 1.6
 
 
 @dataclass(frozen=True)
 class ProfileLikelihood:
-    """What :func:`profile_likelihood` found.
+    """Profile of one parameter, and the interval that it gives.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class ProfileLikelihood:
         Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
     inflation : float
         Squared ratio of the parameter's standard error to the one that the disturbance model alone would give; 1 where
-        the days bear the model out.
+        the days agree with the model.
     curve : DataFrame
         One row per value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
     """
@@ -59,7 +59,7 @@ class ProfileLikelihood:
 
 @dataclass
 class _Search:
-    """Values tried so far, on the searched scale, and where each ended."""
+    """Values tried so far, on the searched scale, with the deviance and the parameters that each gave."""
 
     constrained: ConstrainedProblem
     parameter: Parameter

@@ -1,16 +1,15 @@
-"""Standard errors that are true although the disturbance model is not: delete-a-day jackknife beside the Hessian.
+"""Standard errors that hold for a wrong disturbance model too: the Hessian and a delete-a-day jackknife.
 
 The Hessian of a likelihood (or the Gauss-Newton matrix of a sum of squares) gives the right standard errors only where
-the disturbance model holds.  People do not read it: gains of a day go together, and differ from one day to the next.
-So every fit is also asked how far its parameters would move without each of its days; the scatter of these moves
-(the jackknife with blocks of a day, equivalent to a sandwich covariance with scores clustered by day, and kinder to
-few days) needs no model of the gain.  A standard error is the larger of the two, and an interval takes the quantile
-of Student's t with as many degrees of freedom as there are days, less one.
+the disturbance model holds.  Real gains do not follow it: those of one day are correlated, and days differ.  So the
+moves of the parameters without each day are computed as well; their scatter (the jackknife with blocks of a day,
+equivalent to a sandwich covariance with scores clustered by day, and better with few days) needs no model of the gain.
+A standard error is the larger of the two, and an interval takes the quantile of Student's t with as many degrees of
+freedom as there are days, less one.
 
-One Newton step stands for the fit without a day: it costs one evaluation a day instead of a search (of long logs of
-the periodic model, one for every two days or more).  Least squares
-takes the Hessian without that day (CR3); the periodic model takes the whole one, which understates the move that a day
-with most of the information would cause.
+One Newton step replaces the fit without a day: one evaluation per day instead of a search (for long logs of the
+periodic model, one per two days or more).  Least squares takes the Hessian without that day (CR3); the periodic model
+takes the whole one, which understates the move caused by a day that holds most of the information.
 
 References
 ----------
@@ -33,19 +32,19 @@ from ...thermal import Parameter
 _MOST = 1e3
 #: an interval of more than this many e-foldings is that of all values
 _BEYOND = 50.0
-#: most fits without a part of a periodic log; of longer logs a part is two or more days, else the cost would be
-#: quadratic in the length
+#: most parts that a periodic log is left without, one after another; a part of a longer log is two or more days, as
+#: the cost would otherwise be quadratic in the length
 MOST_PARTS = 56
-#: fewer days than this have no scatter to speak of
+#: fewer days than this give no useful scatter
 FEW_DAYS = 3
 
 
 class ParameterUncertainty(NamedTuple):
-    """What a fit leaves open about its k network parameters, on the logarithmic scale."""
+    """Uncertainty of the network's parameters after a fit, on the logarithmic scale."""
 
     parameters: tuple[Parameter, ...]  # the k that the data decide
     sensitivity: np.ndarray  # (n, k) in units of the noise, disturbance parameters free to follow
-    model: np.ndarray  # (k, k) covariance if the disturbance model were true
+    model: np.ndarray  # (k, k) covariance where the disturbance model holds
     jackknife: np.ndarray  # (k, k) from the fits without each day, flat directions left out; 0 where days are few
     n_days: int
 
@@ -87,12 +86,12 @@ def theta_intervals(
 
 
 def unit(value: float) -> float:
-    """What one unit of a logarithm is worth; 1 at zero, where there is none."""
+    """Change of a value per unit of its logarithm; 1 at zero, where there is no logarithm."""
     return value if abs(value) > 1e-9 else 1.0
 
 
 def _ends(p: Parameter, value: float, reach: float) -> tuple[float, float]:
-    """Ends of an interval, within what the parameter can be at all."""
+    """Ends of an interval, within the values that the parameter can have."""
     if p.transform != "log":
         return value - reach, value + reach
     if value == 0.0:  # held at 0 by the sign that it must have
@@ -119,8 +118,8 @@ def inverse_information(information: np.ndarray) -> np.ndarray:
 def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
     """Covariance from the moves (D, k) of the estimates when each of D blocks is left out.
 
-    Where blocks up to ``overlap`` apart go together, their products count with Bartlett's weights; no variance is
-    smaller than without them (Newey and West, Econometrica 55, 1987).
+    Where blocks up to ``overlap`` apart are correlated, their products are added with Bartlett's weights; no variance
+    is smaller than without them (Newey and West, Econometrica 55, 1987).
     """
     D = len(moves)
     if D < FEW_DAYS:
