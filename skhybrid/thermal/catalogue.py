@@ -33,7 +33,7 @@ _SPLIT = {"za": "f", "w": None}
 
 
 def _bacher(name: str, nodes: str, resistors: str, description: str, *, sun_on_envelope: bool = False) -> RCNetwork:
-    """Network of the Bacher and Madsen family, from its nodes besides ``za`` and its resistors."""
+    """Network of the Bacher and Madsen family with these nodes, ``za`` and these resistors."""
     others = nodes.split()
     return RCNetwork(
         name,

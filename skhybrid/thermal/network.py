@@ -25,7 +25,7 @@ from .parameters import parameter_table
 def diagram(network: Declaration) -> str:
     """SVG that a notebook shows for a network.
 
-    ``drawing`` takes networks and is imported by no other module here, so it registers its function for RCNetwork.
+    The module ``drawing`` imports this one, never the reverse; it registers :func:`~skhybrid.thermal.draw` here.
     """
     raise NotImplementedError(f"no diagram is registered for {type(network).__name__}.")
 
@@ -113,7 +113,7 @@ class RCNetwork(Declaration):
         return Continuous(*(batch[0] for batch in builder.matrices(builder.vector(theta)[None])))
 
     def matrix_builder(self, roles: Iterable[str]) -> MatrixBuilder:
-        """Function of many parameter vectors that gives all their matrices at once; computed once per set of inputs.
+        """Builder of the matrices of many parameter vectors at once; made once per set of inputs.
 
         Parameters
         ----------
