@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..filtering import discretize
-from ..thermal import RCNetwork
-from ..thermal.stencil import Stencil
+from ..thermal import MatrixBuilder, RCNetwork
 
 #: standard deviation of the thermometer [K]; only the others' ratios to it matter
 NOISE = 0.05
@@ -41,7 +40,7 @@ class LeadModel:
     Parameters
     ----------
     network : RCNetwork
-    stencil : Stencil
+    builder : MatrixBuilder
         Of the network without sources.
     step : float
         [h].
@@ -50,7 +49,7 @@ class LeadModel:
     """
 
     network: RCNetwork
-    stencil: Stencil
+    builder: MatrixBuilder
     step: float
     heat_scale: float
 
@@ -58,12 +57,12 @@ class LeadModel:
     def of(cls, network: RCNetwork, step: float, heat_scale: float) -> LeadModel:
         """The model of a network's walls and air; what heats it comes as heat by node."""
         bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0])
-        return cls(network, bare.stencil(network.boundaries), step, heat_scale)
+        return cls(network, bare.matrix_builder(network.boundaries), step, heat_scale)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Nonlinear parameters, in the order of psi."""
-        return (*self.stencil.parameters, *OWN)
+        return (*self.builder.parameters, *OWN)
 
     @property
     def zone(self) -> int:
@@ -77,10 +76,10 @@ class LeadModel:
 
     def matrices(self, psi: np.ndarray) -> Matrices:
         """Everything at the logarithms ``psi`` (p,)."""
-        k = len(self.stencil.parameters)
+        k = len(self.builder.parameters)
         values = np.exp(psi)
         theta, (sigma_x, sigma_g, tau, _) = values[:k], values[k:]
-        c = self.stencil.matrices(theta[None])
+        c = self.builder.matrices(theta[None])
         d = discretize(c.A[0], c.B[0], c.dA[0], c.dB[0], c.capacitance[0], self.step)
         n, p = len(d.A), len(psi)
         dA, dB = np.zeros((n, n, p)), np.zeros((*d.B.shape, p))

@@ -156,7 +156,7 @@ def _guess(model: LeadModel, scale: float, pace: float) -> np.ndarray:
         values.append((inside if all(end in network.capacitances for end in ends) else outside) / scale)
     by_name = dict(zip([*network.capacitances.values(), *network.resistors], values, strict=True))
     own = {"sigma_x": 0.05, "sigma_g": 0.3 * model.heat_scale, "tau_g": 6.0, "tau_e": 0.5}
-    return np.log([{**by_name, **own}[name] for name in (*model.stencil.parameters, *OWN)])
+    return np.log([{**by_name, **own}[name] for name in (*model.builder.parameters, *OWN)])
 
 
 def _errors(problem: LeadProblem, part: Part, columns: np.ndarray, coef: np.ndarray) -> np.ndarray:

@@ -18,8 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from ...filtering import ChannelAdjoint, ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
-from ...thermal import Parameter, RCNetwork
-from ...thermal.network import Source
+from ...thermal import Parameter, RCNetwork, Source
 from ..disturbance_models import first_covariance, first_state, measured_rows
 from ..experiment import Experiment
 from ..gain_model import (
