@@ -228,6 +228,30 @@ def test_history_of_the_training_end_is_used(office):
     assert np.isfinite(cold).all()
 
 
+@pytest.mark.parametrize("kind", [InputDisturbanceID, PeriodicDisturbanceID])
+def test_the_gain_decays_from_the_origin_to_its_profile(kind, fitted, office):
+    """A forecast is that of a plain loop: the gain at the origin comes nearer the profile by one factor each row."""
+    model, origins = fitted[kind], [500, 700]
+    zeta, found = model.estimate_disturbance(office.X), model.predict_from(office.X, origins)
+    profile, decay = pd.DataFrame(0.0, range(24), ["weekday", "weekend"]), 1.0
+    if kind is PeriodicDisturbanceID:
+        profile, decay = model.profile_, np.exp(-0.25 / model.disturbance_["tau"])
+        assert decay < 0.99
+    without = model.drive(office.X, origins, np.zeros((2, 96)))
+    A, B, names = model.state_space_.A, model.state_space_.B, list(model.state_space_.input_names)
+    room = model.network_.nodes.index("za")
+    for origin, path, bare in zip(origins, found, without, strict=True):
+        expected, raised, gain = [], np.zeros(len(A)), None
+        for lead in range(96):
+            stamp = office.X.index[origin + lead]
+            usual = profile["weekend" if stamp.day_of_week >= 5 else "weekday"][stamp.hour]
+            gain = zeta.iloc[origin] - usual if gain is None else decay * gain
+            raised = A @ raised + B[:, names.index("heat_gain")] * (usual + gain)
+            expected.append(bare[lead] + raised[room])
+        np.testing.assert_allclose(path, expected, atol=1e-9)
+        assert np.abs(path - bare).max() > 0.1
+
+
 @pytest.mark.parametrize("kind", ALL)
 def test_load_holds_the_set_point(kind, fitted, office):
     """Driving the network with the unclipped load brings it to the set-point exactly."""

@@ -125,6 +125,29 @@ def test_a_plant_of_two_sides_never_does_both(hybrid, office):
         assert cool.gt(0).sum() > 20
 
 
+def test_stages_share_the_load_up_to_the_highest_seen_of_each(office):
+    """Two stages that heat, seen up to 1.5 and 2, against a plain loop over the rows."""
+    capacity, most = {"u_heat_1": 2.0, "u_heat_2": 1.5}, {"u_heat_1": 1.5, "u_heat_2": 2.0}
+    staged = {role: most[role] * office.X["u_heat"] for role in most}  # flat out they give 2 x 1.5 + 1.5 x 2 = 6 kW
+    X = office.X.drop(columns="u_heat").assign(**staged, u_cool=0.5 * office.X["u_cool"])
+    known = {k: v for k, v in TRUE.items() if k not in ("Q_h", "Q_c")} | {"Q_h_1": 2.0, "Q_h_2": 1.5, "Q_c": -12.0}
+    model = GrayBoxRC(known=known).fit(X[: 14 * DAY], office.y[: 14 * DAY])
+    wanted = np.where(np.arange(DAY) % 32 < 16, 24.0, 12.0)
+    load = model.predict_load(X[HERE], wanted)
+    for suffix in ("", "_unclipped"):
+        for k, heat in enumerate(load["Q_hvac" + suffix]):
+            for role in most:
+                expected = most[role] * max(heat, 0.0) / 6.0
+                assert load[role + suffix].iloc[k] == pytest.approx(expected, abs=1e-12)
+            assert load["u_cool" + suffix].iloc[k] == pytest.approx(max(-heat, 0.0) / 12.0, abs=1e-12)
+        delivered = sum(capacity[role] * load[role + suffix] for role in most) - 12.0 * load["u_cool" + suffix]
+        np.testing.assert_allclose(delivered, load["Q_hvac" + suffix], atol=1e-12)
+    assert load["Q_hvac"].max() == pytest.approx(6.0)
+    assert load["Q_hvac_unclipped"].max() > 6.0
+    assert load["Q_hvac"].min() < -6.0  # cooling was never seen above 0.5, but 1 is what a stage can do
+    assert {role: load[role].max() for role in most} == pytest.approx(most)
+
+
 def test_no_load_while_the_temperature_floats_in_the_band(hybrid, office):
     X = office.X[HERE]
     heat, cool = night_plan(X)
