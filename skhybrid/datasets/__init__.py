@@ -1,4 +1,4 @@
-"""Data: the paper's synthetic office, a shipped EnergyPlus run, readers of logs and weather files."""
+"""The paper's synthetic office, an EnergyPlus run of a small office, and readers of logs and weather files."""
 
 from ._epw import read_epw
 from ._readers import read_zone_csv

@@ -1,9 +1,8 @@
-"""Unmeasured heat gains of a synthetic room of 57 m2: people, plugs, lights, air exchange.
+"""Unmeasured heat gains of the synthetic room of 57 m2: people, plugs, lights and air exchange.
 
-The paper (2.1) lumps them into one stochastic term.  Here sensible gains of the office come from ten persons who
-arrive, lunch and leave at times of their own, with an attendance that wanders from day to day; the outdoor air that
-ventilation and infiltration bring is a conductance, whose heat depends on the room's temperature and so is found in
-the simulation.  A home and a shop may use the room instead.
+The paper (2.1) lumps them into one stochastic term.  Here ten people arrive, have lunch and leave at individual times,
+with an attendance that varies from day to day.  Ventilation and infiltration are a conductance to outdoor air, whose
+heat depends on the room temperature and is computed by the simulation.  The room can also be used as a home or a shop.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from .excitation import occupied
 
 N_DESKS = 10
 PERSON_KW, DESK_KW, LIGHTS_KW, STANDBY_KW = 0.1, 0.11, 0.55, 0.16
-#: conductance of the outdoor air [kW/K]: about 25 l/s of ventilation, 0.15 air changes/h of infiltration.
+#: conductance to the outdoor air [kW/K]: about 25 l/s of ventilation, 0.15 air changes/h of infiltration.
 VENTILATION_KW_K, INFILTRATION_KW_K = 0.03, 0.008
-#: the home: persons, what each adds when awake, the share of days on which nobody is there, and the air of airing
+#: the home: people, plug load of each when awake, standby, lights, share of days away, conductance of open windows
 N_INHABITANTS, INHABITANT_KW, HOME_STANDBY_KW, HOME_LIGHTS_KW = 3, 0.09, 0.12, 0.25
 VACANT_SHARE, AIRING_KW_K = 0.07, 0.05
-#: meals at home: power [kW], mean begin [h], duration [h], chance on a weekday
+#: meals at home: power [kW], mean start [h], duration [h], probability on a weekday
 HOME_MEALS = ((0.8, 7.3, 0.3, 0.7), (1.2, 12.5, 0.6, 0.3), (1.8, 18.6, 0.8, 0.85))
-#: the shop: hours, lights of 25 W/m2, refrigerated cabinets, till and screens, mean customers at a quiet hour (twice)
+#: the shop: opening hours, lights of 25 W/m2, cabinets, till and screens, twice the customers of a quiet hour
 SHOP_HOURS, SHOP_LIGHTS_KW, CABINETS_KW, TILL_KW, CUSTOMERS = (9.0, 20.0), 1.4, 0.4, 0.3, 3.0
-_PLUG_HOURS = 1.0  # how long a plug load stays above or below its mean [h]
+_PLUG_HOURS = 1.0  # time constant of plug loads [h]
 
 
 class Gains(NamedTuple):
@@ -40,114 +39,140 @@ class Gains(NamedTuple):
 
     @property
     def sensible(self) -> np.ndarray:
-        """What people, plugs and lights give off [kW]."""
+        """Sensible heat of people, plugs and lights [kW]."""
         return self.people + self.plugs + self.lights
 
 
 def draw_gains(time: pd.DatetimeIndex, rng: np.random.Generator, pattern: str = "office") -> Gains:
-    """Draw the gains of every step of a run, for one of :data:`PATTERNS`."""
-    return PATTERNS[pattern](time, rng)
+    """Draw the gains at every step for one of :data:`PATTERNS`."""
+    return PATTERNS[pattern](_calendar(time), rng)
 
 
-def _wind(n: int, step_hours: float, rng: np.random.Generator) -> np.ndarray:
-    """Infiltration relative to its mean, shape (n,)."""
-    return np.exp(0.4 * ar1(rng, n, float(np.exp(-step_hours / 6.0))) - 0.08)
+class _Calendar(NamedTuple):
+    """Time of the simulation steps and days of the run."""
+
+    step_hours: float  # [h]
+    day: np.ndarray  # day of the run at every step, (n,)
+    hour: np.ndarray  # hour of the day at every step, (n,) float
+    day_of_week: np.ndarray  # of every day of the run, Monday is 0, (n_days,)
+    occupied: np.ndarray  # whether a step lies in office hours, (n,) bool
 
 
-def _office(time: pd.DatetimeIndex, rng: np.random.Generator) -> Gains:
-    step_hours = (time[1] - time[0]) / pd.Timedelta("1h")
-    day = np.asarray((time - time[0].normalize()).days)
-    n_days = int(day[-1]) + 1
-    present = _head_count(time, day, n_days, rng)
-    phi = float(np.exp(-step_hours / _PLUG_HOURS))
-    plugs = (STANDBY_KW + DESK_KW * present) * np.exp(0.2 * ar1(rng, len(time), phi) - 0.02)
+def _calendar(time: pd.DatetimeIndex) -> _Calendar:
+    first = time[0].normalize()
+    day = np.asarray((time - first).days)
+    return _Calendar(
+        step_hours=(time[1] - time[0]) / pd.Timedelta("1h"),
+        day=day,
+        hour=np.asarray((time - time.normalize()) / pd.Timedelta("1h")),
+        day_of_week=np.asarray(first.day_of_week + np.arange(int(day[-1]) + 1)) % 7,
+        occupied=occupied(time),
+    )
+
+
+def _noise(
+    calendar: _Calendar, rng: np.random.Generator, time_constant: float, spread: float, shift: float
+) -> np.ndarray:
+    """Draw log-normal noise with a time constant [h], shape (n,); ``shift`` makes its mean about 1."""
+    phi = float(np.exp(-calendar.step_hours / time_constant))
+    return np.exp(spread * ar1(rng, len(calendar.day), phi) - shift)
+
+
+def _infiltration(calendar: _Calendar, rng: np.random.Generator) -> np.ndarray:
+    """Conductance of infiltration [kW/K], which varies with the wind, shape (n,)."""
+    return INFILTRATION_KW_K * _noise(calendar, rng, 6.0, 0.4, 0.08)
+
+
+def _during(calendar: _Calendar, begin: np.ndarray, hours: np.ndarray) -> np.ndarray:
+    """Whether a step lies within ``hours`` after ``begin`` [h] of its day, shape (n,) bool; both (n_days,)."""
+    day, hour = calendar.day, calendar.hour
+    return (hour >= begin[day]) & (hour < begin[day] + hours[day])
+
+
+def _office(calendar: _Calendar, rng: np.random.Generator) -> Gains:
+    day, n_days = calendar.day, len(calendar.day_of_week)
+    present = _head_count(calendar, rng)
+    plugs = (STANDBY_KW + DESK_KW * present) * _noise(calendar, rng, _PLUG_HOURS, 0.2, 0.02)
     dimmed = np.clip(rng.normal(1.0, 0.1, size=n_days), 0.7, 1.2)[day]
     lights = LIGHTS_KW * dimmed * np.minimum(1.0, present / 3.0)
     fan = np.clip(rng.normal(1.0, 0.1, size=n_days), 0.7, 1.3)[day]
-    air = VENTILATION_KW_K * fan * occupied(time) + INFILTRATION_KW_K * _wind(len(time), step_hours, rng)
+    air = VENTILATION_KW_K * fan * calendar.occupied + _infiltration(calendar, rng)
     return Gains(PERSON_KW * present, plugs, lights, air)
 
 
-def _head_count(time: pd.DatetimeIndex, day: np.ndarray, n_days: int, rng: np.random.Generator) -> np.ndarray:
-    """Persons in the room at every step: none at weekends, on weekdays each by their own hours."""
-    attendance = np.clip(0.82 + 0.13 * ar1(rng, n_days, 0.5), 0.25, 1.0)
-    weekday = np.asarray(time[0].normalize().day_of_week + np.arange(n_days)) % 7 < 5
-    size = (n_days, N_DESKS)
+def _head_count(calendar: _Calendar, rng: np.random.Generator) -> np.ndarray:
+    """Number of people in the office at every step: nobody at weekends, individual hours on weekdays."""
+    day, hour, weekday = calendar.day, calendar.hour, calendar.day_of_week < 5
+    attendance = np.clip(0.82 + 0.13 * ar1(rng, len(weekday), 0.5), 0.25, 1.0)
+    size = (len(weekday), N_DESKS)
     comes = (rng.uniform(size=size) < attendance[:, None]) & weekday[:, None]
     arrival = np.clip(rng.normal(8.3, 0.7, size=size), 6.0, 12.0)
     leaving = np.clip(rng.normal(17.3, 0.8, size=size), 13.0, 19.0)
     lunch = rng.normal(12.2, 0.4, size=size)
     lunch_hours = np.where(rng.uniform(size=size) < 0.6, rng.uniform(0.4, 1.0, size=size), 0.0)
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
-    count = np.zeros(len(time))
+    count = np.zeros(len(day))
     for desk in range(N_DESKS):
         begin, end, out, away = (a[day, desk] for a in (arrival, leaving, lunch, lunch_hours))
         count += comes[day, desk] & (hour >= begin) & (hour < end) & ~((hour >= out) & (hour < out + away))
     return count
 
 
-def _spells(time: pd.DatetimeIndex, day: np.ndarray, begin: np.ndarray, hours: np.ndarray) -> np.ndarray:
-    """Whether a step lies within its day's spell from ``begin`` [h] on for ``hours``, shape (n,) bool."""
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
-    return (hour >= begin[day]) & (hour < begin[day] + hours[day])
+def _home(calendar: _Calendar, rng: np.random.Generator) -> Gains:
+    """Three people: out on most weekdays, at home in the evening, at night and at weekends; on some days nobody."""
+    hour, weekday = calendar.hour, calendar.day_of_week < 5
+    n_days = len(weekday)
+    awake, asleep = _inhabitants(calendar, rng)
+    at_home = np.minimum(1.0, awake)
+    plugs = (HOME_STANDBY_KW + INHABITANT_KW * awake) * _noise(calendar, rng, _PLUG_HOURS, 0.3, 0.045)
+    for kw, begin, hours, chance in HOME_MEALS:
+        cooks = rng.uniform(size=n_days) < np.where(weekday, chance, min(1.0, chance + 0.3))
+        length = np.where(cooks, rng.uniform(0.7, 1.3, n_days) * hours, 0.0)
+        plugs += kw * at_home * _during(calendar, rng.normal(begin, 0.5, n_days), length)
+    dark = np.clip(np.abs(hour - 13.0) - 5.0, 0.0, 1.0)
+    airing = AIRING_KW_K * at_home * _during(calendar, rng.normal(7.8, 0.7, n_days), rng.uniform(0.1, 0.6, n_days))
+    air = airing + _infiltration(calendar, rng)
+    return Gains(PERSON_KW * (awake + 0.7 * asleep), plugs, HOME_LIGHTS_KW * dark * at_home, air)
 
 
-def _home(time: pd.DatetimeIndex, rng: np.random.Generator) -> Gains:
-    """Three persons: out on most weekdays, at home in the evening, at night and at weekends; now and then nobody."""
-    step_hours = (time[1] - time[0]) / pd.Timedelta("1h")
-    day = np.asarray((time - time[0].normalize()).days)
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
-    n_days = int(day[-1]) + 1
-    weekday = np.asarray(time[0].normalize().day_of_week + np.arange(n_days)) % 7 < 5
+def _inhabitants(calendar: _Calendar, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Number of people at home at every step, awake and asleep."""
+    day, hour, weekday = calendar.day, calendar.hour, calendar.day_of_week < 5
+    n_days = len(weekday)
     inhabited = rng.uniform(size=n_days) >= VACANT_SHARE
-    awake, asleep = np.zeros(len(time)), np.zeros(len(time))
+    awake, asleep = np.zeros(len(day)), np.zeros(len(day))
     for _ in range(N_INHABITANTS):
         works = weekday & (rng.uniform(size=n_days) < 0.8)
         leaves = np.where(works, rng.normal(8.0, 0.5, n_days), rng.normal(13.0, 2.0, n_days))
         away = np.where(works, rng.normal(9.5, 1.0, n_days), rng.uniform(0.0, 5.0, n_days))
-        out = _spells(time, day, leaves, away)
+        out = _during(calendar, leaves, away)
         up, bed = rng.normal(np.where(weekday, 6.8, 8.5), 0.4), rng.normal(22.8, 0.5, n_days)
         sleeps = (hour < up[day]) | (hour >= bed[day])
         awake += inhabited[day] & ~out & ~sleeps
         asleep += inhabited[day] & ~out & sleeps
-    at_home = np.minimum(1.0, awake)
-    phi = float(np.exp(-step_hours / _PLUG_HOURS))
-    plugs = (HOME_STANDBY_KW + INHABITANT_KW * awake) * np.exp(0.3 * ar1(rng, len(time), phi) - 0.045)
-    for kw, begin, hours, chance in HOME_MEALS:
-        cooks = rng.uniform(size=n_days) < np.where(weekday, chance, min(1.0, chance + 0.3))
-        length = np.where(cooks, rng.uniform(0.7, 1.3, n_days) * hours, 0.0)
-        plugs += kw * at_home * _spells(time, day, rng.normal(begin, 0.5, n_days), length)
-    dark = np.clip(np.abs(hour - 13.0) - 5.0, 0.0, 1.0)
-    airing = AIRING_KW_K * at_home * _spells(time, day, rng.normal(7.8, 0.7, n_days), rng.uniform(0.1, 0.6, n_days))
-    air = airing + INFILTRATION_KW_K * _wind(len(time), step_hours, rng)
-    return Gains(PERSON_KW * (awake + 0.7 * asleep), plugs, HOME_LIGHTS_KW * dark * at_home, air)
+    return awake, asleep
 
 
-def _shop(time: pd.DatetimeIndex, rng: np.random.Generator) -> Gains:
-    """Open six days a week: bright lights, cold cabinets, two at work, customers who come at noon and after work."""
-    step_hours = (time[1] - time[0]) / pd.Timedelta("1h")
-    day = np.asarray((time - time[0].normalize()).days)
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
-    n_days = int(day[-1]) + 1
-    weekday = np.asarray(time[0].normalize().day_of_week + np.arange(n_days)) % 7
-    hours = np.where(weekday == 6, 0.0, SHOP_HOURS[1] - SHOP_HOURS[0])
+def _shop(calendar: _Calendar, rng: np.random.Generator) -> Gains:
+    """Open six days a week: bright lights, refrigerated cabinets, two staff, customers at noon and after work."""
+    day, hour, day_of_week = calendar.day, calendar.hour, calendar.day_of_week
+    n_days = len(day_of_week)
+    hours = np.where(day_of_week == 6, 0.0, SHOP_HOURS[1] - SHOP_HOURS[0])
     opens = rng.normal(SHOP_HOURS[0], 0.1, n_days)
-    opened = _spells(time, day, opens, hours)
-    staffed = _spells(time, day, opens - 0.7, np.where(hours > 0, hours + 1.2, 0.0))
-    business = np.where(weekday == 5, 1.5, 1.0) * np.exp(0.2 * rng.normal(size=n_days))
+    opened = _during(calendar, opens, hours)
+    staffed = _during(calendar, opens - 0.7, np.where(hours > 0, hours + 1.2, 0.0))
+    business = np.where(day_of_week == 5, 1.5, 1.0) * np.exp(0.2 * rng.normal(size=n_days))
     rush = 0.5 + np.exp(-0.5 * ((hour - 12.3) / 1.0) ** 2) + np.exp(-0.5 * ((hour - 17.5) / 1.2) ** 2)
-    come_and_go = np.exp(0.5 * ar1(rng, len(time), float(np.exp(-step_hours / 0.5))) - 0.125)
-    people = 2.0 * staffed + CUSTOMERS * business[day] * rush * come_and_go * opened
-    phi = float(np.exp(-step_hours / _PLUG_HOURS))
-    plugs = (CABINETS_KW + TILL_KW * staffed) * np.exp(0.15 * ar1(rng, len(time), phi) - 0.011)
-    door = 1.0 + 0.3 * come_and_go
-    air = VENTILATION_KW_K * door * opened + INFILTRATION_KW_K * _wind(len(time), step_hours, rng)
+    visits = _noise(calendar, rng, 0.5, 0.5, 0.125)
+    people = 2.0 * staffed + CUSTOMERS * business[day] * rush * visits * opened
+    plugs = (CABINETS_KW + TILL_KW * staffed) * _noise(calendar, rng, _PLUG_HOURS, 0.15, 0.011)
+    door = 1.0 + 0.3 * visits
+    air = VENTILATION_KW_K * door * opened + _infiltration(calendar, rng)
     return Gains(PERSON_KW * people, plugs, SHOP_LIGHTS_KW * staffed, air)
 
 
-def _none(time: pd.DatetimeIndex, rng: np.random.Generator) -> Gains:
-    """No gain at all, and no air: the room is the network itself."""
-    return Gains(*(np.zeros(len(time)) for _ in Gains._fields))
+def _none(calendar: _Calendar, rng: np.random.Generator) -> Gains:
+    """No gains and no air exchange: the room is the thermal network alone."""
+    return Gains(*(np.zeros(len(calendar.day)) for _ in Gains._fields))
 
 
 #: who uses the room
