@@ -207,8 +207,12 @@ HEAD = "time,T_za,T_oa\n"
         (HEAD + "2024-01-01 00:00,1,2\n", {"label": "centre"}, "label='centre' must be 'left' or 'right'"),
         (HEAD + "2024-01-01 00:00,1,2\n", {"label": "right"}, "at least two rows"),
         (HEAD + 2 * "2024-01-01 00:00,1,2\n", {"label": "right"}, "2024-01-01 00:00:00 appears twice"),
-        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "degX"}}, "unit 'degX', which is none of"),
-        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "W/m2"}}, "that role holds temperature"),
+        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "degX"}}, "unit 'degX', which is not one of"),
+        (
+            HEAD + "2024-01-01 00:00,1,2\n",
+            {"units": {"T_za": "W/m2"}},
+            "that role needs a unit of temperature, such as 'degC'",
+        ),
         (
             HEAD + "2024-01-01 00:00,1,2\n",
             {"units": {"q_sol": "W/m2"}},

@@ -92,8 +92,8 @@ def test_missing_history_passes_the_unit_converter(log):
     ("units", "message"),
     [
         ({"T_oa": "degf"}, "did you mean 'degF'"),
-        ({"T_oa": "furlong"}, "none of degC"),
-        ({"q_sol": "degF"}, r"'q_sol' the unit 'degF', but that role holds irradiance \[kW/m2\]"),
+        ({"T_oa": "furlong"}, "not one of degC"),
+        ({"q_sol": "degF"}, r"'q_sol' the unit 'degF', but that role needs a unit of irradiance, such as 'kW/m2'"),
         ({"outdoor": "degF"}, "column 'outdoor', but X has 'T_oa'"),
         ({9: "degF"}, "column 9"),
     ],
