@@ -107,34 +107,16 @@ class FacadeIrradiance(TableTransformer):
         self.start = start
         self.sampling_time = sampling_time
 
-    def fit(self, X: Any, y: Any = None) -> FacadeIrradiance:
-        """Check location, columns and time stamps; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If the location is not on earth, a column is absent or exists already, or the stamps have no time zone.
-        """
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         facades = self._checked_facades()
         self._check_place()
-        table = read_input(self, X, reset=True)
         names = _column_names(table)
         positions = self._find_columns(names)
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
             raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
-        self.facades_, self.positions_ = facades, positions
-        self.sampling_time_ = self._stamps(table, None)[1]
-        return self
+        step = self._stamps(table, None)[1]
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
         """Append the irradiance on the facades.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from abc import abstractmethod
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,33 @@ from sklearn.utils.validation import validate_data
 
 
 class TableTransformer(TransformerMixin, BaseEstimator):
-    """Base of the transformers, which accept missing values."""
+    """Base of the transformers, which learn nothing from values and accept missing ones."""
+
+    def fit(self, X: Any, y: Any = None) -> Self:
+        """Check the parameters against the table; nothing is learned from its values.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Table to check.
+        y : ignored
+            Present for compatibility with scikit-learn.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If a parameter is out of range or does not suit the columns and time stamps of ``X``.
+        """
+        self._fit_table(read_input(self, X, reset=True))
+        return self
+
+    @abstractmethod
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+        """Set the fitted attributes."""
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -54,26 +54,8 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
         self.max_gap = max_gap
         self.sampling_time = sampling_time
 
-    def fit(self, X: Any, y: Any = None) -> GapFiller:
-        """Check the columns; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If ``max_gap`` is not a duration.
-        """
-        read_input(self, X, reset=True)
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         self.max_gap_ = _duration(self.max_gap, "max_gap")
-        return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
         """Fill the short gaps.

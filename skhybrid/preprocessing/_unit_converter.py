@@ -49,27 +49,9 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
     def __init__(self, units: dict[Any, str] | None = None) -> None:
         self.units = units
 
-    def fit(self, X: Any, y: Any = None) -> UnitConverter:
-        """Check the columns against ``units``; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If a column is absent, or a unit is unknown or not one for the column's role.
-        """
-        table = read_input(self, X, reset=True)
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
         self.conversions_ = {_find(c, names): conversion_of(unit, c) for c, unit in (self.units or {}).items()}
-        return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
         """Convert the columns named in ``units``.
