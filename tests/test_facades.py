@@ -16,7 +16,7 @@ from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
 
 CHICAGO = {"latitude": 41.98, "longitude": -87.92}
 FACADES = ["q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"]
-ROWS_ARE_TIME_STEPS = "a row's place in the table says where the sun stands, where rows have no stamps"
+ROWS_ARE_TIME_STEPS = "without time stamps, the position of the sun follows from the position of the row in the table"
 
 
 def _expected(estimator):

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
 from skhybrid._kernels import simulate_inverse
 from skhybrid.datasets import make_office
-from skhybrid.datasets.office import TRUE_THETA as TRUE
+from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.identification.load import steps_ahead
 
 DAY = 96

@@ -133,7 +133,7 @@ def test_gaps_at_the_ends_stay(log):
 
 def test_absent_rows_make_a_gap_long(log):
     thinned = log.drop(log.index[3:9])
-    thinned.iloc[3, 0] = np.nan  # behind six absent rows
+    thinned.iloc[3, 0] = np.nan  # after six absent rows
     assert GapFiller(max_gap="1h").fit_transform(thinned)["T_oa"].isna().sum() == 1
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .weather import window_irradiance
+from ._weather import window_irradiance
 
 #: stamp of a typical year if no year is given: not a leap year, and it begins on a Monday.
 TYPICAL_YEAR = 2001

@@ -56,9 +56,7 @@ def responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]
     """Compute the response of every model by its label, the truth first."""
     given = models if isinstance(models, Mapping) else {type(models).__name__: models}
     if not given:
-        raise ValueError(
-            "there is no model to draw; pass a fitted identification, a StateSpace or a mapping of these."
-        )
+        raise ValueError("there is no model to draw; pass a fitted identification, a StateSpace or a mapping of these.")
     if truth is not None:
         given = {TRUTH: truth, **given}
     return {str(label): respond(model) for label, model in given.items()}

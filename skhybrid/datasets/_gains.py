@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ._random import ar1
-from .excitation import occupied
+from ._thermostat_plan import occupied
 
 N_DESKS = 10
 PERSON_KW, DESK_KW, LIGHTS_KW, STANDBY_KW = 0.1, 0.11, 0.55, 0.16

@@ -11,11 +11,11 @@ from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
 from .._clock import rows_of
+from ._gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
 from ._random import spawn_generators
+from ._thermostat_plan import plan_setpoints
+from ._weather import make_weather
 from ._weather_table import resample_weather
-from .excitation import plan_setpoints
-from .gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
-from .weather import make_weather
 
 #: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
 TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
