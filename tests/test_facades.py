@@ -208,7 +208,7 @@ def test_columns_in_and_out(sky):
     for output in ("default", "pandas"):
         fitted = clone(facades).set_output(transform=output).fit(log)
         out = fitted.transform(log)
-        # the direct irradiance bears a role's name, and so stays
+        # the direct irradiance is kept, as its column is named after a role
         assert list(out.columns) == ["T_oa", "ghi", "u_heat", "q_sol_beam", "note", "q_sol_garden"]
         assert list(fitted.get_feature_names_out()) == list(out.columns)
         pd.testing.assert_frame_equal(out[log.columns], log)

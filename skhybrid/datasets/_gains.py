@@ -84,12 +84,13 @@ def _infiltration(calendar: _Calendar, rng: np.random.Generator) -> np.ndarray:
 
 
 def _during(calendar: _Calendar, begin: np.ndarray, hours: np.ndarray) -> np.ndarray:
-    """Whether a step lies within ``hours`` after ``begin`` [h] of its day, shape (n,) bool; both (n_days,)."""
+    """Whether each step lies within ``hours`` after ``begin`` [h] of its day, both (n_days,); shape (n,) bool."""
     day, hour = calendar.day, calendar.hour
     return (hour >= begin[day]) & (hour < begin[day] + hours[day])
 
 
 def _office(calendar: _Calendar, rng: np.random.Generator) -> Gains:
+    """Ten desks on weekdays; plugs and lights follow the people, ventilation the occupied hours."""
     day, n_days = calendar.day, len(calendar.day_of_week)
     present = _head_count(calendar, rng)
     plugs = (STANDBY_KW + DESK_KW * present) * _noise(calendar, rng, _PLUG_HOURS, 0.2, 0.02)

@@ -107,7 +107,7 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, wher
 
 
 def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
-    """Whether a date in the order of the others has a month above 12; such a date is refused, not turned round."""
+    """Whether each date has a month above 12 when read like the others; it is refused, not read the other way."""
     numbers = text.str.extract(_NUMBERED).astype(np.float64)
     return (numbers[1 if day_first else 0] > 12).to_numpy()
 
@@ -133,14 +133,15 @@ def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) 
 
 
 def _is_first_pass(stamps: pd.DatetimeIndex, repeated: np.ndarray) -> np.ndarray:
-    """Whether a stamp in a repeated hour precedes the change of that day, when the stamps go back or repeat."""
+    """Whether each stamp precedes the change of the clock on its day, seen where stamps go back or repeat."""
     first = np.ones(len(stamps), dtype=bool)
     ticks = stamps.as_unit("ns").asi8
     days = stamps.normalize()
     for day in days[repeated].unique():
         rows = np.flatnonzero(repeated & (days == day))
         advance = np.diff(ticks[rows])
+        # the stamps of an hourly log do not go back, they repeat
         turn = np.flatnonzero(advance < 0) if (advance < 0).any() else np.flatnonzero(advance == 0)
-        if len(turn):  # in an hourly log the stamp does not go back, it repeats
+        if len(turn):
             first[rows[turn[0] + 1 :]] = False
     return first

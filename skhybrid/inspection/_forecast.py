@@ -53,8 +53,8 @@ class ForecastDisplay:
 
         Parameters
         ----------
-        estimator : fitted estimator
-            Or a mapping of label to fitted estimator.
+        estimator : fitted estimator or mapping
+            A fitted estimator, or a mapping of label to fitted estimator.
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows.
         y : Series or array-like of shape (n_samples,)

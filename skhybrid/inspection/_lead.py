@@ -52,8 +52,8 @@ class LeadErrorDisplay:
 
         Parameters
         ----------
-        estimator : fitted estimator
-            Or a mapping of label to fitted estimator.
+        estimator : fitted estimator or mapping
+            A fitted estimator, or a mapping of label to fitted estimator.
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows.
         y : Series or array-like of shape (n_samples,)
