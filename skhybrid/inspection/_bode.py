@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..identification import frequency_response
-from ._responses import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
+from ._response_display import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 from ._style import grid_or_new, shared_legend, tidy
 
 #: labelled periods of the axis [s].

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from ..identification import step_response
-from ._responses import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
+from ._response_display import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 from ._style import grid_or_new, shared_legend, tidy
 
 
