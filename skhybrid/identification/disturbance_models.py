@@ -235,3 +235,10 @@ def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int
 def first_name(node: str, number: int) -> str:
     """Name of a hidden node's temperature at the first row of a segment: ``T0_w``, of further ones ``T0_w_2`` ...."""
     return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"
+
+
+def checked_kind(kind: str) -> str:
+    """Refuse what is neither ``"input"`` nor ``"output"``."""
+    if kind not in ("input", "output"):
+        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
+    return kind

@@ -35,6 +35,11 @@ def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
     return hour + _HOURS * weekend
 
 
+def week_cells(experiment: Experiment) -> np.ndarray:
+    """Cell of the weekly profile of every row of an experiment, (N,)."""
+    return profile_cell(experiment.hour_of_day, experiment.weekend)
+
+
 class HourClasses(NamedTuple):
     """Hours of the week that share a variance."""
 
@@ -53,7 +58,7 @@ def _blocks(hours: int) -> HourClasses:
     return HourClasses(names, np.arange(len(DAY_TYPES) * _HOURS) // hours)
 
 
-def cyclic_walk_root() -> np.ndarray:
+def smooth_walk_root() -> np.ndarray:
     """(24, 2 N_HARMONICS) root of the covariance of a cyclic random walk with unit steps and zero mean, smoothed.
 
     The waves of a day diagonalise it; only the first :data:`N_HARMONICS` are kept.
@@ -65,7 +70,7 @@ def cyclic_walk_root() -> np.ndarray:
 
 def profile_basis() -> tuple[np.ndarray, tuple[float, ...], tuple[str | None, ...]]:
     """Columns (48, r) of the profile, the prior standard deviation of each, and the parameter that multiplies it."""
-    one = np.column_stack([np.ones(_HOURS), cyclic_walk_root()])
+    one = np.column_stack([np.ones(_HOURS), smooth_walk_root()])
     r = one.shape[1] - 1
     names = [name for kind in DAY_TYPES for name in (None, *[f"sigma_profile_{kind}"] * r)]
     return np.kron(np.eye(len(DAY_TYPES)), one), (LEVEL_SD, *[1.0] * r) * len(DAY_TYPES), tuple(names)
@@ -95,7 +100,7 @@ class VarianceModel:
         together = -(-count // MOST_DAYS)
         days = [day // together for day in days]
         n_days = int(days[-1][-1]) + 1
-        cells = [profile_cell(p.hour_of_day, p.weekend) for p in segments]
+        cells = [week_cells(p) for p in segments]
         keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
         variance = np.hstack([np.eye(size)[used % size], np.eye(n_days)[used // size]])

@@ -11,7 +11,7 @@ import pandas as pd
 from ..._time import rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
-from ..base import StateSpace, state_space_of
+from ..state_space import StateSpace, state_space_of
 
 #: inputs of the paper's network
 _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")

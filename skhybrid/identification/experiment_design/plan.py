@@ -13,18 +13,8 @@ import pandas as pd
 from ..._threads import one_blas_thread
 from ..._time import rows_of
 from ...thermal import RCNetwork, get_network
-from .information import (
-    CLASSES,
-    Calendar,
-    FilterInformation,
-    GainStatistics,
-    Zone,
-    draw_gain,
-    mean_over,
-    relative_errors,
-    run_thermostat,
-    stack_inputs,
-)
+from .information import FilterInformation, relative_errors
+from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
 
 #: half the distance between heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 HALF_BAND = 0.5
@@ -39,7 +29,7 @@ class ExperimentPlan:
     Attributes
     ----------
     table : DataFrame
-        One row a candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
+        One row per candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
         parameter [%], then ``worst`` (the parameter) and ``worst_error`` [%].
     target : float
         Relative standard error that every parameter is to reach [-].
@@ -244,8 +234,8 @@ def _fitted_gain(model: Any) -> GainStatistics | None:
         kind, _, hour = name.removeprefix("sigma_").partition("_")
         if kind in ("weekday", "weekend") and hour.isdigit():
             klass = Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]
-            found.setdefault(CLASSES[klass], []).append(float(value))
-    if profile is None or len(found) < len(CLASSES):
+            found.setdefault(CLASSES.names[klass], []).append(float(value))
+    if profile is None or len(found) < len(CLASSES.names):
         return None
     return GainStatistics(
         tau=float(own["tau"]),

@@ -1,7 +1,7 @@
 """Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives.
 
 With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
-paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
+paper's.  After a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
 missing, ID and OD therefore divide each error by what the missing rows add to its standard deviation and multiply all
 by the geometric mean of these.  For OD n/2 times the logarithm of the sum of squares is then the negative Gaussian
 log-likelihood with the noise level at its optimum, up to a constant.  Of several outputs each error has its own
@@ -211,6 +211,22 @@ class PredictionErrorProblem:
             merit = merit * lift
         fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
         return np.where(fine, merit, np.inf), matrix, slope
+
+    def all_values(self, free: np.ndarray) -> dict[str, float]:
+        """All parameters by name: nothing is solved inside."""
+        return self.values(free)
+
+    def log_density(self, free: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log posterior density on the searched scale, the noise integrated out, and its gradient."""
+        merit, _, half = self.evaluate(free[None])
+        return -0.5 * self.n_counted * float(np.log(merit[0])), -self.n_counted * half[0] / merit[0]
+
+    def minimum_near(self, start: np.ndarray) -> tuple[np.ndarray, float]:
+        """The minimum that one start leads to, and minus twice the log-likelihood there, up to a constant."""
+        if not len(start):
+            return start, self.n_counted * float(np.log(np.sum(self.residuals(start) ** 2)))
+        (least,) = self.minimise(start[None])
+        return least.free, self.n_counted * float(np.log(least.loss))
 
     def drop(self, loss: float, best: float) -> float:
         """By how much the log-likelihood of one loss lies below that of the best."""

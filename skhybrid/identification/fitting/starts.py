@@ -1,8 +1,8 @@
-"""Many random starts, in rounds, until enough of them agree on the best minimum."""
+"""Search from many random starts, in rounds, until enough of them agree on the best minimum."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
-#: starts that have to end at the best minimum before the others are spared
+#: starts that have to end at the best minimum before the search ends
 ENOUGH = 5
 #: two minima are one where their log-likelihoods differ by no more than this
 SAME = 0.05
@@ -23,6 +23,12 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
     """(n_starts, p) uniform on the searched scale, which is log-uniform for the physical parameters."""
     low, high = np.array([p.free_bounds for p in searched]).reshape(-1, 2).T
     return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
+
+
+def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
+    """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
+    start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
+    return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
 
 
 def search(
@@ -86,7 +92,7 @@ def reached_best(minima: Sequence[Minimum], drop: Callable[[float, float], float
 def starts_table(
     minima: Sequence[Minimum], searched: Sequence[Parameter], drop: Callable[[float, float], float]
 ) -> pd.DataFrame:
-    """One row a start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
+    """One row per start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
     best = reached_best(minima, drop)
     rows = [
         {"loss": m.loss, "reached_best": bool(b), "n_evaluations": m.n_evaluations, "converged": m.converged}

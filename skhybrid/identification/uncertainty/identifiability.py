@@ -12,9 +12,6 @@ from scipy.linalg import qr
 from scipy.stats import t as student
 
 from ...thermal import Parameter
-from ..fitting.excitation import scale_direction, unexcited, warn_scale
-
-__all__ = ["FLAT", "Identifiability", "assess", "at_bounds", "scale_direction", "unexcited", "warn_scale"]
 
 #: a direction is flat when its singular value is below this share of the largest, or when one standard deviation
 #: along it is a factor of e^5 or more, which no later day of like data would mend

@@ -13,8 +13,7 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from ..._threads import one_blas_thread
-from ..fitting.periodic_likelihood import PeriodicProblem
-from .constrained_problem import ConstrainedProblem, free_point, minimum_near
+from .constrained_problem import ConstrainedProblem, free_point
 
 #: a chain is refused above this R-hat, or below this many effective draws
 WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0
@@ -57,15 +56,6 @@ class _Density:
         self.centre, self.root = logit(share), np.eye(len(start))
         self.root = self._scaling()
 
-    def _log_density(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        """Of the problem over its searched scale: the noise of a sum of squares is integrated out."""
-        if isinstance(self.problem, PeriodicProblem):
-            loss, gradient, _ = self.problem.evaluate(x)
-            return -float(loss), -gradient
-        merit, _, half = self.problem.evaluate(x[None])
-        n = self.problem.n_counted
-        return -0.5 * n * float(np.log(merit[0])), -n * half[0] / merit[0]
-
     def free(self, z: np.ndarray) -> np.ndarray:
         """(..., p) on the searched scale."""
         return self.low + (self.high - self.low) * expit(self.centre + z @ self.root.T)
@@ -73,7 +63,7 @@ class _Density:
     def __call__(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         share = expit(self.centre + self.root @ z)
         slope = (self.high - self.low) * share * (1.0 - share)
-        value, gradient = self._log_density(self.low + (self.high - self.low) * share)
+        value, gradient = self.problem.log_density(self.low + (self.high - self.low) * share)
         if not np.isfinite(value):
             return -np.inf, np.zeros_like(z)
         volume = float(np.log(np.maximum(slope, 1e-300)).sum())
@@ -141,9 +131,9 @@ def sample_posterior(
     does not.
     """
     check_chains(chains)
-    posed = ConstrainedProblem.of(estimator, X, y)
-    problem = posed.problem(search_all=True)
-    start, _ = minimum_near(problem, free_point(problem, posed.values()))
+    constrained = ConstrainedProblem.of(estimator, X, y)
+    problem = constrained.problem(search_all=True)
+    start, _ = problem.minimum_near(free_point(problem, constrained.values()))
     density = _Density(problem, start)
     data = _run_nuts(density, draws, tune, chains, random_state, progressbar)
     return _collected(density, data, chains, draws)
