@@ -8,13 +8,13 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from skhybrid.datasets.office import TRUE_THETA
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
 from skhybrid._table import ZoneTable
 from skhybrid.datasets import make_office
-from skhybrid.datasets.office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem

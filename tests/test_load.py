@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.control import steps_ahead
 from skhybrid.datasets import make_office
-from skhybrid.datasets.office import TRUE_THETA as TRUE
+from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.filtering import simulate_inverse
 
 DAY = 96

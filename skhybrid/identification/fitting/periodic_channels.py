@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...thermal import RCNetwork
-from ...thermal.network import Source
+from ...thermal import RCNetwork, Source
 from ..disturbance_models import first_state, measured_rows
 from ..experiment import Experiment
 from ..gain_model import VENTILATION_SD, profile_basis, ventilation_series, week_cells

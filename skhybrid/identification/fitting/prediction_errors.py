@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...filtering import Model, Sensitivity, discretize, one_step_sensitivities
-from ...thermal import Parameter, RCNetwork
+from ...thermal import MatrixBuilder, Parameter, RCNetwork
 from ..experiment import Experiment
 from .gauss_newton import Minimum, minimise_together
 
@@ -57,8 +57,8 @@ class PredictionErrorProblem:
         return low, high
 
     @cached_property
-    def _stencil(self) -> Any:
-        return self.network.stencil(self.experiment.roles)
+    def _matrix_builder(self) -> MatrixBuilder:
+        return self.network.matrix_builder(self.experiment.roles)
 
     @cached_property
     def _names(self) -> tuple[list[str], list[str]]:
@@ -92,7 +92,7 @@ class PredictionErrorProblem:
             if p.transform == "log":
                 slopes[:, q] = columns[p.name]
         theta = np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1)
-        c = self._stencil.matrices(theta)
+        c = self._matrix_builder.matrices(theta)
         dA, dB = (c.dA, c.dB) if derive else (c.dA[:, :0], c.dB[:, :0])
         d = discretize(c.A, c.B, dA, dB, c.capacitance, self.experiment.hours)
         if not derive:
