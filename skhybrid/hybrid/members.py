@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -19,11 +18,8 @@ from ..schedule import (
     ErrorHistory,
     LeadFit,
     NumberedSegment,
-    Part,
     RollingNetwork,
-    Segment,
     fit_leads,
-    make_segment,
 )
 from ..thermal import RCNetwork
 
@@ -106,17 +102,12 @@ class ScheduleMember:
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """The series of the training rows, which are large, are rebuilt from the rows themselves."""
-        problem = self.fit_.problem
-        sample, plan = self.fit_.sample, self.fit_.segment.plan
-        fit = replace(self.fit_, problem=replace(problem, parts=()))
-        return {**self.__dict__, "fit_": fit, "_sample": sample, "_plan": plan}
+        """The series of the training rows, which are large, are computed again from the rows."""
+        return {**self.__dict__, "fit_": self.fit_.without_rows()}
 
     def restore(self, training: ZoneTable) -> None:
-        """Rebuild the series of the training rows."""
-        sample, plan = self.__dict__.pop("_sample"), self.__dict__.pop("_plan")
-        segment = make_segment(plan, training, training.history["T_za"], self.fit_.reference)
-        self.fit_ = replace(self.fit_, problem=replace(self.fit_.problem, parts=(Part(segment, sample),)))
+        """Compute the series of the training rows after the state was loaded."""
+        self.fit_ = self.fit_.with_rows(self.fit_.make_segment(training, training.history["T_za"]))
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of the fit's own sample and blocks, which the blend shares."""
@@ -126,15 +117,12 @@ class ScheduleMember:
         """Rows as the fit takes them."""
         whole = rows.whole
         return NumberedSegment(
-            self._segment(rows.table, rows.T),
+            self.fit_.make_segment(rows.table, rows.T),
             rows.begin,
             rows.joined,
             rows.first,
-            None if whole is None else cache(lambda: self._segment(*whole())),
+            None if whole is None else cache(lambda: self.fit_.make_segment(*whole())),
         )
-
-    def _segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
-        return make_segment(self.fit_.segment.plan, table, T, self.fit_.reference)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""

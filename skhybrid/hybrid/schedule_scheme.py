@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from ..control.setpoints import Band, Limits
 from ..exceptions import ScaleNotIdentifiableWarning, warn_user
@@ -23,7 +23,6 @@ from .known_rows import KnownRows
 from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
-from .tables import concatenate_tables, last_rows
 
 #: temperatures that the black box regresses on
 _LAGS = 24
@@ -115,7 +114,7 @@ class ScheduleScheme(Scheme):
         given = any(source.parameter in self.known for source in sources)
         if given or any(np.ptp(v) > 0 for role, v in inputs.items() if role.startswith("Q_")):
             return
-        assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in self._physics.fit_.segment.plan.fixed]
+        assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in self._physics.fit_.plan.known]
         warn_user(
             f"no capacity is known and no heat is measured, so that kW are relative{''.join(assumed[:1])}; pass one, "
             "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
