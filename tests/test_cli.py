@@ -159,7 +159,7 @@ def test_the_default_scheme_stands_beside_the_published_one(files, capsys):
     out = files / "out"
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics["models"]) >= {"hybrid", "hybrid, published (ridge)", "hybrid, profile", "ARX re-fitted"}
-    assert metrics["settings"]["forecaster"] == {"model": "linear"}
+    assert metrics["settings"]["forecaster"] == {"model": "schedule"}
     forecast = pd.read_csv(out / "forecast.csv")
     assert (forecast["q_0.1"] < forecast["q_0.9"]).all()
     model = load_model(out / "model.skops")
@@ -186,13 +186,13 @@ def test_loads_of_stages_are_in_kw_of_the_identification(files):
     forecast = pd.read_csv(files / "out" / "forecast.csv")
     np.testing.assert_allclose(forecast["Q_hvac"], 5.0 * forecast["u_heat"], atol=1e-3)
     np.testing.assert_allclose(forecast["Q_hvac_delivered"], 5.0 * log["burner"].iloc[-24:], atol=1e-3)
-    assert load_model(files / "out" / "model.skops").gray_box.known == {"Q_h": 5.0}
+    assert load_model(files / "out" / "model.skops").known == {"Q_h": 5.0}
 
 
 def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     (files / "zone.toml").write_text(CONFIG + "[site]\nlatitude = 52.4\nlongitude = 4.9\n")
     settings = read_settings(files / "zone.toml")
-    settings = replace(settings, forecaster={"model": "linear"}, timezone="UTC")
+    settings = replace(settings, forecaster={"model": "schedule"}, timezone="UTC")
     data = split_log(read_log(files / "log.csv", settings)[0], settings)
     facades = {"q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"}
     for table in (data.train, data.later, data.history, data.future):
@@ -207,7 +207,7 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
 
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     (files / "zone.toml").write_text(
-        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"linear"')
+        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"schedule"')
     )
     assert _run(files) == 0
     assert "no intervals are given" in capsys.readouterr().err
@@ -403,7 +403,7 @@ def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
         "T_za": "room_temp", "T_oa": "outdoor_temp", "q_sol": "solar_W_m2", "Q_hvac": "hvac_kW",
     }  # fmt: skip
     assert proposed["units"] == {"q_sol": "W/m2"}
-    assert proposed["forecaster"] == {"model": "linear"}
+    assert proposed["forecaster"] == {"model": "schedule"}
     assert proposed["network"] == {}
     assert tomllib.loads(text.replace("# [site]", "[site]").replace("# l", "l"))["site"]["latitude"] == 52.4
     data = split_log(read_log(files / "log.csv", settings_from(proposed))[0], settings_from(proposed))
@@ -462,7 +462,7 @@ def test_a_declared_network_is_understood():
         }
     )  # fmt: skip
     for rival in make_models(settings)[:2]:  # the default scheme's, and an identification's
-        network = getattr(rival.estimator, "gray_box", rival.estimator).network
+        network = (getattr(rival.estimator, "gray_box", None) or rival.estimator).network
         assert network.states == ("T_za",)
         assert network.resistors["R_zo"] == ("za", "T_oa")
 
@@ -470,9 +470,11 @@ def test_a_declared_network_is_understood():
 def test_the_hybrid_is_the_predictors_default_unless_more_is_said():
     hybrid = make_models(Settings())[0].estimator
     assert hybrid.gray_box is None
-    assert hybrid.forecaster.model == "linear"
-    known = make_models(Settings(estimator={"known": {"Q_h": 8.0}}))[0].estimator.gray_box
-    assert (known.network, known.known) == ("4R3C", {"Q_h": 8.0})
+    assert hybrid.forecaster is None
+    assert (hybrid.network, hybrid.known) == (None, None)
+    known = make_models(Settings(estimator={"known": {"Q_h": 8.0, "R_zo": 4.0}}))[0].estimator
+    assert known.gray_box is None
+    assert (known.network, known.known) == (None, {"Q_h": 8.0})
     published = make_models(Settings(forecaster={"model": "profile"}))
     assert isinstance(published[0].estimator.gray_box, PeriodicDisturbanceID)
     assert published[0].estimator.gray_box.network.name == "2R2C"
