@@ -14,9 +14,9 @@ from sklearn.base import clone
 from .._clock import ASSUMED_START
 from .._contract import ZoneTable
 from ..forecasting import DisturbanceForecaster
-from ..forecasting.batch import fit_each
 from ..forecasting.features import rows_per_day
-from ..forecasting.forecaster import BASELINES
+from ..forecasting.joint_fit import fit_each
+from ..forecasting.models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.live import advance, drive_on, identify_again
 from ..identification.setpoints import Band, Limits
