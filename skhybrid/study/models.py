@@ -15,16 +15,14 @@ from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor
-from ..hybrid.predictor import DEFAULT_NETWORK
-from ..identification import PeriodicDisturbanceID
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, Settings
 
 #: the row of the comparison that all others are rivals of.
 HYBRID = "hybrid"
-#: forecaster that stands for the default scheme.
-DEFAULT = "linear"
+#: forecaster that stands for the default, the schedule model.
+DEFAULT = "schedule"
 #: forecasters of the published scheme that any claim must be measured against: label and what it is.
 _BASELINES = {
     "ridge": ("hybrid, published (ridge)", "disturbance linear in calendar, weather and lags"),
@@ -138,16 +136,16 @@ def identifies(settings: Settings) -> str:
 
 
 def _main_rival(settings: Settings, published: Callable[..., HybridPredictor]) -> Rival:
-    """The default scheme, or the published one where the settings name a forecaster of it."""
-    forecaster = make_forecaster(settings)
-    if forecaster.model != DEFAULT:
+    """The schedule model, or the two-stage scheme where the settings name a forecaster."""
+    model = settings.forecaster.get("model", DEFAULT)
+    if model != DEFAULT:
         own = settings.estimator.get("name", "periodic")
-        return Rival(HYBRID, published(), f"{own} identification, {forecaster.model} disturbance forecast")
-    made = HybridPredictor(forecaster=forecaster, horizon=settings.horizon, random_state=settings.random_state)
-    network, known = make_network(settings.network), dict(settings.estimator.get("known", {}))
-    if settings.network or known:  # only what the user has said; the rest is the predictor's own
-        carrier = PeriodicDisturbanceID(network if settings.network else DEFAULT_NETWORK, known=known)
-        made.set_params(gray_box=carrier)
+        return Rival(HYBRID, published(), f"{own} identification, {model} disturbance forecast")
+    network = make_network(settings.network) if settings.network else None
+    capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
+    made = HybridPredictor(
+        network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
+    )
     return Rival(HYBRID, made, "network with learned schedules, blended with ARX, adapting at every origin")
 
 
@@ -197,8 +195,8 @@ def make_forecaster(settings: Settings, **other: Any) -> DisturbanceForecaster:
     -------
     DisturbanceForecaster
     """
-    given = dict(other or settings.forecaster) or {"model": DEFAULT}
-    made = DisturbanceForecaster(model=DEFAULT)
+    given = dict(other or settings.forecaster)
+    made = DisturbanceForecaster("ridge")
     _refuse_unknown("forecaster", given, made.get_params(deep=False))
     return made.set_params(**given)
 

@@ -190,7 +190,7 @@ def _proposal(
         if role in chosen:
             lines.append(f"# known = {{ {parameter} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain")
             break
-    lines += ["", "[forecaster]", 'model = "linear"  # the default scheme; with "ridge" the published one']
+    lines += ["", "[forecaster]", 'model = "schedule"  # the default; with "ridge" the two-stage scheme']
     day = pd.Timedelta("1D")
     lines += ["", "[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"]
     lines += ["", "[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"]

@@ -60,7 +60,7 @@ class Settings:
     estimator : mapping
         ``name`` (conventional, input, output, periodic) of the identification, and settings of that class.
     forecaster : mapping
-        ``model``: ``"linear"`` is the default of :class:`skhybrid.HybridPredictor`, which takes of the estimator's
+        ``model``: ``"schedule"`` is the default of :class:`skhybrid.HybridPredictor`, which takes of the estimator's
         settings only the capacities in ``known``; with any other the hybrid is the published scheme, and these are
         settings of :class:`skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping
@@ -88,7 +88,7 @@ class Settings:
     scale: Mapping[str, float] = field(default_factory=dict)
     network: Mapping[str, Any] = field(default_factory=dict)
     estimator: Mapping[str, Any] = field(default_factory=lambda: {"name": "periodic"})
-    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": "linear"})
+    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": "schedule"})
     train: Mapping[str, Any] = field(default_factory=dict)
     test: Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)

@@ -20,7 +20,7 @@ from sklearn.utils import _safe_indexing
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import RECURRENT, resolve_case
 from ...forecasting.joint_fit import fit_each
-from ...hybrid import HybridPredictor
+from ...hybrid import HybridPredictor, TwoStagePredictor, takes_two_stages
 from .fingerprint import as_plain
 from .store import Result, Task
 
@@ -112,7 +112,7 @@ def forecaster_prefix(estimator: Any) -> str:
     """
     if isinstance(estimator, DisturbanceForecaster):
         return ""
-    if isinstance(estimator, HybridPredictor):
+    if isinstance(estimator, HybridPredictor | TwoStagePredictor):
         return "forecaster__"
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
@@ -164,7 +164,7 @@ def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:
     """
     try:
         made = _hybrid(clone(estimator).set_params(**clone(dict(params), safe=False)))
-        return isinstance(made, HybridPredictor) and made.scheme == "published"
+        return takes_two_stages(made)
     except (ValueError, TypeError, AttributeError):  # its fit will say what is wrong
         return False
 
