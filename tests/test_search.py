@@ -18,7 +18,7 @@ from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, Outpu
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
-from skhybrid.model_selection.search import candidates, workers
+from skhybrid.model_selection.search import candidates, shared, tasks, workers
 from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
@@ -51,7 +51,7 @@ def count(monkeypatch):
 
     monkeypatch.setattr(workers, "identify", counted("identify", workers.identify, lambda *args: 1))
     monkeypatch.setattr(
-        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, base, tasks, *rest: len(tasks))
+        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, network, given, *rest: len(given))
     )
     fit = counted("networks", OutputDisturbanceID.fit, lambda *args: 1)
     monkeypatch.setattr(OutputDisturbanceID, "fit", fit)
@@ -338,7 +338,7 @@ def test_the_linear_scheme_shares_no_network(estimator):
 
 def test_what_trains_as_one_stack_is_handed_over_together():
     matrix = design_matrix(["lstm"], disturbance="input")
-    order = sorted(matrix.candidates(), key=candidates.stack_of)
+    order = sorted(matrix.candidates(), key=candidates.stack_key)
     shapes = [(list_cases("lstm").set_index("name")["pattern_days"][c["forecaster__case"]],) for c in order]
     shapes = [
         (*days, c["forecaster__n_layers"], c["forecaster__hidden_size"]) for days, c in zip(shapes, order, strict=True)
@@ -350,9 +350,9 @@ def test_what_trains_as_one_stack_is_handed_over_together():
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
     begun = []
 
-    def noted(problem, base, tasks, split, careful=True):
-        begun.append(sorted(params["forecaster__hidden_size"] for params in tasks.values()))
-        return candidates.evaluate(problem, base, tasks, split, careful)
+    def noted(problem, network, given, split, catch_errors=True):
+        begun.append(sorted(params["forecaster__hidden_size"] for params in given.values()))
+        return tasks.evaluate(problem, network, given, split, catch_errors)
 
     monkeypatch.setattr("skhybrid.model_selection.search.workers.evaluate", noted)
     matrix = design_matrix(["mlp"], ["case01"], disturbance="input", size={"mlp": SIZE | {"hidden_size": [2, 5, 3, 4]}})
@@ -362,12 +362,12 @@ def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
     assert candidates.effort_of(week) > candidates.effort_of(day) > candidates.effort_of({"model": "ridge"})
 
 
-def test_rivals_of_one_s_own_stand_beside_the_matrix_on_the_same_splits(office, estimator, tmp_path):
+def test_baselines_are_scored_on_the_same_splits_as_the_matrix(office, estimator, tmp_path):
     matrix = design_matrix(["ridge", "profile"], disturbance="input")
-    rivals = {"arx": ARXRegressor(), "broken": Breaks()}
+    baselines = {"arx": ARXRegressor(), "broken": Breaks()}
     settings = {"cv": CV, "verbose": 0, "store": tmp_path / "store.sqlite"}
     with pytest.warns(FitFailedWarning, match="1 of 4 candidates failed"):
-        search = DesignMatrixSearchCV(estimator, matrix, rivals=rivals, **settings).fit(office.X, office.y)
+        search = DesignMatrixSearchCV(estimator, matrix, baselines=baselines, **settings).fit(office.X, office.y)
     results = search.results_
     assert results["framework"].tolist() == results["name"].tolist() == ["ridge", "profile", "arx", "broken"]
     assert results["disturbance"].tolist() == ["input", "input", None, None]
@@ -395,6 +395,6 @@ def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):
 
 
 def test_something_shared_tells_its_size_and_travels_as_its_key():
-    shared = candidates.Shared({"table": np.zeros(10_000)})
-    assert shared.__sizeof__() > 80_000
-    assert shared.get()["table"].shape == (10_000,)
+    large = shared.Shared({"table": np.zeros(10_000)})
+    assert large.__sizeof__() > 80_000
+    assert large.get()["table"].shape == (10_000,)
