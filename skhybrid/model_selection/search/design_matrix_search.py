@@ -31,10 +31,10 @@ from .workers import Runner, Workers
 class DesignMatrixSearchCV(BaseSearchCV):
     """Search over a design matrix: resumable, distributed, and not ended by candidates that fail.
 
-    It gives the results of ``GridSearchCV`` over the same candidates, bit for bit if every ``random_state`` is a number,
-    but reads each split once, identifies the network of each split once, and trains only forecasters after that.
-    Results are stored as they finish: a search that was stopped or killed continues where it was, and several processes
-    may share one store.
+    It gives the results of ``GridSearchCV`` over the same candidates, bit for bit if every ``random_state`` is a
+    number, but reads each split once, identifies the network of each split once, and trains only forecasters after
+    that.  Results are stored as they finish: a search that was stopped or killed continues where it was, and several
+    processes may share one store.
 
     Parallel work is left to joblib: ``n_jobs`` processes on this machine, or a cluster by
     ``joblib.parallel_config(backend="dask")`` or ``"ray"``.  Data and networks are sent to a worker once.

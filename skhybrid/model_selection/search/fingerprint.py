@@ -85,8 +85,9 @@ def as_plain(value: Any) -> str:
         The same for equal values in every process.
     """
     if _is_estimator(value):
-        params = value.get_params(deep=False).items()
-        return f"{_name(type(value))}({', '.join(f'{k}={as_plain(v)}' for k, v in sorted(params) if k not in _WITHOUT_EFFECT)})"
+        params = sorted(value.get_params(deep=False).items())
+        told = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)
+        return f"{_name(type(value))}({told})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
