@@ -224,7 +224,7 @@ def test_the_best_sizes_of_each_case(results):
     [
         ({"terms": "all"}, {}, "terms='all' is neither"),
         ({"terms": ["depth"]}, {}, "term 'depth' is neither an ingredient"),
-        ({"interactions": [("time", "depth")]}, {}, "no pair of two of the terms"),
+        ({"interactions": [("time", "depth")]}, {}, "not a pair of two of the terms"),
         ({"level": 1.5}, {}, "level=1.5 is not between"),
         ({"chains": 1}, {}, "chains=1 is less than 2"),
         ({"best_sizes": 0}, {}, "best_sizes=0 is less than 1"),
