@@ -18,7 +18,7 @@ from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, Outpu
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
-from skhybrid.model_selection.search import candidates, networks, shared, tasks, workers
+from skhybrid.model_selection.search import candidates, shared, tasks, workers
 from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
@@ -464,7 +464,7 @@ def test_a_column_that_no_candidate_reads_may_hold_anything(office):
 
 
 def test_a_network_without_its_libraries_is_refused_before_anything_is_fitted(office, estimator, count, monkeypatch):
-    monkeypatch.setattr(networks, "find_spec", lambda name: None)
+    monkeypatch.setattr("skhybrid.forecasting.extras.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"model='mlp' needs torch and skorch; .*skhybrid\[networks\]"):
         DesignMatrixSearchCV(estimator, design_matrix(**SIX), cv=CV, verbose=0).fit(office.X, office.y)
     assert count == {"identify": 0, "tasks": 0, "networks": 0}

@@ -11,7 +11,7 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
 from ...forecasting import DisturbanceForecaster
-from ...forecasting.cases import NETWORKS, RECURRENT, resolve_case
+from ...forecasting.cases import RECURRENT, resolve_case
 from ...hybrid import HybridPredictor
 from .fingerprint import as_plain
 
@@ -68,11 +68,6 @@ def model_of(estimator: Any, params: Mapping[str, Any]) -> Any:
         return params[f"{prefix}model"]
     given = params.get(prefix.removesuffix("__"))
     return estimator.get_params().get(f"{prefix}model") if given is None else getattr(given, "model", given)
-
-
-def is_network(model: Any) -> bool:
-    """Whether the model of a forecaster is a neural network."""
-    return isinstance(model, str) and model in NETWORKS
 
 
 def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:

@@ -22,7 +22,7 @@ from .candidates import BASELINE, forecaster_prefix, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
 from .halving import Halving, Outcome, run_all
-from .networks import require_networks
+from .networks import need_networks
 from .store import ResultStore
 from .tasks import Problem
 from .workers import Runner, Workers
@@ -157,7 +157,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
         candidates = self._candidates()
-        has_networks = require_networks(model_of(self.estimator, params) for params in candidates)
+        has_networks = need_networks(model_of(self.estimator, params) for params in candidates)
         problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, has_networks)
         outcome, baselines = self._run(problem, candidates)
         self._assemble(candidates, outcome, baselines)

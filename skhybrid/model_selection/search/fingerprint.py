@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import Any
 
 import joblib
@@ -14,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
+from ...forecasting.extras import networks_available
 from .store import VERSION
 
 #: parameters that change no result, at any depth
@@ -44,16 +44,10 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
     for name, value in sorted(estimator.get_params(deep=True).items()):
         if name.split("__")[-1] not in _WITHOUT_EFFECT:
             found[f"parameter {name}"] = _name(type(value)) if _is_estimator(value) else as_plain(value)
-    return found | {f"{VERSION}{name}": number for name, number in _versions().items()}
-
-
-def _versions() -> dict[str, str]:
-    """Versions of the libraries that results depend on; torch is optional."""
-    found = {"skhybrid": __version__}
-    for name in ("numpy", "scikit-learn", "torch"):
-        with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn")}
+    if networks_available():
+        versions["torch"] = version("torch")
+    return found | {f"{VERSION}{name}": number for name, number in versions.items()}
 
 
 def candidate_id(params: Mapping[str, Any]) -> str:

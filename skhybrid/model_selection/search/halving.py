@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .candidates import forecaster_prefix, is_network, model_of
+from ...forecasting.models import is_network
+from .candidates import forecaster_prefix, model_of
 from .store import Result
 
 _COLUMNS = ["max_epochs", "n_candidates", "n_stopped", "worst_kept"]

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
-from ...forecasting.batch import fit_each
-from .candidates import is_network
+from ...forecasting.extras import require_networks
+from ...forecasting.joint_fit import fit_each
+from ...forecasting.models import is_network
 
 #: the module that loads torch and skorch
-_TRAINING = "skhybrid.forecasting.training"
+_TRAINING = "skhybrid.forecasting.networks.jobs"
 
 
-def require_networks(models: Iterable[Any]) -> bool:
-    """Whether there are networks among the models; refuse them where the libraries that train them are missing.
+def need_networks(models: Iterable[Any]) -> bool:
+    """Whether there are networks among the models of candidates.
 
     Raises
     ------
     ImportError
-        If a model is a network and torch or skorch is not installed.
+        If there are, and torch or skorch is not installed.
     """
-    first = next((model for model in models if is_network(model)), None)
-    if first is not None and not all(find_spec(name) for name in ("torch", "skorch")):
-        raise ImportError(
-            f'model={first!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'
-        )
-    return first is not None
+    networks = {model for model in models if is_network(model)}
+    for model in sorted(networks):
+        require_networks(model)
+    return bool(networks)
 
 
 def preload_networks() -> None:
