@@ -72,10 +72,10 @@ def test_a_case_of_one_s_own():
     assert mine.past == ("zeta", "hod")
     assert mine.features == ("zeta", "hod", "T_oa")
     for wrong, message in [
-        ({"past": ("CO2",)}, "past of case 'x' holds 'CO2'"),
+        ({"past": ("CO2",)}, "past of case 'x' has the unknown feature 'CO2'"),
         ({"future": ("zeta",)}, "not known ahead"),
         ({"pattern_days": 0}, "not a whole number from 1"),
-        ({"past": (), "future": ()}, "names no feature"),
+        ({"past": (), "future": ()}, "has no feature"),
     ]:
         with pytest.raises(ValueError, match=message):
             ModelCase(**({"name": "x", "pattern_days": 1, "past": ("zeta",), "future": ()} | wrong))
