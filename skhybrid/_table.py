@@ -146,7 +146,7 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
 
 
 def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
-    """Join two tables (:func:`concatenate_tables`); the rows of ``first`` count as history."""
+    """Join two tables by :func:`concatenate_tables`; the rows of ``first`` count as history."""
     return concatenate_tables([first, second]).replace(n_history=first.n_rows)
 
 
@@ -309,8 +309,9 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
-    for role in set(inputs) & set(table.history):  # may hold NaN, which an input may not
-        read_input(inputs[role], repr(role), table.index)
+    for role in table.history:
+        if role in inputs:  # history may have missing values, an input may not
+            read_input(inputs[role], repr(role), table.index)
     return table.replace(inputs=inputs, history=history)
 
 
