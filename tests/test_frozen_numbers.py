@@ -20,20 +20,39 @@ _spec.loader.exec_module(frozen)
 FROZEN = frozen.read()
 #: of the largest value of a series
 EXACT = 1e-9
+#: sections whose search ends in a flat valley: the same code finds the frozen numbers to the bit, but another order of
+#: a sum, or the BLAS of another processor, moves the place where the search stops (seen: up to a tenth of these)
+FLAT = {
+    "two_stage_output-small_office": 1e-6,
+    "two_stage_output-home_2": 1e-7,
+    "two_stage_output-home_3": 1e-8,
+    "conventional-home_2": 1e-6,
+    "conventional-home_3": 1e-5,
+    "periodic-small_office": 1e-6,
+    "periodic-home_2": 1e-7,
+    "periodic-home_3": 1e-8,
+    "input_disturbance-home_2": 1e-8,
+    "multi_step-office": 1e-6,
+}
+#: of standard errors, which invert a matrix that is close to singular, and beside it, for parameters at their bounds
+STANDARD_ERROR = 1e-5, 1e-8
 #: networks are float32 and their sums may be taken in another order: of the spread of the series
 ROUNDING = 1e-3
 _ROUNDED = ("networks", "search_networks")
 #: compared value by value, as each has a unit of its own
-_EACH = ("theta", "theta_std", "disturbance", "weight", "weights", "noise_std", "alpha")
+_EACH = ("theta", "disturbance", "weight", "weights", "noise_std", "alpha")
 
 
 def allowed(section, key, expected):
     """How far each value may be from the frozen one."""
     if section.startswith(_ROUNDED):
         return ROUNDING * max(np.nanstd(expected), 0.01 * np.nanmax(np.abs(expected)))
+    if key == "theta_std":
+        return STANDARD_ERROR[0] * np.abs(expected) + STANDARD_ERROR[1]
+    share = FLAT.get(section, EXACT)
     if key.rpartition("/")[2] in _EACH:
-        return EXACT * np.abs(expected)
-    return EXACT * np.nanmax(np.abs(expected))
+        return share * np.abs(expected)
+    return share * np.nanmax(np.abs(expected))
 
 
 def excess(section, key, found, expected):

@@ -21,8 +21,8 @@ from skhybrid.hybrid.members import ARXMember, DayBeforeMember, NumberedTable
 from skhybrid.hybrid.residual_correction import echo
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import NumberedSegment, fit_leads, follow, loads, make_segment
-from skhybrid.schedule.required_heat import _rising
+from skhybrid.schedule import NumberedSegment, fit_leads, forecast_from_origins, loads, make_segment
+from skhybrid.schedule.required_heat import _increasing
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
@@ -516,13 +516,13 @@ class Piece:
         return NumberedSegment(make_segment(self.fit.segment.plan, table, self.T, self.fit.reference), N_TRAIN, True)
 
     def learned(self, origins):
-        return follow(self.fit, self.later(), origins, 1, None).learned
+        return forecast_from_origins(self.fit, self.later(), origins, 1, None).states
 
     def path(self, heat, origin):
         """Forecast [degC] of the rows behind an origin under the heat from it on."""
         n = self.table.n_rows - origin - 1
         later = self.later(heat[: n + 1], origin)
-        return follow(self.fit, later, np.array([origin]), n, None).paths[0] + self.fit.reference
+        return forecast_from_origins(self.fit, later, np.array([origin]), n, None).paths[0] + self.fit.reference
 
 
 @pytest.fixture(scope="module")
@@ -542,7 +542,7 @@ def tracked(piece, wanted, learned=None, band=None, fit=None):
 def test_the_load_holds_the_set_point(piece):
     """Put where the measured heat was, it gives the set-point on the network's own path, whose emitter lags."""
     n = len(piece.T) - 12 * DAY - 3
-    assert piece.fit.point.solution.coef[-1] > 0.01
+    assert piece.fit.coef[-1] > 0.01
     for wanted in (np.full(n, 21.0), 21.0 + np.sin(np.arange(n) / 7.0)):
         load, first = tracked(piece, wanted)
         found = piece.path(load["Q_hvac"].to_numpy(), first)
@@ -556,12 +556,7 @@ def test_the_load_does_not_answer_to_the_noise_of_a_measured_path(piece):
     n = len(piece.T) - 12 * DAY
     smooth, noise = 21.0 + np.sin(np.arange(n) / 7.0), np.random.default_rng(1).normal(0.0, 0.1, n)
     still = piece.fit.segment._replace(heat=0.2 * piece.fit.segment.heat)
-    part = piece.fit.problem.parts[0]._replace(segment=still)
-    vague = replace(
-        piece.fit,
-        left_out=np.full_like(piece.fit.left_out, 0.5),
-        problem=replace(piece.fit.problem, parts=(part,)),
-    )
+    vague = replace(piece.fit.with_rows(still), left_out=np.full_like(piece.fit.left_out, 0.5))
     clean, rough = (tracked(piece, w, fit=vague)[0] for w in (smooth, smooth + noise))
     # a band as narrow as nothing is met at every row, noise and all
     met, first = tracked(piece, smooth, band=Band(smooth + noise, smooth + noise + 1e-9))
@@ -600,9 +595,9 @@ def test_a_curve_that_does_not_rise_is_mended_as_little_as_can_be(given):
     truth = minimize(
         lambda x: np.sum((x - curve) ** 2), stage, method="SLSQP", constraints=[steps, ends], options={"ftol": 1e-12}
     )
-    np.testing.assert_allclose(_rising(curve, stage), truth.x, atol=1e-4)
+    np.testing.assert_allclose(_increasing(curve, stage), truth.x, atol=1e-4)
     if given == "steep":
-        np.testing.assert_allclose(_rising(curve, stage), curve, atol=1e-12)
+        np.testing.assert_allclose(_increasing(curve, stage), curve, atol=1e-12)
 
 
 def test_the_load_keeps_within_a_band_and_within_limits(piece):

@@ -26,7 +26,7 @@ from .innovations import (
     simulate_path,
 )
 from .kalman import Smoothed, kalman_filter, smooth_states
-from .lq_path import track_path
+from .lq_path import solve_lq_path
 from .multi_step_errors import LeadErrors, multi_step_sensitivities
 from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts, recurrent_room
 
@@ -74,6 +74,6 @@ __all__ = [
     "simulate_inverse",
     "simulate_path",
     "smooth_states",
+    "solve_lq_path",
     "tanh32",
-    "track_path",
 ]

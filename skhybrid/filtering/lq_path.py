@@ -69,7 +69,7 @@ def _law(A, forcing, heat, c, wanted, penalty, beyond):
 
 
 @compiled
-def track_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond):
+def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond):
     """Heat whose output is near a path while it changes little from step to step.
 
     The least of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the steps that are left, from the

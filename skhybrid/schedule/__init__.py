@@ -1,10 +1,18 @@
-"""A network with schedules of gains and conductance, fitted on the errors of forecasts at all leads (design 6)."""
+"""Schedule model: an RC network with schedules of gain and conductance, fitted on forecast errors at all leads.
 
+Files, in the order in which they build on one another: ``channels`` (inputs with a coefficient), ``emitter``,
+``segment`` (rows), ``filter_model`` (matrices), ``responses`` (simulation and filter), ``constrained_ridge`` and
+``lead_problem`` (objective), ``left_out_blocks`` (shrinkage), ``fit``; online, ``completed_forecasts``,
+``coefficient_memory``, ``online_network``, ``network_refit`` and ``rolling_network``; then ``required_heat`` and
+``scheduled_network`` (a fit in the user's terms).  The equations are in ``docs/user_guide/hybrid.rst``.
+"""
+
+from .error_history import ErrorHistory
 from .fit import LeadFit, fit_leads
-from .online_updating import ErrorHistory, NumberedSegment, RollingNetwork, follow
 from .required_heat import loads
-from .responses import Segment, make_segment
+from .rolling_network import RollingNetwork, forecast_from_origins
 from .scheduled_network import ScheduledNetwork
+from .segment import NumberedSegment, Segment, make_segment
 
 __all__ = [
     "ErrorHistory",
@@ -14,7 +22,7 @@ __all__ = [
     "ScheduledNetwork",
     "Segment",
     "fit_leads",
-    "follow",
+    "forecast_from_origins",
     "loads",
     "make_segment",
 ]

@@ -1,264 +1,284 @@
-"""What enters linearly: the sun by node, schedules of gains and of conductance, further stages, a lagging emitter.
+"""Channels of the schedule model: heat inputs that enter with a coefficient (sun, equipment, schedules).
 
 Each channel is a known series of heat [kW per unit of its coefficient] into one node.  A schedule is a level, an hourly
 profile that weekdays and weekends share, and an hourly contrast between the two; each of them is shrunk by itself.  The
-contrast that a training has found is then one channel for every day of the week, which turns that day into one of the
-other kind: in part where Saturdays differ from Sundays, wholly where the weekend has moved.
+contrast found by a fit also makes one channel per day of the week, which swaps that day's type: partly where Saturdays
+differ from Sundays, wholly where the weekend has moved.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.signal import lfilter
 
 from .._table import ZoneTable
 from ..thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
-GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "turned")
-#: a stage need not give its heat in proportion: shares of its largest training value at which its slope may change
+GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
+#: knots of the part-load curve, as shares of a stage's largest training value
 _KNOTS = (0.2, 0.45)
 _HOURS, _DAYS = 24, 7
-#: a unit of the conductance schedule is the heat at this difference [K]
+#: a unit of the conductance schedule is the heat at this difference from the mean outdoor temperature [K]
 UA_DIFFERENCE = 10.0
-#: hours from solar noon at which the parts of a day are centred, where no facades are given, and their half-width
-_PARTS = {"morning": -3.5, "noon": 0.0, "afternoon": 3.5}
-_PART_WIDTH = 3.5
+#: parts of the day that replace facades where there is one irradiance only: centre [h from solar noon], half-width [h]
+_DAY_PARTS = {"morning": -3.5, "noon": 0.0, "afternoon": 3.5}
+_HALF_WIDTH = 3.5
 
 
 class ChannelPlan(NamedTuple):
-    """Which channels a model has: fixed by its training table."""
+    """Channels of a model, as chosen for its training table."""
 
     network: RCNetwork
-    sun: tuple[str, ...]  # irradiance roles
-    fixed: tuple[tuple[str, float], ...]  # heat of a known capacity [kW per unit of the role]
-    stages: tuple[tuple[str, float], ...]  # stages whose capacity is sought, with its sign
-    knots: tuple[tuple[str, float, float], ...]  # stages whose slope may change, where, and the capacity [kW]
-    tops: tuple[tuple[str, float], ...]  # largest training value of each stage
+    irradiance: tuple[str, ...]  # roles
+    known: tuple[tuple[str, float], ...]  # roles of known heat, with their capacity [kW per unit of the role]
+    stages: tuple[tuple[str, float], ...]  # stages whose capacity is fitted, with its sign
+    knots: tuple[tuple[str, float, float], ...]  # part load: stage, knot [-], capacity [kW]
+    max_stages: tuple[tuple[str, float], ...]  # largest training value of each stage
     mean_outdoor: float  # [degC]
     noon: float  # hour (UTC where known) at which the sun is highest
-    calendar: bool
-    contrast: tuple[tuple[float, ...], ...] = ()  # (2, 24) as learned: of gains, and of conductance times its unit [kW]
+    calendar: bool  # whether there are schedules
+    contrast: tuple[tuple[float, ...], ...] = ()  # (2, 24) fitted day-type contrast [kW]: gain, and ua per unit
 
     @property
     def emitter(self) -> bool:
-        """Whether there is heat that an emitter could hold back."""
-        return bool(self.fixed)
+        """Whether there is known heat, which an emitter may delay."""
+        return bool(self.known)
 
     @property
     def zone(self) -> int:
-        """Place of the node that schedules heat."""
+        """Index of the node into which schedules give their heat."""
         return self.network.nodes.index(self.network.disturbed_nodes[0])
 
     @property
     def heated(self) -> int:
-        """Place of the node that equipment heats."""
+        """Index of the node into which equipment gives its heat."""
         heated = self.network.heated
         return self.network.nodes.index(heated) if isinstance(heated, str) else self.zone
 
 
+class Channel(NamedTuple):
+    """One channel over the rows of a table."""
+
+    name: str
+    series: np.ndarray  # (N,) heat per unit coefficient [kW]
+    node: int  # index of the node that it heats
+    positive: bool  # whether the coefficient is at least 0
+    group: str  # one of GROUPS
+
+
 class Channels(NamedTuple):
-    """The linear inputs of one table, the emitter's left out."""
+    """All channels of a table but the emitter's, whose series depends on its time constant."""
 
     names: tuple[str, ...]
-    series: np.ndarray  # (N, J) heat per unit coefficient
-    node: np.ndarray  # (J,) int, node that a channel heats
+    series: np.ndarray  # (N, J) heat per unit coefficient [kW]
+    node: np.ndarray  # (J,) int, index of the node that a channel heats
     positive: np.ndarray  # (J,) bool, coefficient >= 0
-    group: np.ndarray  # (J,) int, place in GROUPS
+    group: np.ndarray  # (J,) int, index in GROUPS
 
     @property
     def scheduled(self) -> np.ndarray:
-        """(J,) bool, heat that nobody measures: schedules of gains and of conductance."""
-        return self._begin_with("gain", "ua")
+        """(J,) bool, unmeasured heat: schedules of gain and conductance."""
+        return self._named("gain", "ua")
 
     @property
     def solar(self) -> np.ndarray:
         """(J,) bool, irradiance."""
-        return self._begin_with("q_sol")
+        return self._named("q_sol")
 
-    def _begin_with(self, *prefixes: str) -> np.ndarray:
+    def _named(self, *prefixes: str) -> np.ndarray:
         return np.array([name.startswith(prefixes) for name in self.names])
 
     def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
-        """(N,) heat of the schedules under coefficients that begin with the channels' (J,) [kW]."""
-        mine = self.scheduled
-        return self.series[:, mine] @ coef[: len(mine)][mine]
+        """(N,) heat of the schedules [kW]; the first J of ``coef`` are the channels' coefficients."""
+        scheduled = self.scheduled
+        return self.series[:, scheduled] @ coef[: len(scheduled)][scheduled]
 
     def heat(self, coef: np.ndarray, n_nodes: int) -> np.ndarray:
-        """(N, n_nodes) heat into every node under coefficients (J,) [kW]."""
+        """(N, n_nodes) heat of all channels into each node under coefficients (J,) [kW]."""
         by_node = np.zeros((len(self.names), n_nodes))
         by_node[np.arange(len(self.names)), self.node] = coef
         return self.series @ by_node
 
 
+# --------------------------------------------------------------------------------------------------------------- plan
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
     """Choose the channels that a table can feed.
 
-    Measured heat has no parameter.  Without it the scale of a network is free, so that one stage's capacity is taken as
-    known: the given one, or 6 kW.
+    Measured heat needs no capacity.  Without it and without a given capacity the scale of a network is free: the
+    capacity of one stage is then set to 6 kW.
+
+    Parameters
+    ----------
+    network : RCNetwork
+    table : ZoneTable
+    known : mapping
+        Given capacities by parameter name [kW].
+    calendar : bool
+        Whether there are schedules.
+
+    Returns
+    -------
+    ChannelPlan
     """
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
     stages = [role for role in table.inputs if role.startswith("u_")]
     stages.sort(key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
     sign = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in stages}
-    capacity = {source.role: source.parameter for source in network.sources(stages)}
-    given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
-    if not measured and not given and stages:
-        moved = [role for role in stages if np.ptp(table.inputs[role]) > 0] or stages
-        given = [(moved[0], 6.0 * sign[moved[0]])]
-    taken = {role for role, _ in given}
-    sun = tuple(role for role in table.inputs if role.startswith("q_sol"))
-    tops = {role: float(table.inputs[role].max()) for role in stages}
-    knots = tuple((role, share * tops[role], c) for role, c in given for share in _KNOTS if tops[role] > 0)
+    given = _given_capacities(network, table, known, stages, sign, bool(measured))
+    with_capacity = {role for role, _ in given}
+    irradiance = tuple(role for role in table.inputs if role.startswith("q_sol"))
+    largest = {role: float(table.inputs[role].max()) for role in stages}
     return ChannelPlan(
         network,
-        sun,
+        irradiance,
         (*measured, *given),
-        tuple((role, sign[role]) for role in stages if role not in taken),
-        knots,
-        tuple(tops.items()),
+        tuple((role, sign[role]) for role in stages if role not in with_capacity),
+        tuple((role, share * largest[role], c) for role, c in given for share in _KNOTS if largest[role] > 0),
+        tuple(largest.items()),
         float(table.inputs["T_oa"].mean()) if "T_oa" in table.inputs else 0.0,
-        _noon(table, sun),
+        _solar_noon(table, irradiance),
         calendar,
     )
 
 
-def _noon(table: ZoneTable, sun: tuple[str, ...]) -> float:
-    """Local hour around which a table's irradiance lies."""
-    total = np.sum([table.inputs[role] for role in sun], axis=0) if sun else np.zeros(table.n_rows)
-    angle = 2.0 * np.pi * _sun_hour(table) / _HOURS
+def _given_capacities(
+    network: RCNetwork,
+    table: ZoneTable,
+    known: Mapping[str, float],
+    stages: Sequence[str],
+    sign: Mapping[str, float],
+    measured: bool,
+) -> list[tuple[str, float]]:
+    """Stages with a capacity [kW]: the given ones, or a stage that runs where nothing else fixes the scale."""
+    capacity = {source.role: source.parameter for source in network.sources(stages)}
+    given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
+    if not measured and not given and stages:
+        running = [role for role in stages if np.ptp(table.inputs[role]) > 0] or stages
+        given = [(running[0], 6.0 * sign[running[0]])]
+    return given
+
+
+def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
+    """Hour around which a table's irradiance lies."""
+    total = np.sum([table.inputs[role] for role in irradiance], axis=0) if irradiance else np.zeros(table.n_rows)
+    angle = 2.0 * np.pi * _standard_hour(table) / _HOURS
     x, y = np.sum(total * np.cos(angle)), np.sum(total * np.sin(angle))
     return float(np.arctan2(y, x) * _HOURS / (2.0 * np.pi)) % _HOURS if np.hypot(x, y) > 0 else 12.0
 
 
-def _sun_hour(table: ZoneTable) -> np.ndarray:
-    """(N,) hour of a clock that no daylight saving moves."""
+def _standard_hour(table: ZoneTable) -> np.ndarray:
+    """(N,) hour of day without daylight saving."""
     time = table.time if table.utc is None else table.utc.tz_localize(None)
     return np.asarray((time - time.normalize()) / pd.Timedelta("1h"), dtype=np.float64)
 
 
-def heat_of(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
+def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
+    """Add the fitted contrast of weekends and weekdays to a plan; ``names`` are the channels of ``coef``."""
+    found = dict(zip(names, coef, strict=False))  # the emitter's coefficient is the last one and has no name
+    contrast = np.array([[found.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)] for kind in ("gain", "ua")])
+    return plan._replace(contrast=tuple(map(tuple, contrast.tolist()))) if contrast.any() else plan
+
+
+# ------------------------------------------------------------------------------------------------------------- series
+def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     """(N,) known heat into the heated node [kW]."""
     heat = np.zeros(table.n_rows)
-    for role, capacity in plan.fixed:
+    for role, capacity in plan.known:
         heat += capacity * table.inputs[role]
     return heat
 
 
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
-    """The channels of a table but for the emitter's, whose series depends on its time constant."""
-    parts = [*_sunlight(plan, table), *_equipment(plan, table), *_schedules(plan, table), *_turned(plan, table)]
-    names, columns, node, positive, group = zip(*parts, strict=True)
+    """Make the channels of a table."""
+    makers = (_solar_channels, _equipment_channels, _schedule_channels, _swapped_day_channels)
+    names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
     return Channels(
         names,
-        np.column_stack(columns),
+        np.column_stack(series),
         np.array(node, dtype=np.int64),
         np.array(positive, dtype=bool),
         np.array([GROUPS.index(g) for g in group], dtype=np.int64),
     )
 
 
-def _sunlight(plan: ChannelPlan, table: ZoneTable):
-    """Every irradiance on every node; the horizontal one alone is split into parts of the day, which face the sun."""
-    beams = {role: table.inputs[role] for role in plan.sun}
+def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+    """Each irradiance on each node; a single horizontal one is split into parts of the day, in place of facades."""
+    beams = {role: table.inputs[role] for role in plan.irradiance}
     if len(beams) == 1:
         role, light = next(iter(beams.items()))
-        away = (_sun_hour(table) - plan.noon + 12.0) % _HOURS - 12.0
+        from_noon = (_standard_hour(table) - plan.noon + 12.0) % _HOURS - 12.0
         beams = {
-            f"{role}_{part}": light * np.clip(1.0 - np.abs(away - centre) / _PART_WIDTH, 0.0, 1.0)
-            for part, centre in _PARTS.items()
+            f"{role}_{part}": light * np.clip(1.0 - np.abs(from_noon - centre) / _HALF_WIDTH, 0.0, 1.0)
+            for part, centre in _DAY_PARTS.items()
         }
     for role, light in beams.items():
         for i, node in enumerate(plan.network.nodes):
-            yield f"{role}->{node}", light, i, True, "free"
+            yield Channel(f"{role}->{node}", light, i, True, "free")
 
 
-def _equipment(plan: ChannelPlan, table: ZoneTable):
+def _equipment_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+    """Stages whose capacity is fitted, and the part-load curves of those whose capacity is known."""
     for role, sign in plan.stages:
-        yield role, sign * table.inputs[role], plan.heated, True, "free"
-    tops = dict(plan.tops)
+        yield Channel(role, sign * table.inputs[role], plan.heated, True, "free")
+    largest = dict(plan.max_stages)
     for role, knot, capacity in plan.knots:
-        yield f"{role}_{knot:.2g}", capacity * bent(table.inputs[role], knot, tops[role]), plan.heated, False, "free"
+        series = capacity * part_load_deviation(table.inputs[role], knot, largest[role])
+        yield Channel(part_load_name(role, knot), series, plan.heated, False, "free")
 
 
-def bent(stage: np.ndarray, knot: float, top: float) -> np.ndarray:
-    """How a stage's heat may leave the straight line: most at the knot, not at all at 0 and from the top on.
+def part_load_name(role: str, knot: float) -> str:
+    """Name of the channel of a knot of a stage's part-load curve."""
+    return f"{role}_{knot:.2g}"
 
-    So the heat of the full stage stays that of its capacity, and a stage that was not seen is not bent.
+
+def part_load_deviation(stage: np.ndarray, knot: float, largest: float) -> np.ndarray:
+    """Deviation of a part-load curve from proportional heat: largest at the knot, 0 at stage 0 and from ``largest`` on.
+
+    So the heat of the full stage stays that of its capacity, and a stage that was not seen stays proportional.
     """
-    return np.minimum(stage, knot) - np.minimum(stage, top) * knot / top
+    return np.minimum(stage, knot) - np.minimum(stage, largest) * knot / largest
 
 
-def _drives(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
-    """What the schedules multiply."""
-    drives = {"gain": np.ones(table.n_rows)}
+def _drivers(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
+    """Series (N,) that the schedules of gain and of conductance multiply."""
+    drivers = {"gain": np.ones(table.n_rows)}
     if "T_oa" in table.inputs:
-        drives["ua"] = (table.inputs["T_oa"] - plan.mean_outdoor) / UA_DIFFERENCE
-    return drives
+        drivers["ua"] = (table.inputs["T_oa"] - plan.mean_outdoor) / UA_DIFFERENCE
+    return drivers
 
 
-def _contrast(table: ZoneTable) -> np.ndarray:
+def _day_type(table: ZoneTable) -> np.ndarray:
     """(N,) 1 on weekends, -1 on weekdays."""
     return np.where(table.time.day_of_week.to_numpy() >= 5, 1.0, -1.0)
 
 
-def _schedules(plan: ChannelPlan, table: ZoneTable):
-    drives = _drives(plan, table)
-    every = drives["gain"]
-    yield "gain", every, plan.zone, False, "free"
-    if "ua" in drives:
-        yield "ua", drives["ua"], plan.zone, False, "ua_hour"
+def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+    """Levels, hourly profiles and hourly day-type contrasts of gain and conductance."""
+    drivers = _drivers(plan, table)
+    always = drivers["gain"]
+    yield Channel("gain", always, plan.zone, False, "free")
+    if "ua" in drivers:
+        yield Channel("ua", drivers["ua"], plan.zone, False, "ua_hour")
     if not plan.calendar:
         return
-    hour, contrast = table.time.hour.to_numpy(), _contrast(table)
-    for kind, drive in drives.items():
-        for group, sign in ((f"{kind}_hour", every), (f"{kind}_day_type", contrast)):
+    hour, day_type = table.time.hour.to_numpy(), _day_type(table)
+    for kind, driver in drivers.items():
+        for group, sign in ((f"{kind}_hour", always), (f"{kind}_day_type", day_type)):
             for h in range(_HOURS):
-                yield f"{group}_{h}", (hour == h) * drive * sign, plan.zone, False, group
+                yield Channel(f"{group}_{h}", (hour == h) * driver * sign, plan.zone, False, group)
 
 
-def _turned(plan: ChannelPlan, table: ZoneTable):
-    """Heat of a day of the other kind less that of its own, for every day of the week."""
+def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+    """Heat of a day of the other type less that of its own type, for each day of the week."""
     if not plan.contrast:
         return
     hour, day = table.time.hour.to_numpy(), table.time.day_of_week.to_numpy()
-    of_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
-    weekend = sum(of_hour[kind][hour] * drive for kind, drive in _drives(plan, table).items())
-    other = -2.0 * _contrast(table) * weekend
+    by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
+    contrast = sum(by_hour[kind][hour] * driver for kind, driver in _drivers(plan, table).items())
+    swap = -2.0 * _day_type(table) * contrast
     for d in range(_DAYS):
-        yield f"gain_turned_{d}", (day == d) * other, plan.zone, False, "turned"
-
-
-def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
-    """A plan that knows how weekends differ from weekdays by fitted coefficients of the channels ``names``."""
-    found = dict(zip(names, coef, strict=False))  # the emitter's is the last, and has no name
-    contrast = np.array([[found.get(f"{kind}_day_type_{h}", 0.0) for h in range(_HOURS)] for kind in ("gain", "ua")])
-    return plan._replace(contrast=tuple(map(tuple, contrast.tolist()))) if contrast.any() else plan
-
-
-class EmitterStore(NamedTuple):
-    """An emitter between two segments of rows."""
-
-    held: float  # what it gave back in the last row [kW]
-    given: float  # what it was given in that row [kW]
-
-
-def emitter_series(
-    heat: np.ndarray, step: float, time_constant: float, store: EmitterStore | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """What a lagging emitter gives back later of the heat it was given, less what it takes: ``z - heat``.
-
-    ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``; also its derivative by the logarithm
-    of the time constant [h].  It begins with a ``store``, or as if the first row's heat had always been given.
-    """
-    a = np.exp(-step / time_constant)
-    held, given = store if store is not None else (heat[0], heat[0])
-    before = np.concatenate([[given], heat[:-1]])
-    z, _ = lfilter([1.0 - a], [1.0, -a], before, zi=[a * held])
-    da = a * step / time_constant
-    behind = np.concatenate([[held], z[:-1]])
-    return z - heat, lfilter([1.0], [1.0, -a], da * (behind - before))
+        yield Channel(f"gain_swapped_{d}", (day == d) * swap, plan.zone, False, "swapped")

@@ -1,4 +1,4 @@
-"""Ridge regression with some coefficients that must not be negative, from sums of products."""
+"""Ridge regression with non-negative and free coefficients, from sums of products."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scipy.optimize import nnls
 
 
 class Solution(NamedTuple):
-    """Coefficients, which of them no bound holds, and half the penalised sum of squares."""
+    """Solution of the constrained problem."""
 
     coef: np.ndarray  # (J,)
-    free: np.ndarray  # (J,) bool
-    loss: float
+    free: np.ndarray  # (J,) bool, coefficients that are not at their bound
+    loss: float  # half the penalised sum of squares
 
 
 def gram(E: np.ndarray) -> np.ndarray:
@@ -44,15 +44,15 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
     """
     J = len(penalty)
     H, b = G[:J, :J] + np.diag(penalty), G[:J, J]
-    loose, bound = np.flatnonzero(~positive), np.flatnonzero(positive)
-    factor = cho_factor(H[np.ix_(loose, loose)])
+    free, bounded = np.flatnonzero(~positive), np.flatnonzero(positive)
+    factor = cho_factor(H[np.ix_(free, free)])
     coef = np.zeros(J)
-    cross = cho_solve(factor, H[np.ix_(loose, bound)])
-    if len(bound):
-        # the loose ones solved inside, what is left is a small problem with bounds
-        inner = H[np.ix_(bound, bound)] - H[np.ix_(bound, loose)] @ cross
+    cross = cho_solve(factor, H[np.ix_(free, bounded)])
+    if len(bounded):
+        # with the free ones eliminated, what is left is a small problem with bounds
+        inner = H[np.ix_(bounded, bounded)] - H[np.ix_(bounded, free)] @ cross
         inner[np.diag_indices_from(inner)] += 1e-10 * np.trace(inner)
         L = cholesky(inner, lower=True)
-        coef[bound], _ = nnls(L.T, solve_triangular(L, b[bound] - cross.T @ b[loose], lower=True))
-    coef[loose] = cho_solve(factor, b[loose]) - cross @ coef[bound]
+        coef[bounded], _ = nnls(L.T, solve_triangular(L, b[bounded] - cross.T @ b[free], lower=True))
+    coef[free] = cho_solve(factor, b[free]) - cross @ coef[bounded]
     return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - b @ coef))

@@ -1,4 +1,4 @@
-"""The network and its filter at given nonlinear parameters, with exact derivatives by their logarithms."""
+"""Discrete network and filter at given nonlinear parameters, with exact derivatives by their logarithms."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from ..filtering import discretize
 from ..thermal import MatrixBuilder, RCNetwork
 
-#: standard deviation of the thermometer [K]; only the others' ratios to it matter
+#: standard deviation of the thermometer [K]; only ratios of the others to it matter
 NOISE = 0.05
-#: what is unknown of the temperatures of a first row: of all together, and of each [K]
-_FIRST, _FIRST_EACH = 4.0, 1.0
-#: parameters beside the network's: walk of its temperatures [K/sqrt(h)], tracked heat [kW], its memory [h], and the lag
-#: of an emitter [h]
-OWN = ("sigma_x", "sigma_g", "tau_g", "tau_e")
+#: standard deviation of the first row's temperatures: common to all nodes, and of each node [K]
+_COMMON_START, _NODE_START = 4.0, 1.0
+#: parameters beside the network's: random walk of its temperatures [K/sqrt(h)], gain of the filter [kW] and its time
+#: constant [h], time constant of the emitter [h]
+FILTER_PARAMETERS = ("sigma_x", "sigma_g", "tau_g", "tau_e")
 
 
 class Matrices(NamedTuple):
-    """Discrete network, and the filter that has the tracked heat as one more state."""
+    """Discrete network, and the filter whose last state is the unmeasured gain."""
 
     A: np.ndarray  # (n, n)
-    B: np.ndarray  # (n, nb + n): boundary temperatures, then 1 kW on every node
+    B: np.ndarray  # (n, nb + n): boundary temperatures, then 1 kW into each node
     dA: np.ndarray  # (n, n, p)
     dB: np.ndarray  # (n, nb + n, p)
     F: np.ndarray  # (m, m), m = n + 1
@@ -34,8 +34,8 @@ class Matrices(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LeadModel:
-    """A network whose every node can be heated, and the disturbance that its filter tracks.
+class FilterModel:
+    """A network that can be heated at each node, and the unmeasured gain that its filter estimates.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class LeadModel:
     step : float
         [h].
     heat_scale : float
-        Spread of the known heat [kW], the unit of what is unknown.
+        Spread of the known heat [kW], the unit of unknown heat.
     """
 
     network: RCNetwork
@@ -54,49 +54,54 @@ class LeadModel:
     heat_scale: float
 
     @classmethod
-    def of(cls, network: RCNetwork, step: float, heat_scale: float) -> LeadModel:
-        """The model of a network's walls and air; what heats it comes as heat by node."""
+    def of(cls, network: RCNetwork, step: float, heat_scale: float) -> FilterModel:
+        """Model of a network's walls and air; its sources become heat by node."""
         bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0])
         return cls(network, bare.matrix_builder(network.boundaries), step, heat_scale)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Nonlinear parameters, in the order of psi."""
-        return (*self.builder.parameters, *OWN)
+        return (*self.builder.parameters, *FILTER_PARAMETERS)
 
     @property
     def zone(self) -> int:
-        """Place of the measured node."""
+        """Index of the measured node."""
         return self.network.nodes.index(self.network.measured_nodes[0])
 
     @property
     def output(self) -> np.ndarray:
-        """(m,) what is measured of the filter's state."""
+        """(m,) row that measures the filter's state."""
         return np.eye(len(self.network.nodes) + 1)[self.zone]
 
     def matrices(self, psi: np.ndarray) -> Matrices:
-        """Everything at the logarithms ``psi`` (p,)."""
-        k = len(self.builder.parameters)
-        values = np.exp(psi)
-        theta, (sigma_x, sigma_g, tau, _) = values[:k], values[k:]
-        c = self.builder.matrices(theta[None])
-        d = discretize(c.A[0], c.B[0], c.dA[0], c.dB[0], c.capacitance[0], self.step)
-        n, p = len(d.A), len(psi)
-        dA, dB = np.zeros((n, n, p)), np.zeros((*d.B.shape, p))
-        dA[..., :k] = np.moveaxis(d.dA * theta[:, None, None], 0, -1)
-        dB[..., :k] = np.moveaxis(d.dB * theta[:, None, None], 0, -1)
-        gain = d.B.shape[1] - n + self.network.nodes.index(self.network.disturbed_nodes[0])
+        """Matrices at the logarithms ``psi`` (p,) of the parameters."""
+        A, B, dA, dB = self._discrete(psi)
+        n, p, k = len(A), len(psi), len(self.builder.parameters)
+        sigma_x, sigma_g, tau, _ = np.exp(psi)[k:]
+        gain = B.shape[1] - n + self.network.nodes.index(self.network.disturbed_nodes[0])
         phi = np.exp(-self.step / tau)
         dphi = phi * self.step / tau
         F, dF = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1, p))
-        F[:n, :n], F[:n, n], F[n, n] = d.A, d.B[:, gain], phi
+        F[:n, :n], F[:n, n], F[n, n] = A, B[:, gain], phi
         dF[:n, :n], dF[:n, n], dF[n, n, k + 2] = dA, dB[:, gain], dphi
-        walk, moved = sigma_x**2 * self.step, sigma_g**2 * (1.0 - phi**2)
-        Q, dQ = np.diag(np.append(np.full(n, walk), moved)), np.zeros((n + 1, n + 1, p))
+        walk, drive = sigma_x**2 * self.step, sigma_g**2 * (1.0 - phi**2)
+        Q, dQ = np.diag(np.append(np.full(n, walk), drive)), np.zeros((n + 1, n + 1, p))
         node = np.arange(n)
         dQ[node, node, k] = 2.0 * walk
-        dQ[n, n, k + 1] = 2.0 * moved
+        dQ[n, n, k + 1] = 2.0 * drive
         dQ[n, n, k + 2] = -2.0 * sigma_g**2 * phi * dphi
-        P0 = np.diag(np.append(np.full(n, _FIRST_EACH**2), self.heat_scale**2))
-        P0[:n, :n] += _FIRST**2
-        return Matrices(d.A, d.B, dA, dB, F, Q, dF, dQ, P0)
+        P0 = np.diag(np.append(np.full(n, _NODE_START**2), self.heat_scale**2))
+        P0[:n, :n] += _COMMON_START**2
+        return Matrices(A, B, dA, dB, F, Q, dF, dQ, P0)
+
+    def _discrete(self, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, dA, dB of the network over one step, with the derivatives by psi in the last axis."""
+        k = len(self.builder.parameters)
+        theta = np.exp(psi)[:k]
+        c = self.builder.matrices(theta[None])
+        d = discretize(c.A[0], c.B[0], c.dA[0], c.dB[0], c.capacitance[0], self.step)
+        dA, dB = np.zeros((*d.A.shape, len(psi))), np.zeros((*d.B.shape, len(psi)))
+        dA[..., :k] = np.moveaxis(d.dA * theta[:, None, None], 0, -1)
+        dB[..., :k] = np.moveaxis(d.dB * theta[:, None, None], 0, -1)
+        return d.A, d.B, dA, dB

@@ -1,4 +1,4 @@
-"""The load of a scheduled network: forward from each origin, the emitter's store being one more state."""
+"""Loads of the schedule model: heat that keeps it within set-points, from each origin on."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from sklearn.isotonic import isotonic_regression
 
 from .._table import ZoneTable
 from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, steps_ahead
-from ..filtering import simulate_inverse, track_path
-from .channels import ChannelPlan, bent
+from ..filtering import simulate_inverse, solve_lq_path
+from .channels import ChannelPlan, part_load_deviation, part_load_name
 from .filter_model import NOISE
 from .fit import LeadFit
-from .online_updating import OriginState
-from .responses import Segment
+from .online_network import OriginState
+from .segment import Segment
 
-#: stages at which the heat of one that is not in proportion is worked out; every knot is among them where it runs to 1
+#: stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
 _GRID = 101
-#: a stage adds at least this share of the heat that it adds on average over its range
+#: least slope of a part-load curve, as a share of the proportional one
 _LEAST_SLOPE = 0.5
 #: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
 _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
@@ -30,15 +30,16 @@ def loads(
     fit: LeadFit,
     segment: Segment,
     origins: np.ndarray,
-    learned: Sequence[OriginState],
+    states: Sequence[OriginState],
     table: ZoneTable,
     setpoint: Band,
     limits: Limits,
 ) -> pd.DataFrame:
-    """Heat that keeps the last rows within their set-points, each origin's up to the next one.
+    """Heat that keeps the last rows within their set-points; each origin serves the rows up to the next one.
 
-    A temperature (a band whose sides are equal) is tracked: heat that met each value of a measured one would answer to
-    the thermometer's noise.  A band is a thermostat's setting, and has the least heat that keeps within it.
+    A single temperature (a band whose sides are equal) is followed by a linear-quadratic path: heat that met each value
+    of a measured temperature would answer to the thermometer's noise.  A band is a thermostat's setting; it takes the
+    least heat that keeps within it (paper Eq. inverseQ2).
 
     Parameters
     ----------
@@ -46,56 +47,56 @@ def loads(
     segment : Segment
     origins : ndarray of int, shape (n_origins,)
         Rows of the segment, increasing.
-    learned : sequence of OriginState
-        What is known at each origin.
+    states : sequence of OriginState
+        At each origin.
     table : ZoneTable
         The rows of ``segment``.
     setpoint : Band
         Of the rows from the first origin on [degC].
     limits : Limits
-        [kW].
+        Of the same rows [kW].
 
     Returns
     -------
     DataFrame
-        As the identifications give it, and ``zeta`` [kW].
+        As :meth:`GrayBoxRC.predict_load` gives it, and ``zeta`` [kW].
     """
     ends = np.append(origins[1:], table.n_rows)
-    usual = _Usual.of(fit) if np.array_equal(*setpoint) else None
+    variation = _Variation.of(fit) if np.array_equal(*setpoint) else None
     frames = []
-    for origin, end, known in zip(origins, ends, learned, strict=True):
+    for origin, end, state in zip(origins, ends, states, strict=True):
         rows = slice(origin - origins[0], end - origins[0])
         band = Band(*(side[rows] for side in setpoint))
         within = Limits(*(side[rows] for side in limits))
         ahead = segment.between(int(origin), int(end))
-        frames.append(_load_from(fit, ahead, known, table.index[origin:end], band, within, usual))
+        frames.append(_load_from(fit, ahead, state, table.index[origin:end], band, within, variation))
     # a stage whose capacity came out as 0 at one origin delivers nothing there
     return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
 
 
-class _Usual(NamedTuple):
-    """What is usual in the training."""
+class _Variation(NamedTuple):
+    """Root mean squares of the training, which weigh the linear-quadratic path."""
 
     noise: float  # of a temperature [K]
     change: float  # of the plant's heat from row to row [kW]
 
     @classmethod
-    def of(cls, fit: LeadFit) -> _Usual:
-        """Root mean squares."""
+    def of(cls, fit: LeadFit) -> _Variation:
+        """Variation of the training rows."""
         errors = fit.left_out[:, 0]
         known = np.isfinite(errors)
         noise = _NOISE_SHARE * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
-        channels, coef = fit.segment.channels, fit.point.solution.coef
+        channels = fit.segment.channels
         plant = ~(channels.scheduled | channels.solar)
-        heat = fit.segment.heat + channels.series[:, plant] @ coef[: len(plant)][plant]
+        heat = fit.segment.heat + channels.series[:, plant] @ fit.coef[: len(plant)][plant]
         change = float(np.sqrt(np.mean(np.diff(heat) ** 2)))
         return cls(noise, change if change > 0 else fit.model.heat_scale)
 
     def penalty(self, wanted: np.ndarray) -> float:
-        """What a change of heat costs beside an error of a wanted temperature (N,) [K2/kW2].
+        """Penalty of a change of heat relative to an error of the wanted temperatures (N,) [K2/kW2].
 
-        Of a heat that walks at random by usual changes, and a temperature with noise, the likeliest has the least of
-        both.  A path that is smooth has little noise: white noise alone gives second differences of root 6 its size.
+        It makes the path the likeliest one, for heat that walks at random by its usual changes and a temperature with
+        noise.  A path that is smooth has little noise: white noise alone gives second differences of root 6 its size.
         """
         rough = float(np.sqrt(np.mean(np.diff(wanted, 2) ** 2) / 6.0)) if len(wanted) > 2 else self.noise
         return (max(min(self.noise, rough), _LEAST_NOISE) / self.change) ** 2
@@ -104,87 +105,89 @@ class _Usual(NamedTuple):
 def _load_from(
     fit: LeadFit,
     segment: Segment,
-    known: OriginState,
+    state: OriginState,
     index: pd.Index,
     setpoint: Band,
     limits: Limits,
-    usual: _Usual | None,
+    variation: _Variation | None,
 ) -> pd.DataFrame:
-    """The rows from an origin on, by what is known there."""
-    M, coef, n = known.matrices, known.coef, segment.n_rows
-    plant = _plant(segment.plan, coef, fit)
-    zeta = segment.channels.scheduled_heat(coef) + known.tracked * M.F[-1, -1] ** np.arange(n)
-    A, forcing, effect = _augmented(fit, known, segment, zeta)
-    c, begin = np.eye(len(A))[fit.model.zone], np.append(known.nodes, known.store)
+    """Load of the rows from an origin on."""
+    M, coef, n = state.matrices, state.coef, segment.n_rows
+    plant = _plant(segment.plan, coef, fit.channel_names)
+    zeta = segment.channels.scheduled_heat(coef) + state.gain * M.F[-1, -1] ** np.arange(n)
+    A, forcing, effect = _with_emitter(fit, state, segment, zeta)
+    c, begin = np.eye(len(A))[fit.model.zone], np.append(state.nodes, state.emitter)
     band = [side - fit.reference for side in setpoint]
     system, free = (A, forcing, effect, c), np.full(n, np.inf)
-    ahead = steps_ahead(A, effect, c) if usual is None else MOST_AHEAD
+    ahead = steps_ahead(A, effect, c) if variation is None else MOST_AHEAD
 
     def heat_within(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if usual is None:
+        if variation is None:
             return simulate_inverse(*system, *band, lower, upper, begin, ahead)
-        return track_path(*system, band[0], usual.penalty(band[0]), lower, upper, begin, ahead)
+        return solve_lq_path(*system, band[0], variation.penalty(band[0]), lower, upper, begin, ahead)
 
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
-    here = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
-    temperature = np.append(here, path[:-1]) + fit.reference
+    at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
+    temperature = np.append(at_origin, path[:-1]) + fit.reference
     out = load_frame(plant, index, clipped, unclipped, temperature)
-    return _bent(out, segment.plan, plant, coef, fit).assign(zeta=zeta)
+    return _at_part_load(out, segment.plan, plant, coef, fit.channel_names).assign(zeta=zeta)
 
 
-def _bent(out: pd.DataFrame, plan: ChannelPlan, plant: Plant, coef: np.ndarray, fit: LeadFit) -> pd.DataFrame:
-    """Stages whose heat is not in proportion: those that give the heat that is asked of them."""
-    names, full = fit.segment.channels.names, dict((*plant.heating, *plant.cooling))
+def _at_part_load(
+    out: pd.DataFrame, plan: ChannelPlan, plant: Plant, coef: np.ndarray, names: tuple[str, ...]
+) -> pd.DataFrame:
+    """Replace proportional stages by those whose part-load curve gives the same heat."""
+    full, largest = dict((*plant.heating, *plant.cooling)), dict(plan.max_stages)
     for role in full.keys() & {role for role, _, _ in plan.knots}:
         grid = np.linspace(0.0, plant.most[role], _GRID)
-        heat = next(c for known, c in plan.fixed if known == role) * grid
-        for name, knot, c in plan.knots:
-            if name == role:
-                heat = heat + coef[names.index(f"{role}_{knot:.2g}")] * c * bent(grid, knot, dict(plan.tops)[role])
-        share = _rising(heat / full[role], grid)  # the stage in proportion that gives as much
+        heat = dict(plan.known)[role] * grid
+        for stage, knot, capacity in plan.knots:
+            if stage == role:
+                slope = coef[names.index(part_load_name(role, knot))] * capacity
+                heat = heat + slope * part_load_deviation(grid, knot, largest[role])
+        proportional = _increasing(heat / full[role], grid)
         for column in (role, f"{role}_unclipped"):
-            even = out[column].to_numpy()
-            out[column] = np.where(even < grid[-1], np.interp(even, share, grid), even)
+            stages = out[column].to_numpy()
+            out[column] = np.where(stages < grid[-1], np.interp(stages, proportional, grid), stages)
     return out
 
 
-def _rising(given: np.ndarray, proportional: np.ndarray) -> np.ndarray:
-    """The nearest curve that rises everywhere, between the same ends.
+def _increasing(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
+    """The nearest curve that increases everywhere, between the same ends.
 
-    The bends are learned from rooms whose thermostat chose the stage.  Where they leave a curve flat or falling, any of
-    many stages gives the heat, and the first of them may be far below what a building runs at.
+    A part-load curve is learned from rooms whose thermostat chose the stage.  Where it is flat or falling, many stages
+    give the same heat, and the first of them may be far below the one at which a building runs.
     """
     least = _LEAST_SLOPE * proportional
-    return isotonic_regression(given - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
+    return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
 
-def _plant(plan: ChannelPlan, coef: np.ndarray, fit: LeadFit) -> Plant:
-    """What heats and cools: stages of a given or a fitted capacity; a measured heat tells of no limit."""
-    names = fit.segment.channels.names
-    most = {role: max(1.0, top) for role, top in plan.tops}
-    capacity = {role: c for role, c in plan.fixed if role.startswith("u_")}
+def _plant(plan: ChannelPlan, coef: np.ndarray, names: tuple[str, ...]) -> Plant:
+    """Stages with their given or fitted capacity; measured heat sets no limit."""
+    most = {role: max(1.0, largest) for role, largest in plan.max_stages}
+    capacity = {role: c for role, c in plan.known if role.startswith("u_")}
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
-    beyond = np.inf if any(role.startswith("Q_") for role, _ in plan.fixed) else 0.0
+    beyond = np.inf if any(role.startswith("Q_") for role, _ in plan.known) else 0.0
     lower = sum(q * most[role] for role, q in cooling) - beyond
     upper = sum(q * most[role] for role, q in heating) + beyond
     return Plant(heating, cooling, most, lower, upper)
 
 
-def _augmented(
-    fit: LeadFit, known: OriginState, segment: Segment, zeta: np.ndarray
+def _with_emitter(
+    fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The network with the emitter's store: transition, forcing of the rows without the plant, effect of 1 kW."""
-    M, coef, plan, channels = known.matrices, known.coef, segment.plan, segment.channels
+    """Network with the emitter's heat as one more state: transition, forcing without the plant, effect of 1 kW."""
+    M, coef, plan, channels = state.matrices, state.coef, segment.plan, segment.channels
     n, nb = len(M.A), segment.boundary.shape[1]
     unit = M.B[:, nb:]
-    held = coef[-1] if plan.emitter else 0.0
-    a = np.exp(-fit.model.step / np.exp(known.psi[-1]))
+    delayed = coef[-1] if plan.emitter else 0.0  # share of the heat that the emitter delays
+    a = np.exp(-fit.model.step / np.exp(state.psi[-1]))
     A, effect = np.zeros((n + 1, n + 1)), np.empty(n + 1)
-    A[:n, :n], A[:n, n], A[n, n] = M.A, held * unit[:, plan.heated], a
-    effect[:n], effect[n] = (1.0 - held) * unit[:, plan.heated], 1.0 - a
+    A[:n, :n], A[:n, n], A[n, n] = M.A, delayed * unit[:, plan.heated], a
+    effect[:n], effect[n] = (1.0 - delayed) * unit[:, plan.heated], 1.0 - a
     heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
     heat[:, plan.zone] += zeta
     forcing = np.zeros((segment.n_rows, n + 1))

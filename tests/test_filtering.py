@@ -19,7 +19,7 @@ from skhybrid.filtering import (
     simulate_inverse,
     simulate_path,
     smooth_states,
-    track_path,
+    solve_lq_path,
 )
 from skhybrid.thermal import CATALOGUE, RCNetwork
 
@@ -435,7 +435,7 @@ def test_tracker_against_least_squares(lower, upper, beyond):
     A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), np.eye(n)[1], rng.normal(size=n)
     forcing, wanted = rng.normal(size=(N, n)), rng.normal(size=N)
     low, high = np.full(N, lower), np.full(N, upper)
-    applied, path = track_path(A, forcing, heat, c, wanted, penalty, low, high, s0, beyond)
+    applied, path = solve_lq_path(A, forcing, heat, c, wanted, penalty, low, high, s0, beyond)
     more, on = (np.concatenate([v, np.repeat(v[-1:], beyond, axis=0)]) for v in (forcing, wanted))
     s, before = s0, None
     for k in range(N):
@@ -459,6 +459,6 @@ def test_kernels_leave_their_arguments_alone():
     run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)
     nothing = np.zeros(len(m.forcing))
-    track_path(m.A, m.forcing, m.forcing[0], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
+    solve_lq_path(m.A, m.forcing, m.forcing[0], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)

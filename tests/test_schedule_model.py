@@ -1,7 +1,8 @@
-"""The scheduled network against plain loops, differences and SciPy: filter, objective, coefficients, what it learns."""
+"""Schedule model against plain loops, differences and SciPy: channels, objective, fit, online updating."""
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -11,29 +12,21 @@ from scipy.optimize import lsq_linear
 
 from skhybrid._table import ZoneTable
 from skhybrid.datasets import make_office
-from skhybrid.filtering import (
-    ForecastSample,
-    filter_gains,
-    filter_series,
-    hourly_sample,
-    lead_errors,
-    lead_rows,
-    lead_sensitivities,
-    simulate_inputs,
+from skhybrid.filtering import ForecastSample, hourly_sample, lead_rows
+from skhybrid.schedule import (
+    NumberedSegment,
+    RollingNetwork,
+    ScheduledNetwork,
+    fit_leads,
+    forecast_from_origins,
+    make_segment,
 )
-from skhybrid.schedule import NumberedSegment, RollingNetwork, ScheduledNetwork, fit_leads, follow, make_segment
-from skhybrid.schedule.channels import (
-    GROUPS,
-    emitter_series,
-    heat_of,
-    make_channels,
-    make_plan,
-    with_contrast,
-)
+from skhybrid.schedule.channels import GROUPS, known_heat, make_channels, make_plan, with_contrast
 from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
-from skhybrid.schedule.filter_model import NOISE, LeadModel
-from skhybrid.schedule.lead_problem import LeadProblem, Part, Shrinkage, penalty_of
-from skhybrid.schedule.responses import error_columns, respond
+from skhybrid.schedule.emitter import emitter_series
+from skhybrid.schedule.filter_model import NOISE, FilterModel
+from skhybrid.schedule.lead_problem import LeadProblem, ScoredForecasts, Shrinkage, penalty_of
+from skhybrid.schedule.responses import error_columns, simulate_responses
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
@@ -80,147 +73,12 @@ def fit(table, T):
 
 @pytest.fixture(scope="module")
 def later(fit, table, T):
-    return NumberedSegment(make_segment(fit.segment.plan, table, T, fit.reference), N_TRAIN, joined=True)
-
-
-# ----------------------------------------------------------------------------------------------------------- kernels
-class Filter:
-    """A random stable filter of three states, and how it hangs on two parameters."""
-
-    def __init__(self, seed=0, n_rows=40):
-        self.rng = rng = np.random.default_rng(seed)
-        m, p = 3, 2
-        self.node, self.R = 1, 0.3
-        self.A = 0.9 * np.eye(m) + 0.05 * rng.normal(size=(m, m))
-        root = 0.3 * rng.normal(size=(m, m))
-        self.Q, self.P0 = root @ root.T + 0.01 * np.eye(m), np.diag([1.0, 2.0, 3.0])
-        self.dA, half = 0.1 * rng.normal(size=(m, m, p)), 0.1 * rng.normal(size=(m, m, p))
-        self.dQ = half + half.swapaxes(0, 1)
-        self.seen = np.ones(n_rows, dtype=bool)
-        self.seen[[0, 7, 8, 9, 20]] = False
-        self.c = np.eye(m)[self.node]
-
-    def at(self, t):
-        return self.A + self.dA @ t, self.Q + self.dQ @ t
-
-    def gains(self, t):
-        """Kalman's recursion as it stands in a textbook."""
-        A, Q = self.at(t)
-        P, out = self.P0, np.zeros((len(self.seen), len(A)))
-        for k, seen in enumerate(self.seen):
-            if seen:
-                out[k] = P @ self.c / (self.c @ P @ self.c + self.R)
-                P = P - np.outer(out[k], self.c @ P)
-            P = A @ P @ A.T + Q
-        return out
-
-
-def test_filter_gains_are_those_of_the_textbook():
-    f = Filter()
-    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
-    np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-10)
-    for q, unit in enumerate(np.eye(2)):
-        numeric = slope(lambda h, unit=unit: f.gains(h * unit), 1e-3)
-        np.testing.assert_allclose(dgains[..., q], numeric, atol=1e-8)
-
-
-def test_settled_gains_are_still_those_of_the_textbook():
-    """Behind many rows, and behind a gap in the settled part."""
-    f = Filter(n_rows=400)
-    f.seen[300:310] = False
-    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
-    np.testing.assert_allclose(gains, f.gains(np.zeros(2)), atol=1e-9)
-    numeric = slope(lambda h: f.gains(np.array([h, 0.0])), 1e-3)
-    np.testing.assert_allclose(dgains[..., 0], numeric, atol=1e-7)
-
-
-def test_inputs_are_simulated_each_by_itself():
-    f = Filter(1)
-    B, V = f.rng.normal(size=(3, 4)), f.rng.normal(size=(30, 4))
-    expected = np.empty((30, 4))
-    for j in range(4):
-        x = np.zeros(3)
-        for k in range(30):
-            expected[k, j] = x[f.node]
-            x = f.A @ x + B[:, j] * V[k, j]
-    found = np.empty((30, 4))
-    here, ahead = simulate_inputs(f.A, B, V, f.node, np.zeros((3, 4)), found)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    np.testing.assert_allclose(ahead, f.A @ here + B * V[-1], atol=1e-12)
-    middle = np.zeros((3, 4))
-    for rows in (slice(11), slice(11, 12), slice(12, None)):  # in pieces
-        again = np.empty_like(V[rows])
-        _, middle = simulate_inputs(f.A, B, V[rows], f.node, middle, again)
-        np.testing.assert_allclose(again, expected[rows], atol=1e-12)
-    np.testing.assert_allclose(middle, ahead, atol=1e-12)
-
-
-def filtered(A, gains, node, y, origins):
-    x, out = np.zeros(len(A)), {}
-    for k, value in enumerate(y):
-        if gains[k].any():
-            x = x + gains[k] * (value - x[node])
-        out[k] = x
-        x = A @ x
-    return np.array([out[o] for o in origins])
-
-
-def test_series_are_filtered_each_by_itself():
-    f = Filter(2)
-    gains, S, origins = f.gains(np.zeros(2)), f.rng.normal(size=(40, 3)), np.array([0, 5, 8, 8, 39])
-    S[~f.seen] = np.nan  # never read
-    found, last, ahead = filter_series(f.A, gains, f.node, S, origins, np.zeros((3, 3)))
-    for j in range(3):
-        np.testing.assert_allclose(found[..., j], filtered(f.A, gains, f.node, S[:, j], origins), atol=1e-12)
-    np.testing.assert_array_equal(last, found[-1])
-    np.testing.assert_allclose(ahead, f.A @ last, atol=1e-12)
-    _, _, middle = filter_series(f.A, gains[:9], f.node, S[:9], origins[:0], np.zeros((3, 3)))
-    rest, _, _ = filter_series(f.A, gains[9:], f.node, S[9:], np.array([30]), middle)
-    np.testing.assert_allclose(rest[0], last, atol=1e-12)
-
-
-def test_errors_by_lead_are_what_is_left_of_the_filtered_forecast():
-    f = Filter(3)
-    S, states, P = f.rng.normal(size=(20, 2)), f.rng.normal(size=(3, 3, 2)), f.rng.normal(size=(2, 3))
-    origins, leads, weight = np.array([2, 9, 18]), np.array([1, 4]), f.rng.uniform(size=(3, 2))
-    weight[2, 1] = 0.0  # beyond the series
-    found = lead_errors(S, states, P, origins, leads, weight).reshape(3, 2, 2)
-    for o in range(3):
-        for h in range(2):
-            for j in range(2):
-                inside = weight[o, h] > 0
-                expected = weight[o, h] * (S[origins[o] + leads[h], j] - P[h] @ states[o, :, j]) if inside else 0.0
-                assert found[o, h, j] == pytest.approx(expected, abs=1e-12)
-
-
-def test_sensitivities_of_response_and_filter():
-    f = Filter(4)
-    n, N, p = 2, 40, 2
-    A, dA = 0.8 * np.eye(n) + 0.05 * f.rng.normal(size=(n, n)), 0.1 * f.rng.normal(size=(n, n, p))
-    forcing, dforcing = f.rng.normal(size=(N, n)), f.rng.normal(size=(N, n, p))
-    y, origins = np.where(f.seen, f.rng.normal(size=N), np.nan), np.array([0, 6, 8, 39])
-
-    def plain(t):
-        F, _ = f.at(t)
-        s, response = np.zeros(n), np.empty(N)
-        for k in range(N):
-            response[k] = s[f.node]
-            s = (A + dA @ t) @ s + forcing[k] + dforcing[k] @ t
-        return response, filtered(F, f.gains(t), f.node, y - response, origins)
-
-    gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
-    found = lead_sensitivities(A, dA, forcing, dforcing, f.A, f.dA, gains, dgains, f.node, y, origins)
-    response, states = plain(np.zeros(p))
-    np.testing.assert_allclose(found.response, response, atol=1e-12)
-    np.testing.assert_allclose(found.states, states, atol=1e-10)
-    for q, unit in enumerate(np.eye(p)):
-        np.testing.assert_allclose(found.dresponse[:, q], slope(lambda h, u=unit: plain(h * u)[0], 1e-3), atol=1e-7)
-        np.testing.assert_allclose(found.dstates[..., q], slope(lambda h, u=unit: plain(h * u)[1], 1e-3), atol=1e-7)
+    return NumberedSegment(fit.make_segment(table, T), N_TRAIN, joined=True)
 
 
 # ------------------------------------------------------------------------------------------------------------- model
 def test_the_model_and_its_derivatives_by_logarithms():
-    model = LeadModel.of(get_network("4R3C"), 0.5, 2.0)
+    model = FilterModel.of(get_network("4R3C"), 0.5, 2.0)
     psi = np.log(np.linspace(0.5, 3.0, len(model.names)))
     M = model.matrices(psi)
     sigma_x, sigma_g, tau = np.exp(psi[-4:-1])
@@ -244,7 +102,7 @@ def test_the_model_and_its_derivatives_by_logarithms():
 
 def test_a_steady_kilowatt_warms_every_node_by_its_resistance():
     """Closed form: in the long run heat leaves through the resistances to the outside only."""
-    model = LeadModel.of(get_network("1R1C"), 1.0, 1.0)
+    model = FilterModel.of(get_network("1R1C"), 1.0, 1.0)
     M = model.matrices(np.log([2.0, 5.0, 0.1, 0.1, 1.0, 1.0]))
     assert model.names[:2] == ("C_za", "R_zo")
     np.testing.assert_allclose(np.linalg.solve(np.eye(1) - M.A, M.B), [[1.0, 5.0]], rtol=1e-10)
@@ -298,7 +156,7 @@ def test_a_turned_day_is_one_of_the_other_kind(table):
     assert channels.names[: len(names)] == names
     days = table.time.day_of_week.to_numpy()
     for d in range(7):
-        own = channels.series[:, channels.names.index(f"gain_turned_{d}")]
+        own = channels.series[:, channels.names.index(f"gain_swapped_{d}")]
         for row in (5, 3 * DAY + 17, 5 * DAY + 20, 9 * DAY + 1):
             stamp, expected = table.time[row], 0.0
             if stamp.day_of_week == d:
@@ -319,15 +177,15 @@ def test_a_weekend_that_moves_is_learned_by_its_days():
     moved = pd.concat([X[:at], early[early.index >= X.index[at]]])
     table, T = as_table(moved), moved["T_za"].to_numpy()
     fit = fit_leads(get_network("4R3C"), table.rows(slice(at)), T[:at], DAY)
-    assert len(fit.segment.plan.contrast) == 2
-    turned = [f"gain_turned_{d}" for d in range(7)]
-    before = pd.Series(fit.point.solution.coef[: len(fit.segment.channels.names)], fit.segment.channels.names)[turned]
+    assert len(fit.plan.contrast) == 2
+    turned = [f"gain_swapped_{d}" for d in range(7)]
+    before = pd.Series(fit.coef[: len(fit.channel_names)], fit.channel_names)[turned]
     assert before.abs().max() < 0.15
-    later = NumberedSegment(make_segment(fit.segment.plan, table, T, fit.reference), at, joined=True)
+    later = NumberedSegment(fit.make_segment(table, T), at, joined=True)
     last = np.array([len(T) - 1])
-    coef = follow(fit, later, last, 1, "linear").learned[0].coef
-    after = pd.Series(coef[: len(fit.segment.channels.names)], fit.segment.channels.names)[turned].to_numpy() - before
-    assert set(after.nlargest(2).index) == {"gain_turned_4", "gain_turned_6"}
+    coef = forecast_from_origins(fit, later, last, 1, "linear").states[0].coef
+    after = pd.Series(coef[: len(fit.channel_names)], fit.channel_names)[turned].to_numpy() - before
+    assert set(after.nlargest(2).index) == {"gain_swapped_4", "gain_swapped_6"}
     assert after.nlargest(2).min() > 0.15
     assert after.nsmallest(5).max() < 0.1
 
@@ -394,17 +252,17 @@ def test_a_plan_for_measured_heat(table):
     measured = table.replace(inputs=inputs)
     plan = make_plan(get_network("4R3C"), measured, {}, calendar=False)
     assert plan.stages == plan.knots == ()
-    np.testing.assert_allclose(heat_of(plan, measured), inputs["Q_hvac"] + 0.1, atol=1e-12)
+    np.testing.assert_allclose(known_heat(plan, measured), inputs["Q_hvac"] + 0.1, atol=1e-12)
     assert not any(n.startswith(("u_", "Q_")) for n in make_channels(plan, measured).names)
 
 
 def test_a_plan_for_a_given_capacity(table):
     plan = make_plan(get_network("4R3C"), table, {"Q_h": 4.0}, calendar=False)
-    assert plan.fixed == (("u_heat", 4.0),)
+    assert plan.known == (("u_heat", 4.0),)
     assert plan.stages == (("u_cool", -1.0),)
-    np.testing.assert_allclose(heat_of(plan, table), 4.0 * table.inputs["u_heat"])
+    np.testing.assert_allclose(known_heat(plan, table), 4.0 * table.inputs["u_heat"])
     both = make_plan(get_network("4R3C"), table, {"Q_h": 4.0, "Q_c": -3.0}, calendar=False)
-    np.testing.assert_allclose(heat_of(both, table), 4.0 * table.inputs["u_heat"] - 3.0 * table.inputs["u_cool"])
+    np.testing.assert_allclose(known_heat(both, table), 4.0 * table.inputs["u_heat"] - 3.0 * table.inputs["u_cool"])
     assert both.stages == ()
 
 
@@ -414,8 +272,8 @@ def test_a_plan_for_cooling_only(table):
     idle = table.replace(inputs=table.inputs | {"u_heat": np.zeros(table.n_rows)})
     for one in (cooling, idle):
         plan = make_plan(get_network("4R3C"), one, {}, calendar=False)
-        assert plan.fixed == (("u_cool", -6.0),)
-        np.testing.assert_allclose(heat_of(plan, one), -6.0 * table.inputs["u_cool"])
+        assert plan.known == (("u_cool", -6.0),)
+        np.testing.assert_allclose(known_heat(plan, one), -6.0 * table.inputs["u_cool"])
 
 
 def test_a_plan_without_a_plant(table):
@@ -423,7 +281,7 @@ def test_a_plan_without_a_plant(table):
     plan = make_plan(get_network("4R3C"), bare, {}, calendar=False)
     assert not plan.emitter
     assert make_channels(plan, bare).names == ("gain", "ua")
-    assert not heat_of(plan, bare).any()
+    assert not known_heat(plan, bare).any()
 
 
 # ------------------------------------------------------------------------------------------------------ coefficients
@@ -449,10 +307,10 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
     """A segment whose temperature was made by a network with an emitter that holds back 60 %, with gaps."""
     network, part = get_network(network), table.rows(slice(n_rows))
     plan = make_plan(network, part, {}, calendar=True)
-    model = LeadModel.of(network, 0.5, 2.0)
+    model = FilterModel.of(network, 0.5, 2.0)
     psi = np.log([*[3.0] * len(network.capacitances), *[2.0] * len(network.resistors), 0.05, 0.5, 6.0, 1.5])
     M, channels = model.matrices(psi), make_channels(plan, part)
-    heat = heat_of(plan, part)
+    heat = known_heat(plan, part)
     lag, _ = emitter_series(heat, 0.5, 1.5)
     rng = np.random.default_rng(0)
     x, T = np.zeros(len(M.A)), np.empty(n_rows)
@@ -466,8 +324,8 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
     spread = np.full(len(psi), 1.2)
     precision = np.array([4.0, 3.0, 2.0, 1.0])
     parts = (
-        Part(segment, sample),
-        Part(segment.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
+        ScoredForecasts(segment, sample),
+        ScoredForecasts(segment.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
     )
     return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
 
@@ -476,11 +334,11 @@ def test_the_objective_is_that_of_weighted_forecast_errors(table):
     """Loss from the forecasts themselves, with the weights written out."""
     problem, psi = lagging_problem(table)
     point, loss = problem.evaluate(psi), 0.0
-    for part, count in zip(problem.parts, (1.5 / 8.0, 2.0 * 3.5 / 8.0), strict=True):
+    for part, count in zip(problem.forecasts, (1.5 / 8.0, 2.0 * 3.5 / 8.0), strict=True):
         ones = np.ones((len(part.sample.origins), 4))
         rows = part.sample.origins[:, None] + part.sample.leads
         ones[rows >= part.segment.n_rows] = 0.0
-        found = respond(problem.model, psi, part.segment, part.sample.origins)
+        found = simulate_responses(problem.model, psi, part.segment, part.sample.origins)
         E = error_columns(problem.model, found, part.sample, ones)
         e = (E[:, -1] - E[:, :-1] @ point.solution.coef).reshape(ones.shape)
         for (o, h), error in np.ndenumerate(e):
@@ -509,11 +367,11 @@ def test_the_hessian_is_that_of_the_projected_residuals(table):
     coef, free = point.solution.coef, point.solution.free
 
     def residuals(t):
-        E = np.vstack([problem.columns(t, part) for part in problem.parts])
+        E = np.vstack([problem.design(t, part) for part in problem.forecasts])
         return np.concatenate([E[:, -1] - E[:, :-1] @ coef, -np.sqrt(problem.penalty) * coef])
 
     J = np.column_stack([slope(lambda h, u=u: residuals(psi + h * u), 1e-3) for u in np.eye(len(psi))])
-    D = np.vstack([*point.columns, np.zeros((0, len(coef) + 1))])[:, :-1]
+    D = np.vstack([*point.designs, np.zeros((0, len(coef) + 1))])[:, :-1]
     D = np.vstack([D, np.diag(np.sqrt(problem.penalty))])[:, free]
     rest = J - D @ np.linalg.lstsq(D, J, rcond=None)[0]
     H = rest.T @ rest + np.eye(len(psi)) / 1.2**2
@@ -522,8 +380,8 @@ def test_the_hessian_is_that_of_the_projected_residuals(table):
 
 def test_penalties_are_in_units_of_the_heat(table):
     problem, _ = lagging_problem(table, shrinkage=Shrinkage(0.5, 2.0, 3.0))
-    names = problem.parts[0].segment.channels.names
-    penalty = dict(zip(names, penalty_of(problem.parts[0].segment, problem.shrinkage, 2.0), strict=False))
+    names = problem.forecasts[0].segment.channels.names
+    penalty = dict(zip(names, penalty_of(problem.forecasts[0].segment, problem.shrinkage, 2.0), strict=False))
     assert penalty["gain_hour_3"] == pytest.approx(0.5 / 4.0)
     assert penalty["gain_day_type_3"] == pytest.approx(1.5 / 4.0)
     assert penalty["ua"] == penalty["ua_hour_3"] == pytest.approx(2.0 / 4.0)
@@ -544,17 +402,32 @@ def test_hourly_origins_and_shares_of_the_horizon():
 
 def test_a_fit_improves_on_its_start_and_shows_what_it_found(fit):
     start = fit.problem.evaluate(fit.problem.centre)
-    assert fit.point.loss < start.loss
-    np.testing.assert_allclose(fit.gram, gram(fit.problem.columns(fit.point.psi, fit.problem.parts[0])), rtol=1e-12)
+    assert fit.problem.evaluate(fit.psi).loss < start.loss
+    np.testing.assert_allclose(fit.gram, gram(fit.problem.design(fit.psi, fit.problem.forecasts[0])), rtol=1e-12)
     shown = ScheduledNetwork.of(fit)
     assert list(shown.theta_.index) == list(fit.model.names[:-4])
-    np.testing.assert_allclose([*shown.theta_, *shown.disturbance_], np.exp(fit.point.psi))
+    np.testing.assert_allclose([*shown.theta_, *shown.disturbance_], np.exp(fit.psi))
     assert (shown.coef_[[n for n in shown.coef_.index if n.startswith("q_sol")]] >= 0).all()
+
+
+def test_a_fit_without_rows_gets_them_back_from_its_table(fit, table, T):
+    """Bit by bit, and without them it is small."""
+    saved = fit.without_rows()
+    assert saved.segment.n_rows == 0
+    assert saved.plan == fit.plan
+    assert saved.channel_names == fit.channel_names
+    again = saved.with_rows(saved.make_segment(table.rows(slice(N_TRAIN)), T[:N_TRAIN]))
+    for mine, its in zip(again.segment, fit.segment, strict=True):
+        if isinstance(its, np.ndarray):
+            np.testing.assert_array_equal(mine, its)
+    np.testing.assert_array_equal(again.segment.channels.series, fit.segment.channels.series)
+    np.testing.assert_array_equal(again.problem.evaluate(again.psi).gram, fit.gram)
+    assert len(pickle.dumps(saved)) < 0.4 * len(pickle.dumps(fit))
 
 
 def test_the_schedule_is_the_mean_heat_of_its_days(fit):
     """Of a week at one outdoor temperature, and of one at another."""
-    shown, mean = ScheduledNetwork.of(fit), fit.segment.plan.mean_outdoor
+    shown, mean = ScheduledNetwork.of(fit), fit.plan.mean_outdoor
     stamps = pd.date_range("2024-01-01", periods=7 * DAY, freq="30min")
     for away in (0.0, -7.0):
         X = pd.DataFrame({"T_oa": mean + away, "q_sol": 0.0, "u_heat": 0.0, "u_cool": 0.0}, stamps)
@@ -568,7 +441,7 @@ def test_the_schedule_is_the_mean_heat_of_its_days(fit):
 
 
 def test_left_out_errors_are_by_coefficients_without_the_block(fit):
-    part, E = fit.problem.parts[0], fit.problem.columns(fit.point.psi, fit.problem.parts[0])
+    part, E = fit.problem.forecasts[0], fit.problem.design(fit.psi, fit.problem.forecasts[0])
     blocks = np.repeat(fit.blocks, len(part.sample.leads))
     assert len(np.unique(blocks)) >= 3
     penalty = np.diag(np.sqrt(fit.problem.penalty))
@@ -622,9 +495,9 @@ def brute_force(fit, psi, coef, segment, origin, n_leads):
 
 @pytest.mark.parametrize("origin", [0, N_TRAIN - 1, 9 * DAY + 5, 12 * DAY + 7], ids=["first", "seam", "gap", "later"])
 def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
-    found = follow(fit, later, np.array([origin]), DAY, None)
-    coef = fit.point.solution.coef
-    expected, _ = brute_force(fit, fit.point.psi, coef, later.segment, origin, DAY)
+    found = forecast_from_origins(fit, later, np.array([origin]), DAY, None)
+    coef = fit.coef
+    expected, _ = brute_force(fit, fit.psi, coef, later.segment, origin, DAY)
     np.testing.assert_allclose(found.paths[0], expected, atol=1e-7)
     assert not len(found.errors)
 
@@ -632,10 +505,10 @@ def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
 def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, later, table):
     """The filter's heat fades from the origin on; far ahead the schedule is left."""
     origin = 10 * DAY
-    found = follow(fit, later, np.array([origin]), 4 * DAY, None)
+    found = forecast_from_origins(fit, later, np.array([origin]), 4 * DAY, None)
     shown = ScheduledNetwork.of(fit)
     planned = shown.heat_at(table).to_numpy()[origin + 1 : origin + 1 + 4 * DAY]
-    _, tracked = brute_force(fit, fit.point.psi, fit.point.solution.coef, later.segment, origin, 1)
+    _, tracked = brute_force(fit, fit.psi, fit.coef, later.segment, origin, 1)
     assert abs(tracked) > 1e-3
     fading = np.exp(-0.5 / shown.disturbance_["tau_g"]) ** np.arange(1, 4 * DAY + 1)
     np.testing.assert_allclose(found.heat[0], planned + tracked * fading, atol=1e-9)
@@ -651,11 +524,11 @@ def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
     leads = fit.sample.leads
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
-    found = follow(fit, later, origins, DAY, "linear", memory)
-    problem, psi, segment = fit.problem, fit.point.psi, later.segment
-    training = problem.columns(psi, problem.parts[0])
+    found = forecast_from_origins(fit, later, origins, DAY, "linear", memory)
+    problem, psi, segment = fit.problem, fit.psi, later.segment
+    training = problem.design(psi, problem.forecasts[0])
     rows = sample.origins[:, None] + leads
-    responses = respond(fit.model, psi, segment, sample.origins)
+    responses = simulate_responses(fit.model, psi, segment, sample.origins)
     E = error_columns(fit.model, responses, sample, (rows < segment.n_rows).astype(float))
     penalty, lowest = np.diag(np.sqrt(problem.penalty)), np.where(problem.positive, 0.0, -np.inf)
     weight = np.sqrt(3.0 * problem.precision * (1.0 / 8.0) / len(leads))  # hourly origins of which eight hours overlap
@@ -667,27 +540,27 @@ def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
         design = np.vstack([old * training, own])
         matrix, target = np.vstack([design[:, :-1], penalty]), np.append(design[:, -1], np.zeros(len(penalty)))
         coef = lsq_linear(matrix, target, (lowest, np.inf), method="bvls", tol=1e-14).x
-        np.testing.assert_allclose(found.learned[i].coef, coef, atol=1e-5 * np.abs(coef).max())
-        expected, _ = brute_force(fit, psi, found.learned[i].coef, segment, origin, DAY)
+        np.testing.assert_allclose(found.states[i].coef, coef, atol=1e-5 * np.abs(coef).max())
+        expected, _ = brute_force(fit, psi, found.states[i].coef, segment, origin, DAY)
         np.testing.assert_allclose(found.paths[i], expected, atol=1e-7)
-    assert not np.allclose(found.learned[0].coef, found.learned[2].coef, atol=1e-3)
+    assert not np.allclose(found.states[0].coef, found.states[2].coef, atol=1e-3)
 
 
 @pytest.mark.parametrize(("adapt", "memory"), [("linear", 0), ("full", 0), ("full", 1)])
 def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
     origins = np.array([N_TRAIN + 1, 12 * DAY, N_TRAIN + 11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    clean = follow(fit, later, origins, DAY, adapt, memory)
+    clean = forecast_from_origins(fit, later, origins, DAY, adapt, memory)
     rng = np.random.default_rng(0)
     for i, origin in enumerate(origins):
         y, seen = later.segment.y.copy(), later.segment.seen.copy()
         y[origin + 1 :] = rng.normal(0.0, 30.0, len(y) - origin - 1)
         seen[origin + 1 :] |= True
         changed = later._replace(segment=later.segment._replace(y=y, seen=seen))
-        other = follow(fit, changed, origins, DAY, adapt, memory)
+        other = forecast_from_origins(fit, changed, origins, DAY, adapt, memory)
         np.testing.assert_array_equal(other.paths[: i + 1], clean.paths[: i + 1])
-        np.testing.assert_array_equal(other.learned[i].coef, clean.learned[i].coef)
-        np.testing.assert_array_equal(other.learned[i].psi, clean.learned[i].psi)
+        np.testing.assert_array_equal(other.states[i].coef, clean.states[i].coef)
+        np.testing.assert_array_equal(other.states[i].psi, clean.states[i].psi)
         known = sample.origins[:, None] + sample.leads <= origin
         np.testing.assert_array_equal(other.errors[:-1][known], clean.errors[:-1][known])
 
@@ -695,10 +568,10 @@ def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
 @pytest.mark.parametrize("adapt", [None, "linear", "full"])
 def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
     origins = np.array([N_TRAIN, N_TRAIN + 1, N_TRAIN + 2, N_TRAIN + 3, N_TRAIN + 50, N_TRAIN + 11 * DAY])
-    together = follow(fit, later, origins, DAY, adapt)
+    together = forecast_from_origins(fit, later, origins, DAY, adapt)
     for i, origin in enumerate(origins):
         one = np.array([origin])
-        alone = follow(fit, later, one, DAY, adapt)
+        alone = forecast_from_origins(fit, later, one, DAY, adapt)
         np.testing.assert_allclose(alone.paths[0], together.paths[i], atol=1e-6)
 
 
@@ -706,7 +579,7 @@ def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
 def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Shown the last rows only, and all of them at a re-fit, a learner forecasts what one with all rows does."""
     origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
-    whole = [follow(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
+    whole = [forecast_from_origins(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
     learner, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
     for i, origin in enumerate(origins):
         first, end = learner.row, int(origin) + 1 + DAY
@@ -728,12 +601,12 @@ def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
 def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later, memory):
     origins = np.array([11 * DAY])
     sample = history(later, origins, fit.sample.leads)
-    found = follow(fit, later, origins, DAY, "linear", memory)
+    found = forecast_from_origins(fit, later, origins, DAY, "linear", memory)
     morning = N_TRAIN + 2 * DAY
-    that_day = follow(fit, later, np.array([morning]), DAY, "linear", memory)
+    that_day = forecast_from_origins(fit, later, np.array([morning]), DAY, "linear", memory)
     for place in np.flatnonzero((sample.origins >= morning) & (sample.origins < morning + DAY))[::7]:
         origin = sample.origins[place]
-        path, _ = brute_force(fit, fit.point.psi, that_day.learned[0].coef, later.segment, origin, DAY)
+        path, _ = brute_force(fit, fit.psi, that_day.states[0].coef, later.segment, origin, DAY)
         target = np.minimum(origin + sample.leads, later.segment.n_rows - 1)
         known = later.segment.seen[target] & (target <= origins[-1])
         expected = np.where(known, later.segment.y[target] - path[sample.leads - 1], np.nan)
@@ -747,11 +620,13 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     origins = np.array([mark - 1, mark, mark + 20])
 
     def learned(y):
-        return follow(fit, later._replace(segment=later.segment._replace(y=y)), origins, 1, "full").learned
+        return forecast_from_origins(
+            fit, later._replace(segment=later.segment._replace(y=y)), origins, 1, "full"
+        ).states
 
     y = later.segment.y
     before, at, behind = (known.psi for known in learned(y))
-    np.testing.assert_array_equal(before, fit.point.psi)
+    np.testing.assert_array_equal(before, fit.psi)
     assert not np.array_equal(at, before)
     np.testing.assert_array_equal(at, behind)
     changed = y.copy()
@@ -771,11 +646,11 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
         own = y.copy()
         if changed is not None:
             own[changed:] += 3.0
-        elsewhere = NumberedSegment(make_segment(fit.segment.plan, part, own, fit.reference), 0, joined=False)
+        elsewhere = NumberedSegment(fit.make_segment(part, own), 0, joined=False)
         origins = np.array([mark - 1, mark])
-        found.append(follow(fit, elsewhere, origins, 1, "full").learned)
-    np.testing.assert_array_equal(found[0][0].psi, fit.point.psi)
-    assert not np.array_equal(found[0][1].psi, fit.point.psi)
+        found.append(forecast_from_origins(fit, elsewhere, origins, 1, "full").states)
+    np.testing.assert_array_equal(found[0][0].psi, fit.psi)
+    assert not np.array_equal(found[0][1].psi, fit.psi)
     np.testing.assert_array_equal(found[1][1].psi, found[0][1].psi)
     np.testing.assert_array_equal(found[1][1].coef, found[0][1].coef)
     assert not np.array_equal(found[2][1].psi, found[0][1].psi)
@@ -784,11 +659,13 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
 def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     """From where the last fit ended: the re-fitted point beats it on the rows that it was fitted on."""
     mark = N_TRAIN + 10 * DAY
-    psi = follow(fit, later, np.array([mark]), 1, "full").learned[0].psi
+    psi = forecast_from_origins(fit, later, np.array([mark]), 1, "full").states[0].psi
     origins = np.arange(DAY, mark, 4)
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)
     window = replace(
         fit.problem,
-        parts=(Part(later.segment.between(0, mark + 1), ForecastSample(origins, fit.sample.leads), weight),),
+        forecasts=(
+            ScoredForecasts(later.segment.between(0, mark + 1), ForecastSample(origins, fit.sample.leads), weight),
+        ),
     )
-    assert window.evaluate(psi).loss < window.evaluate(fit.point.psi).loss
+    assert window.evaluate(psi).loss < window.evaluate(fit.psi).loss

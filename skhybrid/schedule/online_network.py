@@ -1,0 +1,116 @@
+"""A network at fixed nonlinear parameters that goes through rows and re-solves its coefficients."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..filtering import lead_rows, simulate_path
+from .coefficient_memory import HALF_LIVES, CoefficientMemory
+from .completed_forecasts import CompletedForecasts, OpenForecasts
+from .emitter import emitter_series
+from .filter_model import Matrices
+from .fit import LeadFit
+from .responses import ResponseFilter, Responses, node_inputs
+from .segment import Segment
+
+_DAY = 24.0
+
+
+class OriginState(NamedTuple):
+    """State of a network at an origin."""
+
+    psi: np.ndarray  # (p,)
+    matrices: Matrices
+    coef: np.ndarray  # (J,)
+    nodes: np.ndarray  # (n,) temperatures [K from the reference], before the inputs of the origin's row act
+    gain: float  # unmeasured heat that the filter estimates [kW]
+    emitter: float  # heat that the emitter gives off from what it was given before the origin's row [kW]
+
+
+class OnlineNetwork:
+    """A network at one psi that goes through rows, and the coefficients that its completed forecasts give.
+
+    The memories begin with the training forecasts of the fit, at the fit's psi.
+
+    Parameters
+    ----------
+    fit : LeadFit
+    psi : ndarray of shape (p,)
+        Logarithms of the nonlinear parameters.
+    begin : int
+        First row that the training has not seen.
+
+    Attributes
+    ----------
+    psi : ndarray of shape (p,)
+    """
+
+    def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
+        self.psi, self._fit, self._begin = psi, fit, begin
+        self._filter = ResponseFilter(fit.model, psi, fit.plan, fit.segment.channels.node)
+        self._open = OpenForecasts(fit.problem, fit.sample.leads, self._filter.matrices)
+        self._n_rows = 0
+        self.start_memories(fit.gram)
+
+    def start_memories(self, products: np.ndarray) -> None:
+        """Begin with the Gram matrix (J + 1, J + 1) of the training forecasts."""
+        per_day = round(_DAY / self._fit.model.step)
+        self._memories = [
+            CoefficientMemory(self._fit.problem, products, self._begin, days * per_day) for days in HALF_LIVES
+        ]
+
+    # -------------------------------------------------------------------------------------------------------- advance
+    def respond(self, segment: Segment, origins: np.ndarray) -> Responses:
+        """Simulate and filter the next rows; ``origins`` count from the first of them."""
+        self._n_rows += segment.n_rows
+        return self._filter.run(segment, origins)
+
+    def advance(self, segment: Segment, first: int, origins: np.ndarray, spacing: float) -> CompletedForecasts:
+        """Go through the next rows, from row ``first`` on; forecasts begin at ``origins``, ``spacing`` rows apart."""
+        responses = self.respond(segment, origins - first)
+        return self._open.advance(responses, segment.seen, first, origins, spacing)
+
+    def learn(self, completed: CompletedForecasts, row: int) -> None:
+        """Add forecasts that have ended by the last row, ``row``."""
+        for memory in self._memories:
+            memory.learn(completed.columns, completed.age, row)
+
+    def coefs(self) -> np.ndarray:
+        """(K, J) coefficients of each memory."""
+        return np.array([memory.coef for memory in self._memories])
+
+    # ------------------------------------------------------------------------------------------------------- forecast
+    def state(self, coef: np.ndarray) -> OriginState:
+        """State at the last row under coefficients (J,)."""
+        emitter, filtered = self._filter.emitter, self._filter.filtered @ np.append(-coef, 1.0)
+        # before the first of all rows the emitter is taken as cold
+        output = emitter.output if emitter is not None and self._n_rows > 1 else 0.0
+        nodes = self._filter.last_states @ np.append(coef, 1.0) + filtered[:-1]
+        return OriginState(self.psi, self._filter.matrices, coef, nodes, filtered[-1], output)
+
+    def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """Forecast from the last row: (K, n_leads) deviations [K] and unmeasured heat [kW] under coefficients (K, J).
+
+        ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held.
+        """
+        M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
+        P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
+        rows = np.minimum(leads - 1, n_known - 1)
+        paths, heat = np.empty((len(coefs), n_leads)), np.empty((len(coefs), n_leads))
+        for i, coef in enumerate(coefs):
+            filtered = self._filter.filtered @ np.append(-coef, 1.0)
+            paths[i] = self._simulate(ahead, n_known, coef)[rows] + P @ filtered
+            heat[i] = ahead.channels.scheduled_heat(coef)[rows] + filtered[-1] * M.F[-1, -1] ** leads
+        return paths, heat
+
+    def _simulate(self, ahead: Segment, n_known: int, coef: np.ndarray) -> np.ndarray:
+        """(n_known,) simulated output of the rows that follow, or (1,) that of the last row."""
+        responses, zone, weights = self._filter, self._fit.model.zone, np.append(coef, 1.0)
+        if n_known == 0:
+            return responses.last_states[[zone]] @ weights
+        M = responses.matrices
+        lag, _ = emitter_series(ahead.heat, self._fit.model.step, np.exp(self.psi[-1]), responses.emitter)
+        forcing = node_inputs(ahead, coef, lag) @ M.B.T
+        return simulate_path(M.A, forcing[:-1], responses.next_states @ weights)[:, zone]

@@ -1,0 +1,173 @@
+"""Online updating: coefficients re-solved at each origin, network refitted every ten days, errors recorded."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .coefficient_memory import HALF_LIVES
+from .completed_forecasts import CompletedForecasts
+from .error_history import ErrorHistory
+from .fit import LeadFit
+from .network_refit import origins_between, refit_network
+from .online_network import OnlineNetwork, OriginState
+from .segment import NumberedSegment
+
+#: days between refits of the network
+_REFIT_DAYS = 10
+_DAY = 24.0
+
+
+class RollingNetwork:
+    """A fitted model that goes through rows, learns from them and forecasts.
+
+    Parameters
+    ----------
+    fit : LeadFit
+    begin : int
+        First row that the training has not seen.
+    joined : bool
+        Whether the rows before ``begin`` are the training's own.
+    adapt : {None, "linear", "full"}
+        Nothing is learned; coefficients are re-solved; the network is refitted too.
+
+    Attributes
+    ----------
+    row : int
+        Row that comes next.
+    errors : ndarray of shape (n, L, K)
+        [K] of each memory's forecasts from ``begin``, ``begin + every``, ... at the fit's leads, by the coefficients
+        that were known at the start of the forecast's day; NaN where unknown, and where they have not ended.  Only
+        with adaptation.
+    every : int
+        Rows between these forecasts: an hour, or a row.
+    """
+
+    def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
+        self.fit, self.begin, self.joined, self.adapt = fit, begin, joined, adapt
+        self.every = max(1, round(1.0 / fit.model.step))
+        self.row = 0
+        self._per_day = round(_DAY / fit.model.step)
+        self._longest = int(fit.sample.leads[-1])
+        self._errors = ErrorHistory(len(fit.sample.leads), len(HALF_LIVES))
+        self._network = OnlineNetwork(fit, fit.psi, begin)
+        self._since = begin  # first origin whose errors are the network's own
+        # the network before a refit goes on until its last forecasts have ended
+        self._previous: OnlineNetwork | None = None
+        self._previous_since = begin
+        self._morning_coefs: dict[int, np.ndarray] = {}  # day -> (K, J)
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Errors of forecasts of the history."""
+        return self._errors.values
+
+    # -------------------------------------------------------------------------------------------------------- advance
+    def advance(self, rows: NumberedSegment, origin: int) -> None:
+        """Go through the rows up to ``origin``, that one included."""
+        while self.row <= origin:
+            if self.adapt is None:
+                self._take(rows, origin)
+                continue
+            day = max(0, -(-(self.row - self.begin) // self._per_day))
+            morning = self.begin + day * self._per_day
+            self._take(rows, min(origin, morning))
+            if self.row == morning + 1:
+                self._begin_day(rows, day)
+
+    def _begin_day(self, rows: NumberedSegment, day: int) -> None:
+        """Refit where it is due, and keep the coefficients that the day's forecasts are judged by."""
+        if self.adapt == "full" and day and day % _REFIT_DAYS == 0:
+            self._previous, self._previous_since = self._network, self._since
+            self._network, self._since = refit_network(self.fit, self._network.psi, rows, self.row), self.row - 1
+        oldest = day - 1 - self._longest // self._per_day
+        self._morning_coefs = {d: coefs for d, coefs in self._morning_coefs.items() if d >= oldest}
+        self._morning_coefs[day] = self._network.coefs()
+
+    def _take(self, rows: NumberedSegment, last: int) -> None:
+        """Go through the rows up to ``last``."""
+        segment, first = rows.between(self.row, last + 1), self.row
+        none = np.empty(0, dtype=np.int64)
+        origins = none if self.adapt is None else origins_between(first, last + 1, self.begin, self.every)
+        self._errors.extend(len(self.errors) + len(origins))
+        completed = self._network.advance(segment, first, origins, self.every)
+        if self.adapt is not None:
+            self._record_errors(completed, completed.origin >= self._since)
+            self._network.learn(completed, last)
+        if self._previous is not None:
+            completed = self._previous.advance(segment, first, none, self.every)
+            own = (completed.origin >= self._previous_since) & (completed.origin < self._since)
+            self._record_errors(completed, own)
+            if last >= self._since + self._longest:
+                self._previous = None
+        self.row = last + 1
+
+    def _record_errors(self, completed: CompletedForecasts, own: np.ndarray) -> None:
+        """Record the errors of a network's ``own`` (k,) forecasts, by the coefficients of their mornings."""
+        day = (completed.origin - self.begin) // self._per_day
+        for d in np.unique(day[own]):
+            of_day = own & (day == d)
+            columns = completed.columns[of_day]
+            e = (columns[:, [-1]] - columns[:, :-1] @ self._morning_coefs[d].T) / completed.root[of_day, None]
+            self.errors[(completed.origin[of_day] - self.begin) // self.every, completed.lead[of_day]] = e
+
+    # ------------------------------------------------------------------------------------------------------- forecast
+    def coefs(self) -> np.ndarray:
+        """(K, J) coefficients of each memory, as known at the last row."""
+        if self.adapt is None:
+            return np.tile(self.fit.coef, (len(HALF_LIVES), 1))
+        return self._network.coefs()
+
+    def state(self, memory: int = 0) -> OriginState:
+        """State at the last row, by one memory."""
+        return self._network.state(self.coefs()[memory])
+
+    def forecast(self, rows: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """Forecast from the last row: (K, n_leads) deviations from the reference [K], and unmeasured heat [kW].
+
+        Inputs after the rows of ``rows`` are held at the last of them.
+        """
+        origin = self.row - 1
+        last = min(origin + n_leads, rows.end - 1)
+        ahead = rows.between(min(origin + 1, last), last + 1)
+        return self._network.forecast(ahead, last - origin, self.coefs(), n_leads)
+
+
+class RolledForecasts(NamedTuple):
+    """Forecasts from several origins, and the errors of the history's."""
+
+    paths: np.ndarray  # (n_origins, n_leads) [K from the reference]
+    heat: np.ndarray  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
+    errors: np.ndarray  # (O, L) [K], as in :class:`RollingNetwork`
+    states: list[OriginState]  # at each origin
+
+
+def forecast_from_origins(
+    fit: LeadFit, rows: NumberedSegment, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
+) -> RolledForecasts:
+    """Forecast from each origin.
+
+    Parameters
+    ----------
+    fit : LeadFit
+    rows : NumberedSegment
+    origins : ndarray of int, shape (n_origins,)
+        Rows, increasing.
+    n_leads : int
+    adapt : {None, "linear", "full"}
+    memory : int
+        Index in HALF_LIVES.
+
+    Returns
+    -------
+    RolledForecasts
+    """
+    network = RollingNetwork(fit, rows.begin, rows.joined, adapt)
+    paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
+    states = []
+    for i, origin in enumerate(origins):
+        network.advance(rows, int(origin))
+        paths[i], heat[i] = (of_memories[memory] for of_memories in network.forecast(rows, n_leads))
+        states.append(network.state(memory))
+    return RolledForecasts(paths, heat, network.errors[..., memory], states)
