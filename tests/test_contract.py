@@ -29,7 +29,7 @@ def office():
 
 
 def gray_box(office, X=None, y=None, **settings):
-    """A fit of which everything is known, and so done at once."""
+    """A fit with all parameters known, which takes no time."""
     X, y = (office.X if X is None else X), (office.y if y is None else y)
     return GrayBoxRC(**{"known": office.theta, **settings}).fit(X, y)
 
