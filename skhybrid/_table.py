@@ -114,15 +114,6 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     """Join tables that follow each other.
 
     Inputs that one of them lacks are dropped, and history that one of them lacks is NaN in its rows.
-
-    Parameters
-    ----------
-    tables : sequence of ZoneTable
-        At least one.
-
-    Returns
-    -------
-    ZoneTable
     """
     first, last = tables[0], tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
@@ -162,13 +153,7 @@ def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
 
 
 def refuse_gap(table: ZoneTable) -> None:
-    """Refuse a table of several segments.
-
-    Raises
-    ------
-    ValueError
-        Naming the stamps around the first gap.
-    """
+    """Raise a ValueError that names the stamps around the first gap, where there is one."""
     if len(table.breaks) > 1:
         row = table.breaks[1]
         raise ValueError(
