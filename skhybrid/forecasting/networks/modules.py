@@ -46,8 +46,8 @@ class NetworkStack(nn.Module):
         self.spec = specs[0]
         if any(one.shape != self.spec.shape for one in specs):
             raise ValueError("networks of a stack must be of equal shape.")
-        self.specs = list(specs)
         self.numbers = list(range(len(specs)))
+        self._set_specs(specs)
         self.layers = layers_of(self.spec)
         self._shapes = [shape for layer in self.layers for shape in (layer.shape, (layer.n_out,))]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
@@ -88,7 +88,7 @@ class NetworkStack(nn.Module):
         """
         names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
         pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
-        return {name: piece.unflatten(1, shape) for name, piece, shape in pieces}
+        return {name: piece.view(len(self.flat), *shape) for name, piece, shape in pieces}
 
     @torch.no_grad()
     def set_weights(self, weights: dict[str, Tensor]) -> NetworkStack:
@@ -99,17 +99,23 @@ class NetworkStack(nn.Module):
 
     def keep(self, rows: list[int]) -> None:
         """Remove the networks of all other rows; ``flat`` becomes another parameter."""
-        self.specs = [self.specs[row] for row in rows]
         self.numbers = [self.numbers[row] for row in rows]
+        self._set_specs([self.specs[row] for row in rows])
         self.flat = nn.Parameter(self.flat.detach()[rows])
+
+    def _set_specs(self, specs: Sequence[NetworkSpec]) -> None:
+        """Store the specs, and the activations of neighbours of one kind with their number."""
+        self.specs = list(specs)
+        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in specs)]
+        self._functions = [_ACTIVATIONS[name] for name, _ in runs]
+        self._lengths = [length for _, length in runs]
 
     def activate(self, z: Tensor) -> Tensor:
         """The activation of each network; neighbours of one kind are computed together."""
-        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in self.specs)]
-        if len(runs) == 1:
-            return _ACTIVATIONS[runs[0][0]](z)
-        parts = z.split([length for _, length in runs])
-        return torch.cat([_ACTIVATIONS[name](part) for (name, _), part in zip(runs, parts, strict=True)])
+        if len(self._functions) == 1:
+            return self._functions[0](z)
+        parts = z.split(self._lengths)
+        return torch.cat([function(part) for function, part in zip(self._functions, parts, strict=True)])
 
 
 class MLPStack(NetworkStack):
