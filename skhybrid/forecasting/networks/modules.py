@@ -5,10 +5,12 @@ A network that is trained alone is a stack of one.  The first axis of every tens
 ====== ================================== =====================================================
 inputs (n_networks, n_windows, ...)       what a window reads (:func:`~.windows.network_inputs`)
 base   (n_networks, n_windows, n_leads)   baseline forecast that is corrected; 0 where there is none
-kept   (n_networks, *dropout shape)       factors of dropout: 0, or 1 / (1 - share); None drops nothing
+kept   (n_networks, n_layers, width,      factors of dropout: 0, or 1 / (1 - share); None drops nothing
+       n_windows)
 ====== ================================== =====================================================
 
-Inputs and forecasts are z-scores.  No network's forecast or gradient contains anything of another's.
+Inside, windows are the last axis: products of narrow layers are faster so, and each gate of a cell is one run of
+memory.  Inputs and forecasts are z-scores.  No network's forecast or gradient contains anything of another's.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ class NetworkStack(nn.Module):
         self.numbers = list(range(len(specs)))
         self._set_specs(specs)
         self.layers = layers_of(self.spec)
-        self._shapes = [shape for layer in self.layers for shape in (layer.shape, (layer.n_out,))]
+        self._shapes = [shape for layer in self.layers for shape in (layer.shape, layer.shape[:1])]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
         self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
 
@@ -83,7 +85,7 @@ class NetworkStack(nn.Module):
         Returns
         -------
         dict of str to Tensor
-            ``<layer>.weight`` (n_networks, n_in, n_out), of a convolution (n_networks, n_out, n_in, width), and
+            ``<layer>.weight`` (n_networks, n_out, n_in), of a convolution (n_networks, n_out, n_in, width), and
             ``<layer>.bias`` (n_networks, n_out).
         """
         names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
@@ -123,11 +125,11 @@ class MLPStack(NetworkStack):
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""
-        weights, z = self.weights(), inputs
+        weights, z = self.weights(), inputs.transpose(1, 2)
         for i in range(self.spec.n_layers):
             z = self.activate(dense(weights, f"hidden{i}", z))
             z = z if kept is None else z * kept[:, i]
-        return base + dense(weights, "out", z)
+        return base + dense(weights, "out", z).transpose(1, 2)
 
 
 class CNNStack(NetworkStack):
@@ -139,8 +141,8 @@ class CNNStack(NetworkStack):
         for i in range(self.spec.n_layers + 1):
             z = self._convolve(z, weights[f"conv{i}.weight"], weights[f"conv{i}.bias"])
             z = self.activate(self._pool(z))
-        z = self.activate(dense(weights, "hidden", z.flatten(2)))
-        return base + dense(weights, "out", z if kept is None else z * kept[:, 0])
+        z = self.activate(dense(weights, "hidden", z.flatten(2).transpose(1, 2)))
+        return base + dense(weights, "out", z if kept is None else z * kept[:, 0]).transpose(1, 2)
 
     def _convolve(self, z: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
         """Convolutions (n_networks, n_windows, n_channels, length), on a GPU as groups of one."""
@@ -158,5 +160,5 @@ class CNNStack(NetworkStack):
 
 
 def dense(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
-    """``W z + b`` of every network, (n_networks, n_windows, n_out)."""
-    return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])
+    """``W z + b`` of every network, (n_networks, n_out, n_windows)."""
+    return torch.baddbmm(weights[f"{name}.bias"][:, :, None], weights[f"{name}.weight"], z)
