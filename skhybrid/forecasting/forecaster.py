@@ -284,7 +284,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return shared.setdefault(key, (table, target))
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
-        """Fit the baseline of the rows that train, for the network to correct, and that of all rows, to forecast with."""
+        """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
