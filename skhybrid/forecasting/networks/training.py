@@ -12,6 +12,7 @@ from skorch import NeuralNet
 from skorch.helper import predefined_split
 from threadpoolctl import ThreadpoolController
 from torch import Tensor
+from torch.nn import functional as F
 
 from .batches import WindowBatches
 from .callbacks import EarlyStoppingPerNetwork, EpochProgress, GradientClippingPerNetwork, TrainingResult
@@ -38,9 +39,9 @@ class SquaredErrorsPerNetwork(torch.nn.Module):
 
     def forward(self, forecast: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
         """Sums and numbers (n_networks,) for forecasts (n_networks, n_windows, n_leads); unknown targets are NaN."""
-        unknown = torch.isnan(target)
-        errors = (forecast - target).masked_fill(unknown, 0.0).flatten(1)
-        return (errors * errors).sum(dim=1), (~unknown).flatten(1).sum(dim=1)
+        known = ~torch.isnan(target)
+        squares = F.mse_loss(forecast, torch.where(known, target, forecast.detach()), reduction="none")
+        return squares.sum(dim=(1, 2)), known.sum(dim=(1, 2))
 
 
 class StackNet(NeuralNet):
