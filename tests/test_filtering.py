@@ -428,7 +428,7 @@ def likeliest_heat(A, forcing, heat, c, wanted, penalty, s0, before=None):
 
 @pytest.mark.parametrize(("lower", "upper"), [(-np.inf, np.inf), (-0.8, 0.6), (0.0, 0.9)])
 @pytest.mark.parametrize("beyond", [0, 7])
-def test_tracker_against_least_squares(lower, upper, beyond):
+def test_lq_path_against_least_squares(lower, upper, beyond):
     """Every step's heat is the first of the least squares over the steps that are left, cut at the limits."""
     rng = np.random.default_rng(5)
     N, n, penalty = 30, 4, 0.3

@@ -12,23 +12,17 @@ from .horizon_errors import (
     filter_gains,
     filter_series,
     lead_errors,
-    lead_rows,
     lead_sensitivities,
     simulate_inputs,
 )
-from .innovations import (
-    Model,
-    Prediction,
-    Sensitivity,
-    one_step_errors,
-    one_step_sensitivities,
-    simulate_inverse,
-    simulate_path,
-)
+from .innovations import Model, Prediction, Sensitivity, one_step_errors, one_step_sensitivities
+from .inverse_load import simulate_inverse
 from .kalman import Smoothed, kalman_filter, smooth_states
+from .lead_rows import lead_rows
 from .lq_path import solve_lq_path
 from .multi_step_errors import LeadErrors, multi_step_sensitivities
 from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts, recurrent_room
+from .simulation import simulate_path
 
 __all__ = [
     "ACTIVATIONS",
