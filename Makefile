@@ -15,10 +15,10 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
-demo: $(VENV)/.installed  ## forecast tomorrow from a log, beside the simple rivals
+demo: $(VENV)/.installed  ## forecast tomorrow from a log, beside simple baselines (installs the core only)
 	$(BIN)/skhybrid demo
 
-test: $(VENV)/.installed-test  ## run the tests (PYTEST_ARGS= for one process)
+test: $(VENV)/.installed-test  ## run the tests, with every extra (PYTEST_ARGS= for one process)
 	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: $(VENV)/.installed-lint  ## ruff and mypy
@@ -29,21 +29,28 @@ lint: $(VENV)/.installed-lint  ## ruff and mypy
 docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
-bench: $(VENV)/.installed  ## run the benchmarks
+bench: $(VENV)/.installed-test  ## run the benchmarks
 	@test -n "$(BENCHMARKS)" || { echo "there is nothing in benchmarks"; exit 1; }
 	@set -e; for script in $(BENCHMARKS); do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script"; done
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build *.egg-info docs/_build docs/auto_examples docs/generated .mypy_cache .pytest_cache .ruff_cache
 
-# torch comes first and alone, so that a build for CPU is taken where one is at hand
-$(VENV)/.torch: constraints.txt
+$(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) torch
+
+# the core: what a forecast needs
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) -e .
 	@touch $@
 
-$(VENV)/.installed: $(VENV)/.torch pyproject.toml constraints.txt
-	$(PIP) -e .
+$(VENV)/.installed-lint: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) -e ".[lint]"
+	@touch $@
+
+# torch comes first and alone, so that a build for CPU is taken where one is at hand
+$(VENV)/.torch: constraints.txt | $(BIN)/python
+	$(PIP) torch
 	@touch $@
 
 $(VENV)/.installed-%: $(VENV)/.torch pyproject.toml constraints.txt

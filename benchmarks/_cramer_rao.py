@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from skhybrid.datasets import make_office
-from skhybrid.datasets.gains import INFILTRATION_KW_K, VENTILATION_KW_K
+from skhybrid.datasets._gains import INFILTRATION_KW_K, VENTILATION_KW_K
 
 NAMES = ("C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c")
 FIRST_SD = np.array([2.0, 0.5])  # of the wall and of the room [K]

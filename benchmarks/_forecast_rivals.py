@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from skhybrid._time import rows_of
-from skhybrid.datasets.office import true_system
+from skhybrid.datasets._office import true_system
 
 
 class _WithPast(RegressorMixin, BaseEstimator):

@@ -18,7 +18,7 @@ from _report import write_table
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.datasets import make_office
-from skhybrid.datasets.office import true_system
+from skhybrid.datasets._office import true_system
 from skhybrid.exceptions import SkhybridWarning
 
 DAYS, NOISE, BASE, CLEAN = 14, 0.03, "complete, 15 min", "no gain, complete"

@@ -20,7 +20,7 @@ from _report import write_table
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.datasets import make_office, read_epw
-from skhybrid.datasets.excitation import occupied
+from skhybrid.datasets._thermostat_plan import occupied
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.identification import frequency_response, make_state_space, step_response
 

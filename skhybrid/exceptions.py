@@ -1,4 +1,4 @@
-"""Warnings and errors that a user can catch by name."""
+"""Warnings and errors of the package."""
 
 from __future__ import annotations
 
@@ -11,36 +11,38 @@ _PACKAGE = str(Path(__file__).parent)
 
 
 class SkhybridWarning(UserWarning):
-    """Base of every warning of this package."""
+    """Base class of all warnings of this package."""
 
 
 class UnitWarning(SkhybridWarning):
-    """A column's range suggests another unit than its role has (degF, W/m2, percent)."""
+    """The range of a column suggests a unit other than its role's (degF, W/m2, percent)."""
 
 
 class RoleWarning(SkhybridWarning):
-    """Columns were given roles by position because no name matched a role."""
+    """Columns were assigned roles by position because no name matched a role."""
 
 
 class ScaleNotIdentifiableWarning(SkhybridWarning):
-    """No parameter or measured heat fixes the scale of the network (design ruling 3)."""
+    """Neither a known parameter nor measured heat fixes the scale of the network."""
 
 
 class ExcitationWarning(SkhybridWarning):
-    """The table does not move a parameter, so that the fit cannot know it."""
+    """The data do not excite a parameter, so the fit cannot determine it."""
 
 
 class ModelFileError(ValueError):
-    """A saved model is truncated, altered, of another version, or not a model at all."""
+    """A model file is truncated, altered, from another version, or not a model file at all."""
 
 
 def warn_user(message: str, category: type[SkhybridWarning]) -> None:
-    """Warn at the line that called into this package, however deep in it the cause was found.
+    """Warn at the user's line that called this package, however deep in the package the cause was found.
 
     Parameters
     ----------
     message : str
+        Text of the warning.
     category : type
+        Class of the warning.
     """
     level, frame = 1, sys._getframe()
     while frame.f_code.co_filename.startswith(_PACKAGE):

@@ -1,8 +1,8 @@
-"""Model files that hold data only: nothing in a file is executed when it is read.
+"""Model files that hold only data: reading a file executes nothing in it.
 
-A file is one line of text, with the version and a checksum, and behind it a ``skops`` archive.  pandas objects and this
-package's own objects are written as plain data and rebuilt from it, so that a file can name no other type than those,
-and what ``skops`` itself trusts (NumPy, scikit-learn).
+A file is one line of text, with the version and a checksum, followed by a ``skops`` archive.  pandas objects and this
+package's own objects are written as plain data and rebuilt from it, so a file can only name those types and the ones
+that ``skops`` itself trusts (NumPy, scikit-learn).
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
+from ._skops import import_skops
 from .exceptions import ModelFileError
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
 _OWN = "skhybrid."
-#: beside what skops trusts: what a fitted search or a scikit-learn network holds, which is data too.
+#: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
     "sklearn.metrics._scorer._PassthroughScorer",
     "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
     "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
 ]
-#: plain values that are written as they are.
+#: values written as they are, apart from masked arrays and arrays of objects.
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
 
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A file to write to, which takes the place of ``path`` when the block ends without an error.
+    """Write to a temporary file that replaces ``path`` if the block ends without an error.
 
     Parameters
     ----------
     path : path-like
-        The file to make or replace; its folder is made if need be.
+        The file to create or replace; its folder is created if needed.
 
     Yields
     ------
     Path
-        A new file in the same folder; it is removed if the block raises.
+        A temporary file in the same folder; it is removed if the block raises.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -77,29 +78,29 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     estimator : fitted estimator
-        Of this package, or a scikit-learn estimator (a Pipeline, a search) that holds one.
+        An estimator of this package, or a scikit-learn estimator (a Pipeline, a search) that contains one.
     path : path-like
-        The file; it is replaced in one step, so that a reader never sees half of it.
+        The file to write; it is replaced in one step, so that nobody reads a half-written file.
 
     Raises
     ------
     sklearn.exceptions.NotFittedError
         If the estimator is not fitted.
     TypeError
-        If it holds an object that cannot be written as data, such as a lambda.
+        If it contains an object that cannot be written as data, such as a lambda.
     """
     check_is_fitted(estimator)
-    import skops.io
+    io = import_skops()
 
     try:
-        body = skops.io.dumps(_to_data(estimator, type(estimator).__name__))
+        body = io.dumps(_to_data(estimator, type(estimator).__name__))
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
-    unknown = sorted(set(skops.io.get_untrusted_types(data=body)) - set(_TRUSTED))
+    unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))
     if unknown:
         raise TypeError(
-            f"{type(estimator).__name__} holds a {unknown[0]}, which cannot be written as data that is safe to read; "
-            "use another regressor (tree ensembles are such)."
+            f"{type(estimator).__name__} contains a {unknown[0]}, which cannot be written as data that is safe to "
+            "read; use another regressor (not a tree ensemble)."
         )
     version = __version__.encode()
     with atomic_path(path) as made:
@@ -107,12 +108,12 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:
-    """Read an estimator that :func:`save_model` wrote.
+    """Read an estimator written by :func:`save_model`.
 
     Parameters
     ----------
     path : path-like
-        The file.
+        The file to read.
 
     Returns
     -------
@@ -121,35 +122,34 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     skhybrid.exceptions.ModelFileError
-        If the file is truncated, altered, of another version (major.minor), or no model file; nothing in it has been
-        executed then.
+        If the file is truncated, altered, from another version (major.minor), or not a model file.  Nothing in the
+        file is executed.
     OSError
         If the file cannot be read.
     """
     content = Path(path).read_bytes()
     header = _HEADER.match(content)
     if header is None:
-        raise ModelFileError(f"{path} is not a model file of skhybrid, or its beginning was altered.")
+        raise ModelFileError(f"{path} is not a skhybrid model file, or its first line was altered.")
     version, digest = header[1], header[2]
     body = content[header.end() :]
     if _digest(version, body) != digest:
-        raise ModelFileError(f"{path} is truncated or was altered after it was saved; save the model again.")
-    if _minor(version.decode()) != _minor(__version__):
+        raise ModelFileError(f"{path} was truncated or altered after it was saved; save the model again.")
+    if _major_minor(version.decode()) != _major_minor(__version__):
         raise ModelFileError(
             f"{path} was saved by skhybrid {version.decode()}, but this is {__version__}; load it with that version, "
             "or fit again."
         )
-    return _decoded(body, path)
+    return _decode(body, path)
 
 
-def _decoded(body: bytes, path: object) -> Any:
-    import skops.io
-    from skops.io.exceptions import UntrustedTypesFoundException
+def _decode(body: bytes, path: object) -> Any:
+    io = import_skops()
 
     try:
-        return _from_data(skops.io.loads(body, trusted=_TRUSTED))
-    except UntrustedTypesFoundException as error:
-        raise ModelFileError(f"{path} holds types that are not read from a model file: {error}") from None
+        return _from_data(io.loads(body, trusted=_TRUSTED))
+    except io.exceptions.UntrustedTypesFoundException as error:
+        raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from None
     except (
         zipfile.BadZipFile, ValueError, TypeError, KeyError, IndexError, AttributeError, ImportError, EOFError,
         RecursionError, NotImplementedError,
@@ -161,13 +161,13 @@ def _digest(version: bytes, body: bytes) -> bytes:
     return hashlib.sha256(version + b"\n" + body).hexdigest().encode()
 
 
-def _minor(version: str) -> str:
+def _major_minor(version: str) -> str:
     return ".".join(version.split("+")[0].split(".")[:2])
 
 
 # ------------------------------------------------------------------------------------------------ objects to data
 def _to_data(value: Any, where: str) -> Any:
-    """``value`` with pandas objects and own objects replaced by marked dictionaries, at any depth."""
+    """Replace pandas objects and objects of this package by marked dictionaries, at any depth."""
     if isinstance(value, _PLAIN):
         return _array_to_data(value, where)
     for kind, (accepted, encode, _) in _PANDAS.items():
@@ -184,14 +184,16 @@ def _to_data(value: Any, where: str) -> Any:
         return {_MARK: "dict", "pairs": [list(pair) for pair in pairs]}
     if isinstance(value, list | tuple | set | frozenset):
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]
-        return items if type(value) is list else {_MARK: "sequence", "kind": _sequence(value, where), "items": items}
-    if _is_foreign(value):
-        return _foreign_to_data(value, where)
-    return value  # skops knows it (a random generator, a SciPy matrix), or save_model refuses it
+        if type(value) is list:
+            return items
+        return {_MARK: "sequence", "kind": _sequence_kind(value, where), "items": items}
+    if _is_sklearn_object(value):
+        return _sklearn_to_data(value, where)
+    return value  # skops can write it (a random generator, a SciPy matrix), or save_model refuses it
 
 
 def _array_to_data(value: Any, where: str) -> Any:
-    if isinstance(value, np.ma.MaskedArray):  # parameters that a candidate of a search does not have
+    if isinstance(value, np.ma.MaskedArray):  # cv_results_ masks parameters that a candidate does not have
         data = _array_to_data(np.ma.getdata(value), where)
         return {_MARK: "masked", "data": data, "mask": np.ma.getmaskarray(value)}
     if isinstance(value, np.ndarray) and value.dtype == object:
@@ -200,7 +202,7 @@ def _array_to_data(value: Any, where: str) -> Any:
     return value
 
 
-def _sequence(value: Any, where: str) -> str:
+def _sequence_kind(value: Any, where: str) -> str:
     if type(value) not in (tuple, set, frozenset):
         raise TypeError(f"{where} is a {type(value).__qualname__}, which cannot be written as data.")
     return type(value).__name__
@@ -225,13 +227,13 @@ def _own_to_data(value: Any, where: str) -> dict[str, Any]:
     return {_MARK: "object", "type": name, "state": {k: _to_data(v, f"{where}.{k}") for k, v in state.items()}}
 
 
-def _is_foreign(value: Any) -> bool:
-    """Whether it is a plain Python object of scikit-learn: an estimator, a scorer, a splitter."""
+def _is_sklearn_object(value: Any) -> bool:
+    """Whether the value is a Python object of scikit-learn: an estimator, a scorer, a splitter."""
     return type(value).__module__.startswith("sklearn.") and hasattr(value, "__dict__")
 
 
-def _foreign_to_data(value: Any, where: str) -> Any:
-    """A scikit-learn object, which skops writes, with what it holds replaced."""
+def _sklearn_to_data(value: Any, where: str) -> Any:
+    """Copy a scikit-learn object, which skops can write, with its attributes converted to data."""
     made = object.__new__(type(value))
     made.__dict__.update({k: _to_data(v, f"{where}.{k}") for k, v in vars(value).items()})
     return made
@@ -239,23 +241,23 @@ def _foreign_to_data(value: Any, where: str) -> Any:
 
 # ------------------------------------------------------------------------------------------------ data to objects
 def _from_data(value: Any) -> Any:
-    """What :func:`_to_data` replaced, rebuilt."""
+    """Rebuild the objects that :func:`_to_data` replaced."""
     if isinstance(value, dict):
         kind = value.get(_MARK)
-        return {k: _from_data(v) for k, v in value.items()} if kind is None else _rebuilt(kind, value)
+        return {k: _from_data(v) for k, v in value.items()} if kind is None else _rebuild(kind, value)
     if isinstance(value, list):
         return [_from_data(v) for v in value]
-    if _is_foreign(value):
+    if _is_sklearn_object(value):
         vars(value).update({k: _from_data(v) for k, v in vars(value).items()})
     return value
 
 
-def _rebuilt(kind: str, value: dict[str, Any]) -> Any:
+def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     parts = {k: _from_data(v) for k, v in value.items() if k != _MARK}
     if kind in _PANDAS:
         return _PANDAS[kind][2](**parts)
     if kind == "dict":
-        return {k: v for k, v in parts["pairs"]}  # noqa: C416 -- dict(pairs) would take pairs of any kind
+        return {k: v for k, v in parts["pairs"]}  # noqa: C416 -- dict(pairs) would accept pairs of any type
     if kind == "sequence":
         return {"tuple": tuple, "set": set, "frozenset": frozenset}[parts["kind"]](parts["items"])
     if kind == "objects":
@@ -264,17 +266,17 @@ def _rebuilt(kind: str, value: dict[str, Any]) -> Any:
         return made.reshape(parts["shape"])
     if kind == "masked":
         return np.ma.MaskedArray(parts["data"], mask=parts["mask"])
-    cls = _own_type(parts["type"])
+    cls = _own_class(parts["type"])
     if kind == "type":
         return cls
     if kind == "tuple" and issubclass(cls, tuple):
         return tuple.__new__(cls, parts["items"])
     if kind == "object" and not issubclass(cls, tuple):
-        return _with_state(cls, parts["state"])
-    raise ValueError(f"the kind {kind!r} is unknown")
+        return _object_with_state(cls, parts["state"])
+    raise ValueError(f"unknown kind {kind!r}")
 
 
-def _with_state(cls: type, state: dict[str, Any]) -> Any:
+def _object_with_state(cls: type, state: dict[str, Any]) -> Any:
     made: Any = object.__new__(cls)
     if hasattr(made, "__setstate__"):
         made.__setstate__(state)
@@ -283,53 +285,53 @@ def _with_state(cls: type, state: dict[str, Any]) -> Any:
     return made
 
 
-def _own_type(name: str) -> type:
-    """A class that this package defines, by "module:qualified name"; never anything that a module merely imports."""
+def _own_class(name: str) -> type:
+    """Return a class defined in this package, by "module:qualified name"; imported names are refused."""
     module, _, qualified = name.partition(":")
     if not re.fullmatch(r"skhybrid(\.\w+)+", module):
-        raise ValueError(f"the type {name!r} is not one of skhybrid")
+        raise ValueError(f"{name!r} is not a class of skhybrid")
     found: Any = importlib.import_module(module)
     for part in qualified.split("."):
         found = vars(found)[part]
     if not isinstance(found, type) or found.__module__ != module or found.__qualname__ != qualified:
-        raise ValueError(f"the type {name!r} is not one of skhybrid")
+        raise ValueError(f"{name!r} is not a class of skhybrid")
     return found
 
 
 # ------------------------------------------------------------------------------------------------------------ pandas
-def _zone(index: Any) -> str | None:
+def _tz(index: Any) -> str | None:
     return None if index.tz is None else str(index.tz)
 
 
-def _datetimes(value: pd.DatetimeIndex) -> dict[str, Any]:
+def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
     freq = None if value.freq is None else value.freq.freqstr
-    return {"ns": value.as_unit("ns").asi8, "unit": value.unit, "tz": _zone(value), "freq": freq, "name": value.name}
+    return {"ns": value.as_unit("ns").asi8, "unit": value.unit, "tz": _tz(value), "freq": freq, "name": value.name}
 
 
-def _to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
+def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
     made = pd.DatetimeIndex(ns.view("M8[ns]")).as_unit(unit)
     made = made if tz is None else made.tz_localize("UTC").tz_convert(tz)
     return pd.DatetimeIndex(made, freq=freq, name=name)
 
 
-def _frame(value: pd.DataFrame) -> dict[str, Any]:
-    return {"index": value.index, "columns": value.columns, "values": [_values(c) for _, c in value.items()]}
+def _frame_to_data(value: pd.DataFrame) -> dict[str, Any]:
+    return {"index": value.index, "columns": value.columns, "values": [_column_values(c) for _, c in value.items()]}
 
 
-def _to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.DataFrame:
+def _data_to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.DataFrame:
     made = pd.DataFrame(dict(enumerate(values)), index=index)
     made.columns = columns
     return made
 
 
-def _values(column: pd.Series) -> Any:
-    """A column's values: an array of numbers, or an index, which keeps time zones."""
+def _column_values(column: pd.Series) -> Any:
+    """Return a column as an array, or as an index if it holds dates or durations, which keeps time zones."""
     if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
         return pd.Index(column).rename(None)
     return column.to_numpy()
 
 
-#: kind -> (types, object to parts, parts to object); looked through in this order.
+#: kind -> (types, object to parts, parts to object); searched in this order, so subclasses come first.
 _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
     "Timestamp": (
@@ -337,7 +339,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
         lambda v: {"ns": v.as_unit("ns").value, "tz": None if v.tz is None else str(v.tz)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
-    "DatetimeIndex": (pd.DatetimeIndex, _datetimes, _to_datetimes),
+    "DatetimeIndex": (pd.DatetimeIndex, _datetimes_to_data, _data_to_datetimes),
     "TimedeltaIndex": (
         pd.TimedeltaIndex,
         lambda v: {"ns": v.as_unit("ns").asi8, "unit": v.unit, "name": v.name},
@@ -360,8 +362,8 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     ),
     "Series": (
         pd.Series,
-        lambda v: {"values": _values(v), "index": v.index, "name": v.name},
+        lambda v: {"values": _column_values(v), "index": v.index, "name": v.name},
         lambda values, index, name: pd.Series(values, index=index, name=name),
     ),
-    "DataFrame": (pd.DataFrame, _frame, _to_frame),
+    "DataFrame": (pd.DataFrame, _frame_to_data, _data_to_frame),
 }

@@ -75,7 +75,7 @@ def test_zero_order_hold_is_exact_at_the_simulation_step(fine):
     one_step = x[:-1] @ transition.T + v[:-1] @ effect.T
     np.testing.assert_allclose(one_step, x[1:], atol=1e-9)
     path = x[0]
-    for k in range(len(v) - 1):  # and no error gathers over a week
+    for k in range(len(v) - 1):  # and errors do not accumulate over a week
         path = transition @ path + effect @ v[k]
     np.testing.assert_allclose(path, x[-1], atol=1e-9)
 
@@ -115,7 +115,7 @@ def test_thermostat_holds_the_set_points(climate, start):
 
 
 def test_set_points_of_the_plan(office):
-    plan, hours = office.setpoints[192:], office.X.index[192:].hour  # behind the perturbed weekend
+    plan, hours = office.setpoints[192:], office.X.index[192:].hour  # after the perturbed weekend
     weekday = office.X.index[192:].day_of_week < 5
     busy = weekday & (hours >= 6) & (hours < 19)
     assert plan["T_cool_set"][busy].between(23, 25).all()

@@ -77,7 +77,7 @@ def test_order_of_day_and_month(write):
     assert first("01.02.2024 00:00", dayfirst=True) == "2024-02-01"
     with pytest.raises(ValueError, match="pass dayfirst=True or dayfirst=False"):
         first("01/02/2024 00:00", "02/02/2024 00:00")
-    with pytest.raises(ValueError, match=r"row 3 .*'01/13/2024 00:00' is no date"):
+    with pytest.raises(ValueError, match=r"row 3 .*'01/13/2024 00:00' is not a date"):
         first("13/01/2024 00:00", "01/13/2024 00:00")
 
 
@@ -190,26 +190,34 @@ HEAD = "time,T_za,T_oa\n"
     [
         ("", {}, "'log.csv' is empty"),
         (HEAD, {}, "has a header but no rows"),
-        ("a;b\n1;2\n", {}, "one column only, 'a;b'; pass the separator"),
-        ("T_za,T_oa\n1,2\n", {}, "no column of time stamps among 'T_za', 'T_oa'; name it by time_column="),
+        ("a;b\n1;2\n", {}, "only one column, 'a;b'; pass its separator"),
+        ("T_za,T_oa\n1,2\n", {}, "no column of time stamps among 'T_za', 'T_oa'; pass its name as time_column="),
         (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column='zeit' is not in 'log.csv'; its columns are"),
-        ("time,room\n2024-01-01,1\n", {}, r"bears a role's name \('room'\); pass columns="),
+        ("time,room\n2024-01-01,1\n", {}, r"named after a role \('room'\); pass columns="),
         (
             HEAD + "2024-01-01,1,2\n",
             {"columns": {"T_za": "room"}},
             "column 'room', but 'log.csv' has 'T_za', 'T_oa'",
         ),
-        (HEAD + "2024-01-01 00:00,1,2\nlater,1,2\n", {}, "row 3 of 'log.csv': the time stamp 'later' is no date"),
+        (HEAD + "2024-01-01 00:00,1,2\nlater,1,2\n", {}, "row 3 of 'log.csv': the time stamp 'later' is not a date"),
         (HEAD + "2024-01-01 00:00,1,2\n,1,2\n", {}, "row 3 of 'log.csv': the time stamp is empty"),
         (HEAD + "2024-01-01 00:00Z,1,2\n2024-01-01 01:00,1,2\n", {}, "row 3 .* has no offset from UTC"),
         (HEAD + "2024-01-01 00:00,1,2\n2024-01-01 01:00,off,2\n", {}, "row 3 .*, column 'T_za': 'off' is not a number"),
         (HEAD + "2024-01-01 00:00,1,2\n", {"timezone": "Mars/Base"}, "timezone='Mars/Base' is unknown"),
         (HEAD + "2024-01-01 00:00,1,2\n", {"label": "centre"}, "label='centre' must be 'left' or 'right'"),
         (HEAD + "2024-01-01 00:00,1,2\n", {"label": "right"}, "at least two rows"),
-        (HEAD + 2 * "2024-01-01 00:00,1,2\n", {"label": "right"}, "2024-01-01 00:00:00 stands twice"),
-        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "degX"}}, "unit 'degX', which is none of"),
-        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "W/m2"}}, "that role holds temperature"),
-        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"q_sol": "W/m2"}}, "units= names 'q_sol', which is not read"),
+        (HEAD + 2 * "2024-01-01 00:00,1,2\n", {"label": "right"}, "2024-01-01 00:00:00 appears twice"),
+        (HEAD + "2024-01-01 00:00,1,2\n", {"units": {"T_za": "degX"}}, "unit 'degX', which is not one of"),
+        (
+            HEAD + "2024-01-01 00:00,1,2\n",
+            {"units": {"T_za": "W/m2"}},
+            "that role needs a unit of temperature, such as 'degC'",
+        ),
+        (
+            HEAD + "2024-01-01 00:00,1,2\n",
+            {"units": {"q_sol": "W/m2"}},
+            "units= names 'q_sol', which is not among the columns: 'T_za', 'T_oa'",
+        ),
     ],
 )
 def test_one_sentence_for_a_bad_file(write, text, options, message):

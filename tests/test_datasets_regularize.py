@@ -64,7 +64,7 @@ def test_jitter_disorder_duplicates_and_gaps_are_mended_and_reported(log):
     np.testing.assert_allclose(out["q_sol"].dropna(), log["q_sol"][out["q_sol"].notna()], atol=0.03)
     text = str(report)
     assert out.attrs["report"] == text
-    for words in ("2 rows with a stamp that stood before: dropped", "q_sol: 3 rows", "T_za: 23 rows left missing"):
+    for words in ("2 rows with a duplicate stamp: dropped", "q_sol: 3 rows", "T_za: 23 rows left missing"):
         assert words in text
 
 
@@ -128,7 +128,7 @@ def test_missing_cells_of_an_input():
         (lambda f: f.set_axis(f.index.where(f.index != f.index[3]), axis=0), {}, "NaT at row 3"),
         (lambda f: f, {"step": "0min"}, "step='0min'"),
         (lambda f: f.assign(T_oa="cold"), {}, "column 'T_oa' is not numeric"),
-        (lambda f: pd.concat([f, f[["T_oa"]]], axis=1), {}, "column 'T_oa' stands twice"),
+        (lambda f: pd.concat([f, f[["T_oa"]]], axis=1), {}, "column 'T_oa' appears twice"),
     ],
 )
 def test_refused(log, make, options, message):

@@ -66,7 +66,7 @@ def test_epw_labels(shared_data):
     path = shared_data / EPW["chicago"]
     frame = read_epw(path)
     raw = np.genfromtxt(path, delimiter=",", skip_header=8, usecols=(3, 6, 13), dtype=float)  # hour, T, ghi
-    assert raw[0, 0] == 1  # an EPW row bears the hour that ends
+    assert raw[0, 0] == 1  # an EPW row is labelled with the hour that ends
     np.testing.assert_allclose(frame["ghi"], raw[:, 2] / 1000)  # the mean begins an hour earlier
     np.testing.assert_allclose(frame["T_oa"].iloc[1:], raw[:-1, 1])  # the temperature is that at the hour's end
     assert frame.index[0].utcoffset() == pd.Timedelta(hours=-6)

@@ -16,7 +16,7 @@ from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
 
 CHICAGO = {"latitude": 41.98, "longitude": -87.92}
 FACADES = ["q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"]
-ROWS_ARE_TIME_STEPS = "a row's place in the table says where the sun stands, where rows have no stamps"
+ROWS_ARE_TIME_STEPS = "without time stamps, the position of the sun follows from the position of the row in the table"
 
 
 def _expected(estimator):
@@ -186,8 +186,8 @@ def test_stamps_in_any_zone_and_naive_ones_with_a_zone_agree(sky):
         ({"timezone": "America/Chicago"}, lambda X: X.tz_localize(None).shift(-8, "D"), "daylight saving"),
         ({}, lambda X: X.reset_index(drop=True), "start="),
         ({}, lambda X: X.to_numpy(), "start="),
-        ({}, lambda X: X.rename(columns={"q_sol": "ghi"}), "q_sol in a column 'q_sol'"),
-        ({"dni": "dni"}, lambda X: X, "dni in a column 'dni'"),
+        ({}, lambda X: X.rename(columns={"q_sol": "ghi"}), "expects q_sol in a column 'q_sol'"),
+        ({"dni": "dni"}, lambda X: X, "expects dni in a column 'dni'"),
         ({"latitude": 141.98}, lambda X: X, "latitude=141.98"),
         ({"longitude": None}, lambda X: X, "longitude=None"),
         ({"albedo": 20}, lambda X: X, "albedo=20"),
@@ -208,7 +208,7 @@ def test_columns_in_and_out(sky):
     for output in ("default", "pandas"):
         fitted = clone(facades).set_output(transform=output).fit(log)
         out = fitted.transform(log)
-        # the direct irradiance bears a role's name, and so stays
+        # the direct irradiance is kept, as its column is named after a role
         assert list(out.columns) == ["T_oa", "ghi", "u_heat", "q_sol_beam", "note", "q_sol_garden"]
         assert list(fitted.get_feature_names_out()) == list(out.columns)
         pd.testing.assert_frame_equal(out[log.columns], log)

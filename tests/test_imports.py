@@ -24,7 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "schedule": {"filtering", "thermal", "control"},
     "forecasting": {"filtering"},
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
-    "persistence": set(),
+    "persistence": {"_skops"},
     "preprocessing": set(),
     "datasets": {"thermal", "preprocessing"},
     "model_selection": {"identification", "forecasting", "hybrid"},
@@ -45,6 +45,7 @@ STRICT = {
     "_time": set(),
     "_threads": set(),
     "_transaction": set(),
+    "_skops": set(),
     "_columns": {"exceptions"},
     "_table": {"_columns", "_time", "exceptions"},
     "_rolling": {"_table", "_threads", "_time", "exceptions"},
@@ -253,8 +254,9 @@ def _heavy_after(code: str) -> list[str]:
         "import skhybrid\nfor name in skhybrid.__all__: getattr(skhybrid, name)",
         "import skhybrid.cli",
         "from skhybrid import HybridPredictor\nHybridPredictor().get_params()",
+        "from skhybrid._skops import import_skops\nimport_skops().dumps([1.0])",
     ],
-    ids=["root", "every public name", "command line", "an estimator made"],
+    ids=["root", "every public name", "command line", "an estimator made", "a model file"],
 )
 def test_an_import_loads_no_heavy_library(code):
     assert _heavy_after(code) == []

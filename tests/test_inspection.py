@@ -123,7 +123,7 @@ def test_a_display_can_be_drawn_again_on_given_axes(frame):
     display = ForecastDisplay.from_predictions(frame, ax=ax)
     assert display.ax_ is ax
     assert display.plot().ax_ is not ax
-    with pytest.raises(ValueError, match="ax holds 1 axes, but this display draws on 2"):
+    with pytest.raises(ValueError, match="ax has 1 axes, but this display needs 2"):
         DayAheadDisplay(pd.DataFrame({"T_za": [1.0], "Q_hvac": [1.0]}, index=INDEX[:1])).plot(ax)
     with pytest.raises(ValueError, match="no back-test to draw"):
         ForecastDisplay.from_predictions({})

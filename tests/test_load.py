@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.control import steps_ahead
 from skhybrid.datasets import make_office
-from skhybrid.datasets.office import TRUE_THETA as TRUE
+from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.filtering import simulate_inverse
 
 DAY = 96
@@ -46,7 +46,7 @@ def measured_heat(office):
 
 
 def simulate(X, heat):
-    """Room temperature at every row's stamp and behind the last: the TRUE network by a matrix exponential."""
+    """Room temperature at every row's stamp and after the last: the TRUE network by a matrix exponential."""
     p = TRUE
     rate = np.zeros((5, 5))  # T_w, T_za, T_oa, q_sol, heat
     rate[0, :2] = np.array([-1.0, 1.0]) / (p["C_w"] * p["R_zw"])
@@ -125,6 +125,29 @@ def test_a_plant_of_two_sides_never_does_both(hybrid, office):
         assert cool.gt(0).sum() > 20
 
 
+def test_stages_share_the_load_up_to_the_highest_seen_of_each(office):
+    """Two stages that heat, seen up to 1.5 and 2, against a plain loop over the rows."""
+    capacity, most = {"u_heat_1": 2.0, "u_heat_2": 1.5}, {"u_heat_1": 1.5, "u_heat_2": 2.0}
+    staged = {role: most[role] * office.X["u_heat"] for role in most}  # flat out they give 2 x 1.5 + 1.5 x 2 = 6 kW
+    X = office.X.drop(columns="u_heat").assign(**staged, u_cool=0.5 * office.X["u_cool"])
+    known = {k: v for k, v in TRUE.items() if k not in ("Q_h", "Q_c")} | {"Q_h_1": 2.0, "Q_h_2": 1.5, "Q_c": -12.0}
+    model = GrayBoxRC(known=known).fit(X[: 14 * DAY], office.y[: 14 * DAY])
+    wanted = np.where(np.arange(DAY) % 32 < 16, 24.0, 12.0)
+    load = model.predict_load(X[HERE], wanted)
+    for suffix in ("", "_unclipped"):
+        for k, heat in enumerate(load["Q_hvac" + suffix]):
+            for role in most:
+                expected = most[role] * max(heat, 0.0) / 6.0
+                assert load[role + suffix].iloc[k] == pytest.approx(expected, abs=1e-12)
+            assert load["u_cool" + suffix].iloc[k] == pytest.approx(max(-heat, 0.0) / 12.0, abs=1e-12)
+        delivered = sum(capacity[role] * load[role + suffix] for role in most) - 12.0 * load["u_cool" + suffix]
+        np.testing.assert_allclose(delivered, load["Q_hvac" + suffix], atol=1e-12)
+    assert load["Q_hvac"].max() == pytest.approx(6.0)
+    assert load["Q_hvac_unclipped"].max() > 6.0
+    assert load["Q_hvac"].min() < -6.0  # cooling was never seen above 0.5, but 1 is what a stage can do
+    assert {role: load[role].max() for role in most} == pytest.approx(most)
+
+
 def test_no_load_while_the_temperature_floats_in_the_band(hybrid, office):
     X = office.X[HERE]
     heat, cool = night_plan(X)
@@ -197,7 +220,7 @@ def test_the_ramp_at_a_step_of_the_set_point(plain, office):
     assert full[0] == at
     assert (np.diff(full) == 1).all()
     room = simulate(X, load["Q_hvac"])
-    arrived = full[-1] + 2  # stamp behind the row in which it gets there
+    arrived = full[-1] + 2  # stamp after the row in which it gets there
     assert len(full) > 2
     assert (room[at:arrived] < 17.0).all()
     assert (np.diff(room[at:arrived]) > 0).all()

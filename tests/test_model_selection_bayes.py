@@ -13,7 +13,7 @@ from sklearn.base import clone
 
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import ModelCase
-from skhybrid.identification import posterior
+from skhybrid.identification.uncertainty import posterior
 from skhybrid.identification.uncertainty.posterior import refuse_bad_chains
 from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import (

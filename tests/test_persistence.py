@@ -1,4 +1,4 @@
-"""A model file gives back the model, or is refused with one sentence; nothing in it runs."""
+"""Model files: saved models load unchanged, bad files are refused, and nothing in a file is executed."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ class Bomb:
 
 
 def _forged(path: Path, body: bytes) -> None:
-    """A model file whose checksum is right, as one who means harm would write it."""
+    """A model file whose checksum is right, as an attacker would write it."""
     version = persistence.__version__.encode()
     path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, persistence._digest(version, body)) + body)
 
@@ -202,13 +202,13 @@ def test_a_malicious_pickle_is_not_run(tmp_path):
             load_model(tmp_path / "m")
     assert not trace.exists()
     pickle.loads(payload)
-    assert trace.exists()  # the payload was live
+    assert trace.exists()  # the payload does run if it is unpickled
 
 
 def test_a_forged_archive_with_a_foreign_type_is_refused(tmp_path):
     trace = tmp_path / "it ran"
     _forged(tmp_path / "m", skops.io.dumps({"a": Bomb(trace)}))
-    with pytest.raises(ModelFileError, match="types that are not read"):
+    with pytest.raises(ModelFileError, match="types that are not allowed"):
         load_model(tmp_path / "m")
     assert not trace.exists()
 

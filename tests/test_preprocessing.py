@@ -92,8 +92,8 @@ def test_missing_history_passes_the_unit_converter(log):
     ("units", "message"),
     [
         ({"T_oa": "degf"}, "did you mean 'degF'"),
-        ({"T_oa": "furlong"}, "none of degC"),
-        ({"q_sol": "degF"}, r"'q_sol' the unit 'degF', but that role holds irradiance \[kW/m2\]"),
+        ({"T_oa": "furlong"}, "not one of degC"),
+        ({"q_sol": "degF"}, r"'q_sol' the unit 'degF', but that role needs a unit of irradiance, such as 'kW/m2'"),
         ({"outdoor": "degF"}, "column 'outdoor', but X has 'T_oa'"),
         ({9: "degF"}, "column 9"),
     ],
@@ -133,7 +133,7 @@ def test_gaps_at_the_ends_stay(log):
 
 def test_absent_rows_make_a_gap_long(log):
     thinned = log.drop(log.index[3:9])
-    thinned.iloc[3, 0] = np.nan  # behind six absent rows
+    thinned.iloc[3, 0] = np.nan  # after six absent rows
     assert GapFiller(max_gap="1h").fit_transform(thinned)["T_oa"].isna().sum() == 1
 
 

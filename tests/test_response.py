@@ -114,7 +114,7 @@ def _lines(ax):
 
 def test_magnitudes_are_drawn_beside_the_truth(office):
     other = make_state_space("2R2C", OFFICE | {"C_w": 3.0})
-    display = BodeDisplay.from_state_space({"small wall": other}, truth=office)
+    display = BodeDisplay.from_estimator({"small wall": other}, truth=office)
     assert [ax.get_title(loc="left") for ax in display.ax_] == list(office.input_names)
     units = ["K/K", "K per kW/m2", "K per stage", "K per stage", "K/kW"]
     assert [ax.get_ylabel() for ax in display.ax_] == [f"magnitude [{unit}]" for unit in units]
@@ -129,7 +129,7 @@ def test_magnitudes_are_drawn_beside_the_truth(office):
 
 
 def test_phase_and_decibels_on_request(office):
-    display = BodeDisplay.from_state_space(office, inputs=["u_cool"], phase=True, decibel=True)
+    display = BodeDisplay.from_estimator(office, inputs=["u_cool"], phase=True, decibel=True)
     size, phase = display.ax_
     found = frequency_response(office)["u_cool"]
     np.testing.assert_allclose(_lines(size)["StateSpace"].get_ydata(), 20 * np.log10(np.abs(found)))
@@ -141,7 +141,7 @@ def test_phase_and_decibels_on_request(office):
 def test_step_responses_are_drawn_for_models_with_different_inputs(office):
     shed = RCNetwork("shed", {"za": "C_za"}, {"R": ("za", "T_oa")})
     bare = make_state_space(shed, {"C_za": 1.0, "R": 5.0}, roles=["T_oa"], sampling_time="1h")
-    display = StepResponseDisplay.from_state_space({"office": office, "shed": bare}, duration="6h")
+    display = StepResponseDisplay.from_estimator({"office": office, "shed": bare}, duration="6h")
     panels = dict(zip(office.input_names, display.ax_, strict=True))
     np.testing.assert_allclose(_lines(panels["T_oa"])["shed"].get_ydata(), 1 - np.exp(-np.arange(7) / 5.0))
     assert set(_lines(panels["u_heat"])) == {"office"}
@@ -152,8 +152,8 @@ def test_step_responses_are_drawn_for_models_with_different_inputs(office):
 
 def test_a_display_says_what_it_cannot_draw(office):
     with pytest.raises(ValueError, match="inputs= names 'u_hot', but the models have T_oa"):
-        BodeDisplay.from_state_space(office, inputs=["u_hot"])
-    with pytest.raises(ValueError, match="ax holds 1 axes, but this display draws on 5"):
-        StepResponseDisplay.from_state_space(office, ax=plt.figure().add_subplot())
+        BodeDisplay.from_estimator(office, inputs=["u_hot"])
+    with pytest.raises(ValueError, match="ax has 1 axes, but this display needs 5"):
+        StepResponseDisplay.from_estimator(office, ax=plt.figure().add_subplot())
     with pytest.raises(ValueError, match="there is no model to draw"):
         BodeDisplay.from_estimator({})

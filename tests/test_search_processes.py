@@ -25,7 +25,8 @@ PROGRAM = """
 import sys
 from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
-from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, runner
+from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
+from skhybrid.model_selection.search import workers
 
 office = make_office(n_days=12, sampling_time="1h", random_state=1)
 gray_box = OutputDisturbanceID(known=office.theta, n_starts=1, random_state=0)

@@ -111,20 +111,20 @@ def test_derivatives_of_a_step_are_those_of_the_matrix_exponential(network, hour
 
 @pytest.mark.parametrize("roles", [("T_oa",), ALL_ROLES], ids=len)
 @pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)
-def test_a_batch_is_its_rows(network, roles):
-    stencil = network.stencil(roles)
-    assert stencil is network.stencil(tuple(reversed(roles)))
-    assert stencil.parameters == tuple(p.name for p in network.parameters(roles))
-    assert stencil.columns == (*network.inputs(roles), "heat_gain")
+def test_a_batch_equals_single_vectors(network, roles):
+    builder = network.matrix_builder(roles)
+    assert builder is network.matrix_builder(tuple(reversed(roles)))
+    assert builder.parameters == tuple(p.name for p in network.parameters(roles))
+    assert builder.columns == (*network.inputs(roles), "heat_gain")
     each = [{**drawn(network, roles, seed), **({"Q_fan": 0.0} if len(roles) > 1 else {})} for seed in range(4)]
-    batch = stencil.matrices(np.array([stencil.vector(theta) for theta in each]))
+    batch = builder.matrices(np.array([builder.vector(theta) for theta in each]))
     for s, theta in enumerate(each):
         for many, one in zip(batch, network.matrices(theta, roles), strict=True):
             np.testing.assert_allclose(many[s], one, rtol=1e-14, atol=0)
 
 
-def test_what_was_worked_out_is_not_stored():
-    """A pickle, and so a hash of a network, does not depend on what was asked of it before."""
+def test_cached_coefficients_are_not_pickled():
+    """The pickle of a network, and so its joblib hash, does not depend on which matrices were computed before."""
     network = get_network("2R2C")
     network.matrices(OFFICE, PAPER_ROLES)
     fresh = replace(network)
@@ -256,7 +256,7 @@ def test_bounds_of_a_parameter():
     assert p.name == "Q_c"
     assert p.bounded((-3.0, -9.0)).free_bounds == pytest.approx((np.log(3.0), np.log(9.0)))
     assert p.bounded(None) is p
-    with pytest.raises(ValueError, match="both must have one sign"):
+    with pytest.raises(ValueError, match="both must have the same sign"):
         p.bounded((-3.0, 3.0))
-    with pytest.raises(ValueError, match="the lower must be the smaller"):
+    with pytest.raises(ValueError, match="the lower must be less than the upper"):
         Parameter("x", "-", 2.0, 2.0)

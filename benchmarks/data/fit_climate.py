@@ -17,7 +17,7 @@ from scipy.optimize import fsolve
 from scipy.special import expit, logit
 
 from skhybrid.datasets import read_epw
-from skhybrid.datasets.weather import MAX_CLEARNESS, clear_sky, sun, year_position
+from skhybrid.datasets._weather import MAX_CLEARNESS, clear_sky, sun, year_position
 
 TARGET = Path(__file__).resolve().parents[2] / "skhybrid" / "datasets" / "data" / "climate.json"
 

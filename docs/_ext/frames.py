@@ -11,7 +11,7 @@ import pandas as pd
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
-from skhybrid.thermal import get_network
+from skhybrid.thermal import draw, get_network
 
 
 class Frame(SphinxDirective):
@@ -35,7 +35,7 @@ class Drawing(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        svg = get_network(self.arguments[0]).to_svg()
+        svg = draw(get_network(self.arguments[0]))
         return [nodes.raw("", f'<div class="drawing">{svg}</div>', format="html")]
 
 

@@ -1,12 +1,12 @@
-"""Data: the paper's synthetic office, a shipped EnergyPlus run, readers of logs and weather files."""
+"""The paper's synthetic office, an EnergyPlus run of a small office, and readers of logs and weather files."""
 
 from ._epw import read_epw
+from ._office import make_office
 from ._readers import read_zone_csv
 from ._regularize import RegularizeReport, regularize
 from ._small_office import load_small_office
-from .excitation import make_prbs
-from .office import make_office
-from .weather import make_weather
+from ._thermostat_plan import make_prbs
+from ._weather import make_weather
 
 __all__ = [
     "RegularizeReport",

@@ -1,17 +1,18 @@
-"""EPW weather files: typical years, read to the data contract (left-labelled rows, kW/m2)."""
+"""Reader of EPW weather files, with the labels and units of the data contract."""
 
 from __future__ import annotations
 
 from datetime import timedelta, timezone
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .weather import window_irradiance
+from ._weather import window_irradiance
 
-#: the year that a typical year is stamped with unless another is asked for: not leap, begins on a Monday.
+#: stamp of a typical year if no year is given: not a leap year, and it begins on a Monday.
 TYPICAL_YEAR = 2001
 
 
@@ -27,56 +28,33 @@ def read_epw(
     Parameters
     ----------
     path : path-like
-        The EPW file.
+        The EPW file to read.
     window_azimuth, window_tilt : float
-        Orientation of the window that ``q_sol`` falls on [degrees]: 180 faces south, 90 is vertical.
+        Orientation of the window that receives ``q_sol`` [degrees]: 180 faces south, 90 is vertical.
     year : int, optional
-        Year that the stamps bear; a 29 February takes the values of the 28th.  By default the rows are a typical year
-        (stamped 2001), which ``make_office(weather=...)`` places at any date by month, day and hour.
+        Year of the time stamps; a 29 February repeats the values of the 28th.  By default the rows are a typical year
+        (stamped 2001), which ``make_office(weather=...)`` uses for any year by month, day and hour.
 
     Returns
     -------
     DataFrame
         Hourly rows: ``T_oa`` [degC], the value at the stamp; ``q_sol`` (isotropic sky), ``ghi``, ``dni``, ``dhi``
-        [kW/m2], means over [t, t + 1 h).  The index is local standard time with its fixed offset from UTC.
-        ``attrs`` holds the site and whether the year is typical.
+        [kW/m2], means over [t, t + 1 h).  The index is local standard time with a fixed offset from UTC.
+        ``attrs`` contains the site and whether the year is typical.
 
     Raises
     ------
-    FileNotFoundError, ValueError
-        If there is no such file, or it is no EPW file of whole hours of a year.
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not an EPW file with one row per hour of the year.
 
     Notes
     -----
-    An EPW row bears the hour that *ends*: powers are means over the hour before, temperatures values at its end.
+    An EPW row is labelled with the hour that *ends*: powers are means over that hour, temperatures are values at its
+    end.
     """
-    from pvlib.iotools import read_epw as pvlib_read_epw
-
-    file = Path(path)
-    if not file.is_file():
-        raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
-    try:
-        raw, meta = pvlib_read_epw(str(file))
-    except (ValueError, KeyError, IndexError, UnicodeDecodeError, StopIteration) as error:
-        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({error}).") from error
-    raw = raw[~((raw.index.month == 2) & (raw.index.day == 29))]
-    if len(raw) != 8760:
-        raise ValueError(f"{str(file)!r} holds {len(raw)} hourly rows, where a typical year has 8760.")
-    site = {
-        "latitude": meta["latitude"],
-        "longitude": meta["longitude"],
-        "utc_offset": meta["TZ"],
-        "altitude": meta["altitude"],
-        "city": str(meta["city"]),
-    }
-    frame = pd.DataFrame(
-        {
-            # pvlib stamps the row with the hour's start; the temperature is the one at the hour's end
-            "T_oa": np.roll(raw["temp_air"].to_numpy(dtype=np.float64), 1),
-            **{name: raw[name].to_numpy(dtype=np.float64) / 1000.0 for name in ("ghi", "dni", "dhi")},
-        },
-        index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h"),
-    )
+    frame, site = _read_typical_year(Path(path))
     if year is not None:
         frame = _with_year(frame, year)
     stamps = pd.DatetimeIndex(frame.index)
@@ -90,16 +68,44 @@ def read_epw(
     return frame
 
 
-def place_typical_year(frame: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
-    """The typical year repeated over every year that ``time`` touches, with a day to spare at both ends."""
-    spare = pd.Timedelta("1D")
-    years = range((time[0] - spare).year, (time[-1] + spare).year + 1)
-    placed = pd.concat([_with_year(frame, year) for year in years])
-    return placed.loc[time[0] - spare : time[-1] + spare]
+def repeat_typical_year(frame: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
+    """Repeat the typical year over the span of ``time``, with a margin of one day at both ends."""
+    margin = pd.Timedelta("1D")
+    years = range((time[0] - margin).year, (time[-1] + margin).year + 1)
+    repeated = pd.concat([_with_year(frame, year) for year in years])
+    return repeated.loc[time[0] - margin : time[-1] + margin]
+
+
+def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Temperature and irradiance of a file, stamped with the typical year, and its site."""
+    from pvlib.iotools import read_epw as pvlib_read_epw
+
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
+    try:
+        raw, meta = pvlib_read_epw(str(file))
+    except (ValueError, KeyError, IndexError, UnicodeDecodeError, StopIteration) as error:
+        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({error}).") from error
+    raw = raw[~((raw.index.month == 2) & (raw.index.day == 29))]
+    if len(raw) != 8760:
+        raise ValueError(f"{str(file)!r} has {len(raw)} hourly rows, but a typical year has 8760.")
+    site = {
+        "latitude": meta["latitude"],
+        "longitude": meta["longitude"],
+        "utc_offset": meta["TZ"],
+        "altitude": meta["altitude"],
+        "city": str(meta["city"]),
+    }
+    columns = {
+        # pvlib stamps a row with the start of its hour, but its temperature is the one at the end
+        "T_oa": np.roll(raw["temp_air"].to_numpy(dtype=np.float64), 1),
+        **{name: raw[name].to_numpy(dtype=np.float64) / 1000.0 for name in ("ghi", "dni", "dhi")},
+    }
+    return pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h")), site
 
 
 def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
-    """The rows of a typical year at every hour of ``year``, found by month, day and hour."""
+    """Stamp a typical year with ``year``, matching rows by month, day and hour."""
     hours = pd.date_range(f"{year}-01-01", f"{year + 1}-01-01", freq="1h", inclusive="left")
     leap_day = (hours.month == 2) & (hours.day == 29)
     source = hours.where(~leap_day, hours - pd.Timedelta("1D"))
@@ -107,9 +113,8 @@ def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
     rows = pd.Series(np.arange(len(frame)), index=key).reindex(_hour_key(source))
     if rows.isna().any():
         first = hours[int(np.argmax(rows.isna().to_numpy()))]
-        raise ValueError(f"the typical year has no row for {first:%d %B %H:%M}; pass it whole.")
-    placed = frame.iloc[rows.to_numpy(dtype=np.int64)]
-    return placed.set_axis(hours, axis=0)
+        raise ValueError(f"the typical year has no row for {first:%d %B %H:%M}; pass the whole year.")
+    return frame.iloc[rows.to_numpy(dtype=np.int64)].set_axis(hours, axis=0)
 
 
 def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:

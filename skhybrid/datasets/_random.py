@@ -1,4 +1,4 @@
-"""One way from ``random_state`` to independent streams of random numbers."""
+"""Independent random streams from one ``random_state``, and autoregressive noise."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from sklearn.utils import check_random_state
 
 
 def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
-    """``n`` independent generators from an int, None, a RandomState or a Generator.
+    """Return ``n`` independent generators from an int, None, a RandomState or a Generator.
 
-    A purpose keeps its own stream, so that a change of one (no excitation, no noise) leaves the others as they were.
+    With one stream per purpose, switching one off (no excitation, no noise) leaves the others unchanged.
     """
     if isinstance(random_state, np.random.Generator):
         entropy = random_state.integers(2**31, size=4)
@@ -22,7 +22,7 @@ def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
 
 
 def ar1(rng: np.random.Generator, n: int, phi: float) -> np.ndarray:
-    """A stationary first-order autoregression of unit variance, shape (n,)."""
+    """Draw a stationary first-order autoregression of unit variance, shape (n,)."""
     from scipy.signal import lfilter
 
     shocks = rng.standard_normal(n)

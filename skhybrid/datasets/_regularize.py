@@ -1,4 +1,4 @@
-"""Bringing a log to an even step: means for inputs, instant values for temperatures, and a report of what was done."""
+"""Resampling of a log to an even step, with a report of what was changed."""
 
 from __future__ import annotations
 
@@ -12,31 +12,32 @@ from .._table import HISTORY_ROLES
 from ..preprocessing._frames import numeric
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
-#: steps that a log is likely to mean, in minutes.
-_USUAL_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
-#: a row stands for the time to the next one if that is at most so many source steps away.
+#: common logging steps [min]; an uneven log is taken to mean the nearest of them.
+_COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
+#: longest time to the next row, in source steps, over which a row is held; beyond it there is a gap.
 _CONTIGUOUS = 1.5
 
 
 @dataclass(frozen=True)
 class RegularizeReport:
-    """What :func:`regularize` did; ``str()`` of it is a text to read.
+    """Report of what :func:`regularize` changed; ``str(report)`` gives readable text.
 
     Attributes
     ----------
     step : Timedelta
         Step of the result.
     source_step : Timedelta
-        Usual distance of the stamps before.
+        Typical spacing of the stamps in the log.
     rows_before, rows_after : int
+        Number of rows in the log and in the result.
     out_of_order, duplicates : int
-        Rows that were sorted, and rows dropped because their stamp stood before.
+        Number of rows that were sorted, and of rows dropped because their stamp was a duplicate.
     filled : dict of column to int
-        Rows of short gaps that were filled.
+        Number of rows in short gaps that were filled.
     missing : dict of column to int
-        Rows that are still NaN.
+        Number of rows that are still NaN.
     first_missing : dict of column to Timestamp
-        The first of them.
+        Stamp of the first of them.
     """
 
     step: pd.Timedelta
@@ -55,7 +56,7 @@ class RegularizeReport:
         if self.out_of_order:
             lines.append(f"{self.out_of_order} rows out of order: sorted")
         if self.duplicates:
-            lines.append(f"{self.duplicates} rows with a stamp that stood before: dropped")
+            lines.append(f"{self.duplicates} rows with a duplicate stamp: dropped")
         lines += [f"{name}: {n} rows of short gaps filled" for name, n in self.filled.items()]
         lines += [
             f"{name}: {n} rows left missing, first {self.first_missing[name]}" for name, n in self.missing.items()
@@ -71,45 +72,45 @@ def regularize(
     Parameters
     ----------
     frame : DataFrame
-        Left-labelled log with a DatetimeIndex, in any order, with gaps and repeated stamps.
+        Left-labelled log with a DatetimeIndex; rows in any order, gaps and duplicate stamps are accepted.
     step : timedelta-like, optional
-        Step of the result; default = the usual distance of the stamps.
+        Step of the result; default is the typical spacing of the stamps.
     max_gap : timedelta-like
-        The longest gap of an input that is filled by a straight line; longer ones stay NaN.
+        Longest gap in an input to fill by linear interpolation; longer gaps stay NaN.
     return_report : bool
-        Whether to return the report too.
+        Whether to return the report as well.
 
     Returns
     -------
     DataFrame
-        The same columns, float64, at every multiple of ``step``; ``attrs["report"]`` holds the report as text.
+        The same columns, float64, at every multiple of ``step``; ``attrs["report"]`` is the report as text.
     report : RegularizeReport
         Only with ``return_report=True``.
 
     Raises
     ------
     ValueError
-        If there is no DatetimeIndex, a stamp is missing, a column is not numeric, or the step is not positive.
+        If the index is not a DatetimeIndex, a stamp is missing, a column is not numeric, or the step is not positive.
 
     Notes
     -----
-    An input (``q_sol``, ``u_...``, ``Q_...``, anything that is no temperature) becomes its mean over the step, weighted
-    by time: a row holds until the next one, or for one source step before a gap; a step covered by less than half is
-    missing.  A boundary temperature (``T_oa``, ``T_...``) becomes its value at the stamp, on the line between its
-    neighbours.  History (``T_za``, ``zeta``) becomes the value measured nearest to the stamp and is never filled, so
-    that nothing measured later enters it.
+    An input (``q_sol``, ``u_...``, ``Q_...``, anything but a temperature) becomes its time-weighted mean over the step:
+    a row holds until the next one, or for one source step before a gap, and a step that is less than half covered is
+    missing.  A boundary temperature (``T_oa``, ``T_...``) is interpolated linearly between its neighbours.  History
+    (``T_za``, ``zeta``) takes the measurement nearest to the stamp and is never filled, so no later measurement leaks
+    into it.
     """
-    _refuse(frame)
+    _check_frame(frame)
     span = pd.Timedelta(max_gap)
-    tidy, out_of_order, duplicates = _tidy(frame)
-    names = list(tidy.columns)
-    stamps = pd.DatetimeIndex(tidy.index)
-    source = _usual_step(stamps)
+    ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
+    names = list(ordered.columns)
+    stamps = pd.DatetimeIndex(ordered.index)
+    source = _typical_step(stamps)
     target = source if step is None else pd.Timedelta(step)
     if not target > pd.Timedelta(0):
         raise ValueError(f"step={step!r} is not a positive duration such as '15min'.")
     grid = _even_index(stamps, target, source)
-    raw = {name: _at_grid(name, numeric(tidy[name]), stamps, grid, target, source) for name in names}
+    raw = {name: _resample_column(name, numeric(ordered[name]), stamps, grid, target, source) for name in names}
     hours = stamp_hours(grid)
     full = {name: v if name in HISTORY_ROLES else fill_gaps(v, hours, span) for name, v in raw.items()}
     out = pd.DataFrame(full, index=grid, columns=names)
@@ -129,21 +130,21 @@ def regularize(
     return (out, report) if return_report else out
 
 
-def _refuse(frame: pd.DataFrame) -> None:
+def _check_frame(frame: pd.DataFrame) -> None:
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("regularize needs a DataFrame with a DatetimeIndex; read_zone_csv returns one.")
     if len(frame) < 2:
         raise ValueError(f"regularize needs at least two rows, found {len(frame)}.")
     if frame.index.hasnans:
         raise ValueError(
-            f"the index holds NaT at row {int(np.argmax(frame.index.isna()))}; every row needs a time stamp."
+            f"the index contains NaT at row {int(np.argmax(frame.index.isna()))}; every row needs a time stamp."
         )
     if not frame.columns.is_unique:
-        raise ValueError(f"column {frame.columns[frame.columns.duplicated()][0]!r} stands twice; keep one of them.")
+        raise ValueError(f"column {frame.columns[frame.columns.duplicated()][0]!r} appears twice; keep one of them.")
 
 
-def _tidy(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
-    """Sorted rows of distinct stamps, how many were out of order, how many were dropped (the first one is kept)."""
+def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
+    """Rows with increasing stamps, the number out of order, and the number of duplicates after the first, dropped."""
     backwards = int((np.diff(pd.DatetimeIndex(frame.index).as_unit("ns").asi8) < 0).sum())
     ordered = frame.sort_index(kind="stable")
     twice = ordered.index.duplicated()
@@ -152,17 +153,17 @@ def _tidy(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
     return ordered[~twice], backwards, int(twice.sum())
 
 
-def _usual_step(index: pd.DatetimeIndex) -> pd.Timedelta:
-    """The median distance of the stamps, brought to the nearest usual step where it is close to one."""
+def _typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
+    """The median spacing of the stamps, rounded to a common step if it is within 10 % of one."""
     seconds = float(np.median(np.diff(index.as_unit("ns").asi8))) / 1e9
-    usual = np.array(_USUAL_MINUTES) * 60.0
-    nearest = float(usual[int(np.argmin(np.abs(np.log(usual / seconds))))])
+    common = np.array(_COMMON_MINUTES) * 60.0
+    nearest = float(common[int(np.argmin(np.abs(np.log(common / seconds))))])
     return pd.Timedelta(seconds=nearest if abs(nearest - seconds) <= 0.1 * nearest else round(seconds, 3))
 
 
 def _even_index(index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelta) -> pd.DatetimeIndex:
-    """Every multiple of the step, counted from local midnight of the first day, over the log."""
-    slack = min(step, source) / 2  # a clock that runs a little early still belongs to its step
+    """Every multiple of the step that the log covers, counted from local midnight of the first day."""
+    slack = min(step, source) / 2  # a stamp a little before the start of a step still belongs to that step
     first = index[0] + slack
     offset = first.utcoffset() or pd.Timedelta(0)
     ticks = index.as_unit("ns").asi8
@@ -174,7 +175,7 @@ def _even_index(index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelt
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)
 
 
-def _at_grid(
+def _resample_column(
     name: str,
     values: np.ndarray,
     index: pd.DatetimeIndex,
@@ -182,52 +183,54 @@ def _at_grid(
     step: pd.Timedelta,
     source: pd.Timedelta,
 ) -> np.ndarray:
-    """One column at the even stamps; NaN where the log says nothing."""
+    """One column at the even stamps; NaN where the log has no data."""
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(grid), np.nan)
     ticks = index.as_unit("ns").asi8
-    mine, theirs = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
+    wanted, logged = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
     if name in HISTORY_ROLES:
-        return _nearest(mine, theirs, values[known], min(step, source).total_seconds() / 2)
-    # a column may be logged less often than others
-    own = (_usual_step(index[known]) if known.sum() > 2 else source).total_seconds()
+        return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
+    # a column may be logged less often than the others
+    own = (_typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
     if str(name).startswith("T_"):
-        return _between(mine, theirs, values[known], own)
-    return _means(mine, theirs, values[known], step.total_seconds(), own)
+        return _interpolated(wanted, logged, values[known], own)
+    return _time_weighted_means(wanted, logged, values[known], step.total_seconds(), own)
 
 
-def _nearest(mine: np.ndarray, theirs: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
-    after = np.clip(np.searchsorted(theirs, mine), 1, max(len(theirs) - 1, 1))
-    if len(theirs) == 1:
-        row = np.zeros(len(mine), dtype=np.int64)
+def _nearest(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
+    """The value logged nearest to each wanted time; NaN if none lies within the tolerance [s]."""
+    after = np.clip(np.searchsorted(logged, wanted), 1, max(len(logged) - 1, 1))
+    if len(logged) == 1:
+        row = np.zeros(len(wanted), dtype=np.int64)
     else:
-        row = np.where(mine - theirs[after - 1] <= theirs[after] - mine, after - 1, after)
-    return np.where(np.abs(theirs[row] - mine) <= tolerance, values[row], np.nan)
+        row = np.where(wanted - logged[after - 1] <= logged[after] - wanted, after - 1, after)
+    return np.where(np.abs(logged[row] - wanted) <= tolerance, values[row], np.nan)
 
 
-def _between(mine: np.ndarray, theirs: np.ndarray, values: np.ndarray, source: float) -> np.ndarray:
-    """On the line between neighbours; NaN inside gaps, the nearest value within half a source step of the ends."""
-    line = np.interp(mine, theirs, values)
-    after = np.searchsorted(theirs, mine)
-    left, right = theirs[np.clip(after - 1, 0, None)], theirs[np.clip(after, None, len(theirs) - 1)]
-    near = np.minimum(np.abs(mine - left), np.abs(right - mine)) <= source / 2
-    inside = (after > 0) & (after < len(theirs)) & (right - left <= _CONTIGUOUS * source)
+def _interpolated(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, source: float) -> np.ndarray:
+    """Linear interpolation; NaN in gaps and outside the log, except within half a source step of a logged value."""
+    line = np.interp(wanted, logged, values)
+    after = np.searchsorted(logged, wanted)
+    left, right = logged[np.clip(after - 1, 0, None)], logged[np.clip(after, None, len(logged) - 1)]
+    near = np.minimum(np.abs(wanted - left), np.abs(right - wanted)) <= source / 2
+    inside = (after > 0) & (after < len(logged)) & (right - left <= _CONTIGUOUS * source)
     return np.where(inside | near, line, np.nan)
 
 
-def _means(mine: np.ndarray, theirs: np.ndarray, values: np.ndarray, step: float, source: float) -> np.ndarray:
-    """Means over [t, t + step) of a signal that every row holds until the next one."""
-    gap = np.append(np.diff(theirs), source)
-    lasts = np.where(gap <= _CONTIGUOUS * source, gap, source)
-    edges = np.column_stack([theirs, theirs + lasts]).ravel()
+def _time_weighted_means(
+    wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, source: float
+) -> np.ndarray:
+    """Means over [t, t + step) of a signal that holds each logged value until the next one."""
+    spacing = np.append(np.diff(logged), source)
+    held = np.where(spacing <= _CONTIGUOUS * source, spacing, source)
+    edges = np.column_stack([logged, logged + held]).ravel()
 
-    def over(weight: np.ndarray) -> np.ndarray:
-        """The integral of a held signal over every step."""
-        total = np.concatenate([[0.0], np.cumsum(weight * lasts)])
+    def integral(signal: np.ndarray) -> np.ndarray:
+        total = np.concatenate([[0.0], np.cumsum(signal * held)])
         at_edges = np.column_stack([total[:-1], total[1:]]).ravel()
-        return np.interp(mine + step, edges, at_edges) - np.interp(mine, edges, at_edges)
+        return np.interp(wanted + step, edges, at_edges) - np.interp(wanted, edges, at_edges)
 
-    covered = over(np.ones(len(values)))
+    covered = integral(np.ones(len(values)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(covered >= 0.5 * step - 1e-6, over(values) / covered, np.nan)
+        return np.where(covered >= 0.5 * step - 1e-6, integral(values) / covered, np.nan)

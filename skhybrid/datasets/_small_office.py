@@ -1,4 +1,4 @@
-"""The shipped log: an EnergyPlus run of the DOE reference small office."""
+"""The log that comes with the package: an EnergyPlus run of the DOE reference small office."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _DESCR = """The DOE reference small office in Chicago, autumn 2018 (label), 15 m
 An EnergyPlus 25.2 run of a 511 m2 office of five zones (new construction, 90.1-2004) under TMY3 weather, with an
 irregular occupancy (day level autocorrelated, off-site days, random arrivals).  control="irregular" has the reference
 set-points; control="shifted" is the same building, weather and occupancy under random daily set-points, pre-heating
-and load shifting: a control that the first log has never seen.
+and load shifting, a kind of control that does not occur in the first log.
 
 X: T_oa [degC] and T_za [degC] (mean of the zones by volume) are values at the stamp; q_sol (global horizontal)
 [kW/m2] and Q_hvac (net sensible heat delivered, + heats) [kW] are means over [t, t + 15 min).
-heat_gain: the internal gains [kW] (people, lights, plugs), which are truth to compare with, never an input.
+heat_gain: the internal gains [kW] (people, lights, plugs), for comparison with estimates, never an input.
 frame: set-points, stages (mean runtime fraction), dni and dhi [kW/m2], people.
 
 Credit: EnergyPlus (BSD-style licence, LBNL/DOE); reference buildings by DOE, NREL, PNNL, LBNL: Deru et al. (2011),
@@ -26,18 +26,18 @@ Cut from year-long runs by benchmarks/data/make_small_office.py.
 
 
 def load_small_office(control: str = "irregular") -> Bunch:
-    """Load the shipped EnergyPlus run of a small office, autumn, 15 min.
+    """Load an EnergyPlus run of a small office in autumn, 15 min.
 
     Parameters
     ----------
     control : {"irregular", "shifted"}
-        The usual set-points, or the same autumn under set-points that were shifted and randomised.
+        The usual set-points, or the same autumn under shifted and randomised set-points.
 
     Returns
     -------
     Bunch
-        ``X`` DataFrame [T_oa, q_sol, Q_hvac, T_za]; ``y`` Series T_za [degC]; ``heat_gain`` Series, internal gains
-        [kW], truth that is never in ``X``; ``frame`` DataFrame [set_heat, set_cool, stage_heat, stage_cool, dni, dhi,
+        ``X`` DataFrame [T_oa, q_sol, Q_hvac, T_za]; ``y`` Series T_za [degC]; ``heat_gain`` Series, true internal
+        gains [kW], never part of ``X``; ``frame`` DataFrame [set_heat, set_cool, stage_heat, stage_cool, dni, dhi,
         people]; ``DESCR``.
 
     Raises
@@ -53,15 +53,13 @@ def load_small_office(control: str = "irregular") -> Bunch:
     """
     if control not in ("irregular", "shifted"):
         raise ValueError(f"control={control!r} is unknown; choose 'irregular' or 'shifted'.")
-    everything = _read("irregular")
-    if control == "shifted":  # weather and occupancy are those of the other run
+    log = _read("irregular")
+    if control == "shifted":  # its file lacks weather and occupancy, which are the same
         changed = _read("shifted")
-        everything = everything.assign(**{str(name): changed[name] for name in changed})
-    X = everything[["T_oa", "q_sol", "Q_hvac", "T_za"]].copy()
+        log = log.assign(**{str(name): changed[name] for name in changed})
+    X = log[["T_oa", "q_sol", "Q_hvac", "T_za"]].copy()
     rest = ["set_heat", "set_cool", "stage_heat", "stage_cool", "dni", "dhi", "people"]
-    return Bunch(
-        X=X, y=X["T_za"].copy(), heat_gain=everything["heat_gain"].copy(), frame=everything[rest].copy(), DESCR=_DESCR
-    )
+    return Bunch(X=X, y=X["T_za"].copy(), heat_gain=log["heat_gain"].copy(), frame=log[rest].copy(), DESCR=_DESCR)
 
 
 def _read(control: str) -> pd.DataFrame:

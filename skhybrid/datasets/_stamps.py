@@ -1,4 +1,4 @@
-"""Time stamps of a CSV: finding the column, parsing it, and giving it the right zone."""
+"""Parsing of the time stamps in a CSV file: their column, their format and their time zone."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
 
 def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) -> str:
-    """The column that holds the stamps: the one named, one with a usual name, or the first whose cells are dates.
+    """Return the column of time stamps: the one named, one with a usual name, or the first whose cells are dates.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If there is no such column.
     """
     if time_column is not None:
         if time_column not in table:
@@ -36,18 +36,19 @@ def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) 
         if len(cells) and looks.all():
             return column
     raise ValueError(
-        f"{where} has no column of time stamps among {', '.join(map(repr, table.columns))}; name it by time_column=."
+        f"{where} has no column of time stamps among {', '.join(map(repr, table.columns))}; pass its name as "
+        "time_column=."
     )
 
 
 def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
-    """Stamps of a log, with the zone that they or ``timezone`` say; without one where neither does.
+    """Parse the time stamps of a log, in their own zone or in ``timezone``; without either they stay naive.
 
     Raises
     ------
     ValueError
-        With the row, if a cell is no date or an hour that daylight saving skips; if only some cells have an offset;
-        if dates such as 02/03/2024 may be read both ways.
+        If a cell is not a date, or lies in an hour that daylight saving skips (the message names the row); if only
+        some cells have an offset; if dates such as 02/03/2024 are ambiguous.
     """
     text = cells.astype(str).str.strip()
     absent = cells.isna().to_numpy()
@@ -56,7 +57,7 @@ def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, 
     if zoned.any() and not zoned[~absent].all():
         row = int(np.argmax(~zoned & ~absent))
         raise ValueError(
-            f"row {line(text.index[row])} of {where}: the time stamp {text.iloc[row]!r} has no offset from UTC, where "
+            f"row {line(text.index[row])} of {where}: the time stamp {text.iloc[row]!r} has no offset from UTC, but "
             "others have one."
         )
     stamps = _parse(text, absent, bool(zoned.any()), _day_first(text, dayfirst, where), where)
@@ -68,12 +69,12 @@ def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, 
 
 
 def line(row: int) -> int:
-    """The line of the file that a row of data stands on; the header is line 1."""
+    """Return the line of the file that contains a row of data; the header is line 1."""
     return row + 2
 
 
 def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
-    """Whether dates such as 31/01/2024 begin with the day, as a number above 12 shows."""
+    """Whether dates begin with the day, as one such as 31/01/2024 shows."""
     numbers = text.str.extract(_NUMBERED).astype(np.float64)
     if dayfirst is not None or numbers[0].isna().all():
         return bool(dayfirst)
@@ -92,13 +93,13 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, wher
     guess = guess_datetime_format(text.iloc[0], dayfirst=day_first)
     parsed = pd.to_datetime(known, errors="coerce", utc=utc, format=guess or "mixed", dayfirst=day_first)
     again = parsed.isna().to_numpy() & ~absent & ~_contradicts(text, day_first)
-    if again.any():  # a logger may leave out the time at midnight, or seconds that are zero
+    if again.any():  # some loggers omit the time at midnight, or seconds that are zero
         other = pd.to_datetime(known[again], errors="coerce", utc=utc, format="mixed", dayfirst=day_first)
         parsed = parsed.where(~again, other)
     failed = parsed.isna().to_numpy()
     if failed.any():
         row = int(np.argmax(failed))
-        found = "is empty" if absent[row] else f"{text.iloc[row]!r} is no date and time"
+        found = "is empty" if absent[row] else f"{text.iloc[row]!r} is not a date and time"
         raise ValueError(
             f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
         )
@@ -106,7 +107,7 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, wher
 
 
 def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
-    """Dates whose month would be above 12: never to be read the other way round than the rest."""
+    """Whether each date has a month above 12 when read like the others; it is refused, not read the other way."""
     numbers = text.str.extract(_NUMBERED).astype(np.float64)
     return (numbers[1 if day_first else 0] > 12).to_numpy()
 
@@ -119,7 +120,7 @@ def _zone(timezone: str) -> Any:
 
 
 def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) -> pd.DatetimeIndex:
-    """Local wall-clock stamps with their zone; of the hour that comes twice in autumn the first pass is summer time."""
+    """Localize wall-clock stamps; in the hour that occurs twice in autumn, the first pass is summer time."""
     skipped = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT").isna()
     if skipped.any():
         row = int(np.argmax(skipped))
@@ -127,19 +128,20 @@ def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) 
             f"row {line(text.index[row])} of {where}: {text.iloc[row]!r} does not exist in {zone}, where daylight "
             "saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
         )
-    twice = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()
-    return stamps.tz_localize(zone, ambiguous=_is_first_pass(stamps, np.asarray(twice)))
+    repeated = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()
+    return stamps.tz_localize(zone, ambiguous=_is_first_pass(stamps, np.asarray(repeated)))
 
 
-def _is_first_pass(stamps: pd.DatetimeIndex, twice: np.ndarray) -> np.ndarray:
-    """For the stamps of an hour that comes twice: True until the clock of that day goes back, or stands still."""
+def _is_first_pass(stamps: pd.DatetimeIndex, repeated: np.ndarray) -> np.ndarray:
+    """Whether each stamp precedes the change of the clock on its day, seen where stamps go back or repeat."""
     first = np.ones(len(stamps), dtype=bool)
     ticks = stamps.as_unit("ns").asi8
     days = stamps.normalize()
-    for day in days[twice].unique():
-        rows = np.flatnonzero(twice & (days == day))
+    for day in days[repeated].unique():
+        rows = np.flatnonzero(repeated & (days == day))
         advance = np.diff(ticks[rows])
+        # the stamps of an hourly log do not go back, they repeat
         turn = np.flatnonzero(advance < 0) if (advance < 0).any() else np.flatnonzero(advance == 0)
-        if len(turn):  # an hourly log shows the same stamp twice
+        if len(turn):
             first[rows[turn[0] + 1 :]] = False
     return first

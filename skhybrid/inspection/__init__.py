@@ -1,6 +1,6 @@
-"""Pictures of fitted models and back-tests, in scikit-learn's manner: ``from_estimator`` or ``from_predictions``.
+"""Displays of fitted models and back-tests, made with ``from_estimator`` or ``from_predictions`` as in scikit-learn.
 
-Matplotlib is loaded when a picture is drawn, not when this module is imported.
+Matplotlib is imported when a figure is drawn, not when this module is imported.
 """
 
 from ._bode import BodeDisplay

@@ -1,4 +1,4 @@
-"""Frequency response of the measured temperature to every input."""
+"""Display of the frequency response to every input."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 import pandas as pd
 
 from ..identification import frequency_response
+from ._response_display import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 from ._style import grid_or_new, shared_legend, tidy
-from ._systems import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 
-#: periods that the axis names
+#: labelled periods of the axis [s].
 _TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800.0: "1 wk", 2592000.0: "30 d"}
 
 
 class BodeDisplay(ResponseDisplay):
-    """Magnitude (and phase) of the temperature's response to every input, by the period of the input.
+    """Magnitude and phase of the response of a temperature to every input, by the period of the input.
 
-    Make it with :meth:`from_estimator`, :meth:`from_state_space` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     responses : mapping of label to DataFrame of complex
-        As :func:`skhybrid.identification.frequency_response` gives them.
+        Frequency responses, as returned by :func:`skhybrid.identification.frequency_response`.
 
     Attributes
     ----------
     ax_ : ndarray of matplotlib Axes
-        One panel an input, or two (magnitude, phase) with ``phase=True``, after :meth:`plot`.
+        Axes that :meth:`plot` drew on: one per input, or two (magnitude, phase) with ``phase=True``.
     figure_ : matplotlib Figure
-        The figure that holds them.
+        Figure of the axes.
     """
 
     @classmethod
@@ -46,23 +46,23 @@ class BodeDisplay(ResponseDisplay):
         ax: Any = None,
         **kwargs: Any,
     ) -> BodeDisplay:
-        """Draw fitted identifications.
+        """Compute the responses of models and draw them.
 
         Parameters
         ----------
-        estimator : fitted identification
-            Or a mapping of label to fitted identification or :class:`~skhybrid.identification.StateSpace`.
+        estimator : fitted identification, StateSpace or mapping
+            A model, or a mapping of label to model.
         truth : StateSpace or fitted identification, optional
-            Drawn as a broad line beneath, with the label "true"; see
+            True model, drawn as a broad line below the others with the label "true"; see
             :func:`skhybrid.identification.make_state_space`.
         periods : sequence of timedelta-like, optional
-            By default from 10 minutes (or two steps of the model) to 30 days.
+            Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days.
         output : int, default=0
-            Which measured temperature, for models with several.
+            Index of the measured temperature, for models with several.
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -70,40 +70,6 @@ class BodeDisplay(ResponseDisplay):
         """
         respond = partial(frequency_response, periods=periods, output=output)
         return cls(responses_of(estimator, truth, respond)).plot(ax, **kwargs)
-
-    @classmethod
-    def from_state_space(
-        cls,
-        state_space: Any,
-        *,
-        truth: Any = None,
-        periods: Any = None,
-        output: int = 0,
-        ax: Any = None,
-        **kwargs: Any,
-    ) -> BodeDisplay:
-        """Draw discrete models.
-
-        Parameters
-        ----------
-        state_space : StateSpace
-            Or a mapping of label to StateSpace.
-        truth : StateSpace, optional
-            Drawn as a broad line beneath.
-        periods : sequence of timedelta-like, optional
-            By default from 10 minutes (or two steps of the model) to 30 days.
-        output : int, default=0
-            Which measured temperature, for models with several.
-        ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
-        **kwargs
-            As in :meth:`plot`.
-
-        Returns
-        -------
-        BodeDisplay
-        """
-        return cls.from_estimator(state_space, truth=truth, periods=periods, output=output, ax=ax, **kwargs)
 
     def plot(
         self,
@@ -114,43 +80,43 @@ class BodeDisplay(ResponseDisplay):
         decibel: bool = False,
         title: str | None = None,
     ) -> BodeDisplay:
-        """Draw one panel an input.
+        """Draw one panel per input.
 
         Parameters
         ----------
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         inputs : sequence of str, optional
-            Which inputs; default is all that any model has.
+            Inputs to draw; default is those of any model.
         phase : bool, default=False
-            Whether the phase [degrees] stands beside every magnitude.
+            Whether to draw the phase [degrees] next to the magnitude.
         decibel : bool, default=False
-            Magnitudes as ``20 log10`` instead of on a logarithmic axis.
+            Whether to draw magnitudes in decibels instead of on a logarithmic axis.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         BodeDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         names = inputs_of(self.responses, inputs)
         n_each = 2 if phase else 1
-        axes = grid_or_new(ax, n_each * len(names), 2 if phase or len(names) == 4 else 3, (4.2, 2.4))
+        n_cols = 2 if phase or len(names) == 4 else 3
+        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4))
         for number, name in enumerate(names):
-            self._magnitude(axes[n_each * number], name, decibel)
+            self._draw_magnitude(axes[n_each * number], name, decibel)
             if phase:
-                self._phase(axes[n_each * number + 1], name)
+                self._draw_phase(axes[n_each * number + 1], name)
         for panel in axes:
             _period_axis(panel, self.responses)
-        n_cols = 2 if phase or len(names) == 4 else 3
         for panel in axes[-n_cols:]:
             panel.set_xlabel("period of the input")
         shared_legend(axes, title)
         self.ax_, self.figure_ = axes, axes[0].figure
         return self
 
-    def _magnitude(self, ax: Any, name: str, decibel: bool) -> None:
+    def _draw_magnitude(self, ax: Any, name: str, decibel: bool) -> None:
         for label, frame in self.responses.items():
             if name in frame:
                 size = np.abs(frame[name].to_numpy())
@@ -164,10 +130,10 @@ class BodeDisplay(ResponseDisplay):
             ax.set_yscale("log")
         tidy(ax, ylabel=f"dB re 1 {unit_of(name)}" if decibel else f"magnitude [{unit_of(name)}]", title=name)
 
-    def _phase(self, ax: Any, name: str) -> None:
+    def _draw_phase(self, ax: Any, name: str) -> None:
         for label, frame in self.responses.items():
             if name in frame:
-                # from the longest period, where the phase is known, to the shortest
+                # unwrap from the longest period, where the phase is near zero, to the shortest
                 angle = np.unwrap(np.angle(frame[name].to_numpy())[::-1])[::-1]
                 ax.plot(_seconds(frame), np.degrees(angle), label=label, **style_of(label, self.responses))
         tidy(ax, ylabel="phase [degrees]", title=name)

@@ -1,4 +1,4 @@
-"""The next day: temperature above, heating and cooling below."""
+"""Display of a day-ahead forecast."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ from typing import Any
 
 import pandas as pd
 
-from ._style import COLORS, MEASURED, axes_or_new, bands, legend, tidy, time_axis
+from ._style import COLORS, MEASURED, axes_or_new, bands, heading, legend, tidy, time_axis
 
 
 class DayAheadDisplay:
-    """Forecast of one day: zone temperature, and the heat that holds the set-point.
+    """Forecast of one day: zone temperature, and the heat needed to hold the set-point.
 
-    Make it with :meth:`from_predictions`.
+    Create it with :meth:`from_predictions`.
 
     Parameters
     ----------
     forecast : DataFrame
-        Index = time; column ``T_za`` [degC], ``q_0.1`` ... [degC] where its quantiles were forecast, and ``Q_hvac``
-        [kW] where a load was.
+        Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... [degC] and the load
+        ``Q_hvac`` [kW].
     measured : DataFrame, optional
-        Index = time; ``T_za`` [degC] and ``Q_hvac`` [kW] where they are known; may begin before the forecast.
+        Measurements by time: ``T_za`` [degC] and, if there is any, ``Q_hvac`` [kW]; may begin before the forecast.
     setpoint : Series or float, optional
-        Temperature that the load holds [degC].
+        Set-point that the load holds [degC].
 
     Attributes
     ----------
     ax_ : matplotlib Axes or ndarray of Axes
-        What was drawn on, after :meth:`plot`: one, or two where there is a load.
+        Axes that :meth:`plot` drew on: one, or two if there is a load.
     figure_ : matplotlib Figure
-        The figure that holds them.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -50,21 +50,21 @@ class DayAheadDisplay:
         ax: Any = None,
         **kwargs: Any,
     ) -> DayAheadDisplay:
-        """Draw a forecast that was made already.
+        """Draw a forecast that has been made.
 
         Parameters
         ----------
         forecast : DataFrame
-            Index = time; column ``T_za`` [degC], ``q_0.1`` ... where its quantiles were forecast, and ``Q_hvac`` [kW]
-            where a load was.
+            Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... and the load
+            ``Q_hvac`` [kW].
         measured : DataFrame, optional
-            Index = time; the same columns, where they are known.
+            Measurements by time: ``T_za`` and, if there is any, ``Q_hvac``.
         setpoint : Series or float, optional
-            Temperature that the load holds [degC].
-        ax : matplotlib Axes, or two of them where there is a load, optional
-            Where to draw; default is a new figure.
+            Set-point that the load holds [degC].
+        ax : matplotlib Axes or array of two Axes, optional
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -74,49 +74,46 @@ class DayAheadDisplay:
 
     @property
     def n_axes(self) -> int:
-        """How many axes :meth:`plot` draws on."""
+        """Number of axes that :meth:`plot` draws on."""
         return 2 if "Q_hvac" in self.forecast else 1
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> DayAheadDisplay:
-        """Draw the temperature and, where there is one, the load.
+        """Draw the temperature and, if there is one, the load.
 
         Parameters
         ----------
-        ax : matplotlib Axes, or two of them where there is a load, optional
-            Where to draw; default is a new figure.
+        ax : matplotlib Axes or array of two Axes, optional
+            Axes to draw on; default is a new figure.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         DayAheadDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         axes = axes_or_new(ax, (9.0, 2.6 * self.n_axes + 0.6), self.n_axes)
         above = axes[0] if self.n_axes == 2 else axes
-        last = above
-        self._temperature(above)
+        self._draw_temperature(above)
         if self.n_axes == 2:
-            last = axes[1]
-            self._load(last)
-        time_axis(last, self.forecast.index)
-        if title:
-            above.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+            self._draw_load(axes[1])
+        time_axis(axes[1] if self.n_axes == 2 else above, self.forecast.index)
+        heading(above, title)
         self.ax_, self.figure_ = axes, above.figure
         return self
 
-    def _temperature(self, ax: Any) -> None:
+    def _draw_temperature(self, ax: Any) -> None:
         if self.measured is not None and self.measured["T_za"].notna().any():
             ax.plot(self.measured.index, self.measured["T_za"], color=MEASURED, linewidth=1.6, label="measured")
         ax.plot(self.forecast.index, self.forecast["T_za"], color=COLORS[0], linewidth=1.8, label="forecast")
         n_bands = bands(ax, self.forecast.index, self.forecast, COLORS[0])
         if self.setpoint is not None:
-            held = pd.Series(self.setpoint, index=self.forecast.index)
-            ax.plot(held.index, held, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
+            setpoint = pd.Series(self.setpoint, index=self.forecast.index)
+            ax.plot(setpoint.index, setpoint, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
         tidy(ax, ylabel="zone temperature [degC]")
         legend(ax, 3 + n_bands)
 
-    def _load(self, ax: Any) -> None:
+    def _draw_load(self, ax: Any) -> None:
         if self.measured is not None and "Q_hvac" in self.measured and self.measured["Q_hvac"].notna().any():
             ax.step(
                 self.measured.index,

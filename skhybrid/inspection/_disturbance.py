@@ -1,4 +1,4 @@
-"""The week of an estimated disturbance."""
+"""Display of a disturbance by hour of the week."""
 
 from __future__ import annotations
 
@@ -8,28 +8,27 @@ import numpy as np
 import pandas as pd
 
 from .._time import ASSUMED_START
-from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, tidy
+from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, tidy
 
 
 class DisturbanceWeekDisplay:
-    """Median and spread of an estimated disturbance by hour of the week, with the truth where it is known.
+    """Median and spread of an estimated disturbance by hour of the week, with the truth if it is known.
 
-    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     week : DataFrame
-        Index = hour of the week (0 = Monday 00:00); columns ``low``, ``median``, ``high`` and, where known,
-        ``truth``.
+        Columns ``low``, ``median``, ``high`` and, if known, ``truth``, by hour of the week (0 is Monday 00:00).
     unit : str
-        Of the disturbance.
+        Unit of the disturbance.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
-        What was drawn on, after :meth:`plot`.
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
-        The figure that holds it.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -51,24 +50,24 @@ class DisturbanceWeekDisplay:
         ax: Any = None,
         **kwargs: Any,
     ) -> DisturbanceWeekDisplay:
-        """Estimate the disturbance of a table and draw its week.
+        """Estimate the disturbance of a table and draw it by hour of the week.
 
         Parameters
         ----------
         estimator : fitted estimator
-            A gray box, or a predictor that holds one as ``gray_box_``.
+            A gray box, or a predictor with one in ``gray_box_``.
         X : DataFrame
             Consecutive rows with the measured ``T_za``.
         truth : Series or array-like of shape (n_samples,), optional
-            The true disturbance, where it is known [kW].
+            True disturbance, if it is known [kW].
         kind : {"input", "output"}, default="input"
             Heat into the zone [kW], or a shift of the measured temperature [K].
         smooth : bool, default=True
-            Whether the whole table informs each estimate.
+            Whether each estimate uses the whole table, or only the rows up to its own.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -77,7 +76,7 @@ class DisturbanceWeekDisplay:
         gray_box = getattr(estimator, "gray_box_", estimator)
         names = getattr(gray_box, "feature_names_in_", None)
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
-            X = X[list(names)]  # a predictor hands its gray box the columns in an order of its own
+            X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
         unit = "kW" if kind == "input" else "K"
         return cls.from_predictions(zeta, truth=truth, unit=unit, ax=ax, **kwargs)
@@ -86,20 +85,20 @@ class DisturbanceWeekDisplay:
     def from_predictions(
         cls, zeta: pd.Series, *, truth: Any = None, unit: str = "kW", ax: Any = None, **kwargs: Any
     ) -> DisturbanceWeekDisplay:
-        """Draw the week of a disturbance that was estimated already.
+        """Draw a disturbance that has been estimated, by hour of the week.
 
         Parameters
         ----------
         zeta : Series
-            The disturbance; without time stamps it is taken to begin on a Monday at 00:00 and to step by 15 min.
+            The disturbance; without time stamps it is assumed to begin on a Monday at 00:00 with a step of 15 min.
         truth : Series or array-like of shape (n_samples,), optional
-            The true disturbance, row by row.
+            True disturbance of every row.
         unit : str
-            Of the disturbance.
+            Unit of the disturbance.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -108,19 +107,19 @@ class DisturbanceWeekDisplay:
         return cls(_week(pd.Series(zeta), truth), unit).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> DisturbanceWeekDisplay:
-        """Draw the median, the span of 80 % of the weeks, and the truth.
+        """Draw the median, the range of 80 % of the weeks, and the truth.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         DisturbanceWeekDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         ax = axes_or_new(ax, (9.0, 3.2))
         hours = self.week.index.to_numpy(dtype=float)
@@ -148,14 +147,13 @@ class DisturbanceWeekDisplay:
         ax.grid(True, axis="x", which="minor", color="#dddddd", linewidth=0.6)
         ax.tick_params(axis="x", which="major", length=0)
         legend(ax, 3)
-        if title:
-            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+        heading(ax, title)
         self.ax_, self.figure_ = ax, ax.figure
         return self
 
 
 def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
-    """Median, 10th and 90th percentile by hour of the week, and the mean of the truth."""
+    """Compute median, 10th and 90th percentile by hour of the week, and the mean of the truth."""
     index = zeta.index
     if isinstance(index, pd.DatetimeIndex):
         wall = index.tz_localize(None) if index.tz is not None else index

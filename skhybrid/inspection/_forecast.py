@@ -1,4 +1,4 @@
-"""Measured temperature and what was forecast, over days."""
+"""Display of measured and forecast temperature over days."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from typing import Any
 import pandas as pd
 
 from ..model_selection import backtest
-from ._style import MEASURED, axes_or_new, bands, legend, line_style, tidy, time_axis
+from ._style import MEASURED, axes_or_new, bands, heading, legend, line_style, tidy, time_axis
 
 
 class ForecastDisplay:
-    """Measured zone temperature beside the forecasts of one or several models.
+    """Measured zone temperature and the forecasts of one or several models.
 
-    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     frames : mapping of label to DataFrame
-        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them; between their quantiles, where they have
-        any, a band is shaded.
+        Back-tests, as returned by :func:`skhybrid.model_selection.backtest`; if they have quantiles, the bands between
+        these are shaded.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
-        What was drawn on, after :meth:`plot`.
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
-        The figure that holds it.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -49,76 +49,77 @@ class ForecastDisplay:
         ax: Any = None,
         **kwargs: Any,
     ) -> ForecastDisplay:
-        """Back-test a fitted estimator and draw it.
+        """Back-test fitted estimators and draw their forecasts.
 
         Parameters
         ----------
-        estimator : fitted estimator
-            Or a mapping of label to fitted estimator.
+        estimator : fitted estimator or mapping
+            A fitted estimator, or a mapping of label to fitted estimator.
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows.
         y : Series or array-like of shape (n_samples,)
             Measured zone temperature [degC].
         horizon, origin_step : timedelta-like
+            As in :func:`skhybrid.model_selection.backtest`.
         quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
         ForecastDisplay
         """
-        return cls.from_predictions(_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
+        return cls.from_predictions(run_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
         cls, frames: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
     ) -> ForecastDisplay:
-        """Draw back-tests that were made already.
+        """Draw back-tests that have been made.
 
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
             Back-tests with the columns origin, lead, time, y_true and y_pred, and ``q_...`` for bands.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
         ForecastDisplay
         """
-        return cls(_labelled(frames)).plot(ax, **kwargs)
+        return cls(labelled(frames)).plot(ax, **kwargs)
 
     def plot(
         self, ax: Any = None, *, start: Any = None, end: Any = None, unit: str = "degC", title: str | None = None
     ) -> ForecastDisplay:
-        """Draw the measured temperature, and each model's forecasts, joined at origins that do not overlap.
+        """Draw the measured temperature and each model's forecasts, from origins whose spans do not overlap.
 
-        Where a back-test has quantiles, the pairs around its median are shaded, each named by its probability.
+        If a back-test has quantiles, the pairs around its median are shaded and labelled with their probability.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         start, end : timestamp, optional
-            Only forecasts of times in this span.
+            Limits of the time to draw.
         unit : str
-            For the label of the axis.
+            Unit in the label of the axis.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         ForecastDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         ax = axes_or_new(ax, (9.0, 3.6))
-        chosen = {label: _within(_joined(frame), start, end) for label, frame in self.frames.items()}
+        chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
         first = next(iter(chosen.values()))
         ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
         n_entries = 1 + len(chosen)
@@ -131,22 +132,23 @@ class ForecastDisplay:
         tidy(ax, ylabel=f"zone temperature [{unit}]")
         time_axis(ax, pd.Index(first["time"]))
         legend(ax, n_entries)
-        if title:
-            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+        heading(ax, title)
         self.ax_, self.figure_ = ax, ax.figure
         return self
 
 
-def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
+def labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
+    """Return back-tests by label; a single one is labelled "forecast"."""
     found = {"forecast": frames} if isinstance(frames, pd.DataFrame) else dict(frames)
     if not found or any(frame.empty for frame in found.values()):
-        raise ValueError("there is no back-test to draw: pass at least one, with at least one origin.")
+        raise ValueError("there is no back-test to draw; pass at least one, with at least one origin.")
     return found
 
 
-def _backtests(
+def run_backtests(
     estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any, quantiles: Sequence[float] | None = None
 ) -> dict[str, pd.DataFrame]:
+    """Back-test one fitted estimator, or each of a mapping."""
     models = estimator if isinstance(estimator, Mapping) else {type(estimator).__name__: estimator}
     return {
         label: backtest(model, X, y, horizon=horizon, origin_step=origin_step, quantiles=quantiles)
@@ -154,8 +156,8 @@ def _backtests(
     }
 
 
-def _joined(frame: pd.DataFrame) -> pd.DataFrame:
-    """The forecasts of origins whose spans do not overlap, in time order."""
+def _without_overlap(frame: pd.DataFrame) -> pd.DataFrame:
+    """Keep the forecasts from origins whose spans do not overlap, in the order of time."""
     spans = frame.groupby("origin", sort=True)["time"].max()
     kept, reached = [], None
     for origin, last in spans.items():
@@ -167,13 +169,13 @@ def _joined(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _within(frame: pd.DataFrame, start: Any, end: Any) -> pd.DataFrame:
     zone = getattr(frame["time"].dt, "tz", None) if pd.api.types.is_datetime64_any_dtype(frame["time"]) else None
-    for limit, late in ((start, False), (end, True)):
+    for limit, is_end in ((start, False), (end, True)):
         if limit is None:
             continue
         stamp = limit if not isinstance(limit, str) else pd.Timestamp(limit)
         if zone is not None and getattr(stamp, "tzinfo", None) is None:
             stamp = pd.Timestamp(stamp).tz_localize(zone)
-        frame = frame[frame["time"] <= stamp] if late else frame[frame["time"] >= stamp]
+        frame = frame[frame["time"] <= stamp] if is_end else frame[frame["time"] >= stamp]
     if frame.empty:
         raise ValueError(f"no forecast lies between start={start!r} and end={end!r}.")
     return frame

@@ -1,4 +1,4 @@
-"""How the error grows with the lead."""
+"""Display of the error by lead."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from typing import Any
 import pandas as pd
 
 from ..model_selection import score_backtest
-from ._forecast import _backtests, _labelled
-from ._style import axes_or_new, legend, line_style, tidy
+from ._forecast import labelled, run_backtests
+from ._style import axes_or_new, heading, legend, line_style, tidy
 
 
 class LeadErrorDisplay:
-    """Root mean square error by lead, for one or several back-tests.
+    """Root mean square error by lead of one or several back-tests.
 
-    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     errors : DataFrame
-        One column a model, the lead as index; values in [K].
+        Errors [K] by lead, one column per model.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
-        What was drawn on, after :meth:`plot`.
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
-        The figure that holds it.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -48,12 +48,12 @@ class LeadErrorDisplay:
         ax: Any = None,
         **kwargs: Any,
     ) -> LeadErrorDisplay:
-        """Back-test a fitted estimator and draw its error by lead.
+        """Back-test fitted estimators and draw their errors by lead.
 
         Parameters
         ----------
-        estimator : fitted estimator
-            Or a mapping of label to fitted estimator.
+        estimator : fitted estimator or mapping
+            A fitted estimator, or a mapping of label to fitted estimator.
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows.
         y : Series or array-like of shape (n_samples,)
@@ -61,52 +61,52 @@ class LeadErrorDisplay:
         horizon, origin_step : timedelta-like
             As in :func:`skhybrid.model_selection.backtest`.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
         LeadErrorDisplay
         """
-        return cls.from_predictions(_backtests(estimator, X, y, horizon, origin_step), ax=ax, **kwargs)
+        return cls.from_predictions(run_backtests(estimator, X, y, horizon, origin_step), ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
         cls, frames: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
     ) -> LeadErrorDisplay:
-        """Draw the errors of back-tests that were made already.
+        """Draw the errors of back-tests that have been made.
 
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
             Back-tests with the columns origin, lead, time, y_true and y_pred.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
         LeadErrorDisplay
         """
-        errors = {label: score_backtest(frame, by="lead")["rmse"] for label, frame in _labelled(frames).items()}
+        errors = {label: score_backtest(frame, by="lead")["rmse"] for label, frame in labelled(frames).items()}
         return cls(pd.DataFrame(errors)).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> LeadErrorDisplay:
-        """Draw one line a model.
+        """Draw one line per model.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         LeadErrorDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         ax = axes_or_new(ax, (7.0, 3.6))
         hours = pd.TimedeltaIndex(self.errors.index) / pd.Timedelta("1h")
@@ -118,7 +118,6 @@ class LeadErrorDisplay:
         if hours.max() % 6 == 0:
             ax.set_xticks(range(0, int(hours.max()) + 1, 6 if hours.max() > 12 else 3))
         legend(ax, self.errors.shape[1])
-        if title:
-            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+        heading(ax, title)
         self.ax_, self.figure_ = ax, ax.figure
         return self

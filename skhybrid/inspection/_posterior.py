@@ -1,4 +1,4 @@
-"""Posterior of the effects of a regression on candidates, as paper Figs. regression and model_size."""
+"""Display of the effects in a regression on candidates, as in paper Figs. regression and model_size."""
 
 from __future__ import annotations
 
@@ -8,30 +8,32 @@ import numpy as np
 import pandas as pd
 
 from ..model_selection import PatternExpressiveness
-from ._style import COLORS, MEASURED, axes_or_new, legend, tidy
+from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
 
-#: height of the highest curve, in rows of the picture
+#: height of the highest curve, as a fraction of a row.
 _HEIGHT = 0.75
 
 
 class PosteriorDisplay:
-    """How much each term changes the error, and how surely: one density a term, with its interval.
+    """Posterior density of the effect of each term on the error, with its interval.
 
-    What lies left of zero reduces the error.
+    Negative effects reduce the error.
 
     Parameters
     ----------
     draws : DataFrame of shape (n_draws, n_terms)
-        Draws of the effects, one column a term.
+        Draws of the effects, one column per term.
     summary : DataFrame
-        ``mean``, ``lower``, ``upper`` and ``probability_reduces`` by term, as ``PatternExpressiveness.summary_``.
+        ``mean``, ``lower``, ``upper`` and ``probability_reduces`` by term, as in ``PatternExpressiveness.summary_``.
     log : bool, default=False
         Whether the effects are on log(rmse).
 
     Attributes
     ----------
     ax_ : matplotlib Axes
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
+        Figure of the axes.
     """
 
     def __init__(self, draws: pd.DataFrame, summary: pd.DataFrame, *, log: bool = False) -> None:
@@ -46,11 +48,11 @@ class PosteriorDisplay:
         Parameters
         ----------
         estimator : PatternExpressiveness
-            Fitted.
+            Fitted regression.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -62,20 +64,20 @@ class PosteriorDisplay:
     def from_predictions(
         cls, draws: pd.DataFrame, *, level: float = 0.9, log: bool = False, ax: Any = None, **kwargs: Any
     ) -> PosteriorDisplay:
-        """Draw effects that were sampled elsewhere.
+        """Draw effects that have been sampled.
 
         Parameters
         ----------
         draws : DataFrame of shape (n_draws, n_terms)
-            One column a term.
+            Draws of the effects, one column per term.
         level : float, default=0.9
-            Of the interval.
+            Probability of the interval.
         log : bool, default=False
             Whether the effects are on log(rmse).
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -98,16 +100,16 @@ class PosteriorDisplay:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         level : float, default=0.9
-            Of the interval in ``summary``, for the legend.
+            Probability of the interval in ``summary``, for the legend.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         PosteriorDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         terms = list(self.summary.index)
         ax = axes_or_new(ax, (6.4, 1.3 + 0.42 * len(terms)))
@@ -119,10 +121,9 @@ class PosteriorDisplay:
         ax.set_yticks(range(len(terms)), [str(term) for term in terms])
         ax.set_ylim(len(terms) - 0.5, -1.0)
         unit = "log RMSE [-]" if self.log else "RMSE [K]"
-        tidy(ax, ylabel="", xlabel=f"change of {unit} (left of 0: the error is reduced)")
+        tidy(ax, ylabel="", xlabel=f"change of {unit} (negative: smaller error)")
         legend(ax, 2)
-        if title:
-            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=24)
+        heading(ax, title, pad=24)
         self.ax_, self.figure_ = ax, ax.figure
         return self
 
@@ -138,7 +139,7 @@ class PosteriorDisplay:
 
 
 def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed density of draws, its highest point 1."""
+    """Estimate the density of draws, scaled to a maximum of 1."""
     from scipy.stats import gaussian_kde
 
     low, high = np.quantile(draws, [0.001, 0.999])

@@ -1,4 +1,4 @@
-"""Profile likelihood of one parameter, with its interval."""
+"""Display of the profile likelihood of one parameter."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ from typing import Any
 import numpy as np
 
 from ..identification import ProfileLikelihood, profile_likelihood
-from ._style import COLORS, MEASURED, axes_or_new, legend, tidy
+from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
 
 
 class ProfileDisplay:
-    """How the fit worsens where one parameter is held away from its best value.
+    """Deviance of the fit with one parameter held at other values than its best.
 
     Parameters
     ----------
     profile : ProfileLikelihood
+        As returned by :func:`skhybrid.identification.profile_likelihood`.
 
     Attributes
     ----------
     ax_ : matplotlib Axes
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
+        Figure of the axes.
     """
 
     def __init__(self, profile: ProfileLikelihood) -> None:
@@ -35,18 +38,19 @@ class ProfileDisplay:
         Parameters
         ----------
         estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
-            Fitted on ``X`` and ``y``; one that is not fitted is cloned and fitted.
+            Fitted on ``X`` and ``y``; if it is not fitted, a clone of it is.
         X : DataFrame of shape (n_samples, n_features)
+            Rows of the fit.
         y : array-like of shape (n_samples,)
             Measured temperature [degC].
         parameter : str
-            Such as ``"C_w"``.
+            Name of a parameter, such as ``"C_w"``.
         level : float, default=0.9
-            Of the interval.
+            Probability of the interval.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -54,7 +58,7 @@ class ProfileDisplay:
         """
         found = profile_likelihood(estimator, X, y, parameter, level=level)
         if found.lower * found.upper > 0 and np.isfinite([found.lower, found.upper]).all():
-            between = np.geomspace(found.lower, found.upper, 8)[1:-1]  # inner points, for a smooth curve
+            between = np.geomspace(found.lower, found.upper, 8)[1:-1]  # more points, for a smooth curve
             found = profile_likelihood(estimator, X, y, parameter, level=level, values=list(between))
         return cls.from_predictions(found, ax=ax, **kwargs)
 
@@ -65,10 +69,11 @@ class ProfileDisplay:
         Parameters
         ----------
         profile : ProfileLikelihood
+            As returned by :func:`skhybrid.identification.profile_likelihood`.
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -82,16 +87,16 @@ class ProfileDisplay:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         truth : float, optional
-            True value, where it is known, as a dotted line.
+            True value, if it is known, drawn as a dotted line.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         ProfileDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         ax, found = axes_or_new(ax, (6.0, 3.6)), self.profile
         curve = found.curve["deviance"].sort_index()
@@ -109,7 +114,6 @@ class ProfileDisplay:
         tidy(ax, ylabel="deviance [-]", xlabel=f"{found.parameter} [{found.unit}]")
         ax.set_ylim(bottom=0.0)
         legend(ax, 2)
-        if title:
-            ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=46)
+        heading(ax, title, pad=46)
         self.ax_, self.figure_ = ax, ax.figure
         return self

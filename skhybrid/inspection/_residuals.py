@@ -1,4 +1,4 @@
-"""The errors of a fitted identification: over time, against themselves, against the inputs, against the normal law."""
+"""Display of the one-step errors of a fitted identification."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ _OUTSIDE = COLORS[1]
 
 
 class ResidualDisplay:
-    """Standardised one-step errors over time, their autocorrelation, cumulative periodogram and quantiles, and their
-    correlation with every input.
+    """Tests of the standardised one-step errors of an identification.
 
-    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+    The panels show the errors over time, their quantiles against the normal distribution, their autocorrelation and
+    cumulative periodogram, and their correlation with every input.
+
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     diagnostics : Diagnostics
-        As :func:`skhybrid.identification.diagnose` gives them.
+        As returned by :func:`skhybrid.identification.diagnose`.
 
     Attributes
     ----------
     ax_ : ndarray of matplotlib Axes
-        One a panel, after :meth:`plot`.
+        Axes that :meth:`plot` drew on, one per panel.
     figure_ : matplotlib Figure
-        The figure that holds them.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -49,14 +51,15 @@ class ResidualDisplay:
         Parameters
         ----------
         estimator : fitted identification
+            Model to diagnose.
         X : DataFrame or array-like of shape (n_samples, n_features)
-            With the measured temperature as column ``T_za``.
+            Consecutive rows with the measured temperature in column ``T_za``.
         max_lag : timedelta-like, default="1D"
             Longest lag of the correlations.
         ax : array of matplotlib Axes, optional
-            Where to draw: four and one an input; default is a new figure.
+            Axes to draw on, four and one per input; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -66,16 +69,17 @@ class ResidualDisplay:
 
     @classmethod
     def from_predictions(cls, diagnostics: Diagnostics, *, ax: Any = None, **kwargs: Any) -> ResidualDisplay:
-        """Draw diagnostics that were made already.
+        """Draw diagnostics that have been computed.
 
         Parameters
         ----------
         diagnostics : Diagnostics
-            Of :func:`skhybrid.identification.diagnose` or :func:`skhybrid.identification.diagnose_residuals`.
+            As returned by :func:`skhybrid.identification.diagnose` or
+            :func:`skhybrid.identification.diagnose_residuals`.
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -84,19 +88,19 @@ class ResidualDisplay:
         return cls(diagnostics).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> ResidualDisplay:
-        """Draw four panels and one an input.
+        """Draw four panels, and one per input.
 
         Parameters
         ----------
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         title : str, optional
-            Above the picture; default is the name of the model.
+            Title of the figure; default is the name of the model.
 
         Returns
         -------
         ResidualDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         found = self.diagnostics
         inputs = list(found.cross_correlation.columns.unique("input"))
@@ -134,7 +138,7 @@ def _draw_quantiles(ax: Any, z: np.ndarray) -> None:
 
 
 def _draw_correlation(ax: Any, values: pd.Series, band: pd.Series, title: str) -> None:
-    """Bars; those outside the 95 % band stand out."""
+    """Draw bars, with those outside the 95 % band highlighted."""
     hours = (pd.TimedeltaIndex(values.index) / pd.Timedelta("1h")).to_numpy()
     outside = values.abs().to_numpy() > band.to_numpy()
     ax.fill_between(hours, -band, band, **_BAND)

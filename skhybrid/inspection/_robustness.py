@@ -1,4 +1,4 @@
-"""Errors of each case over its sizes, and how surely the best case beats it, as paper Fig. robustness."""
+"""Display of the comparison of cases, as in paper Fig. robustness."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _GREY = "#8a8a8a"
 
 
 class RobustnessDisplay:
-    """Left the errors of each case over its sizes, right the predicted difference between the best case and each.
+    """Errors of each case over its sizes (left), and the predicted difference between the best case and each (right).
 
-    Cases stand in the order of their medians; those that cannot be told from the best are blue.  Where most of a
-    difference lies left of zero, the best case is better.
+    Cases are in the order of their medians; those that cannot be told from the best are blue.  A negative
+    difference means that the best case is better.
 
     Parameters
     ----------
     errors : Series
         Errors [K] by case.
     difference : DataFrame
-        Quantiles ``q_0.05``, ``q_0.25``, ``q_0.5``, ``q_0.75`` and ``q_0.95`` of the error of the best case less that
-        of each [K], by case.
+        Quantiles ``q_0.05``, ``q_0.25``, ``q_0.5``, ``q_0.75`` and ``q_0.95`` of the error of the best case minus that
+        of each case [K], by case.
     probability : Series
         P(best case < case), by case.
     indistinguishable : list of str
@@ -34,7 +34,9 @@ class RobustnessDisplay:
     Attributes
     ----------
     axes_ : ndarray of matplotlib Axes of shape (2,)
+        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
+        Figure of the axes.
     """
 
     def __init__(
@@ -52,11 +54,11 @@ class RobustnessDisplay:
         Parameters
         ----------
         estimator : RobustnessComparison
-            Fitted.
+            Fitted comparison.
         ax : array of two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -82,16 +84,16 @@ class RobustnessDisplay:
         ax: Any = None,
         **kwargs: Any,
     ) -> RobustnessDisplay:
-        """Draw a comparison that was made elsewhere.
+        """Draw a comparison that has been made.
 
         Parameters
         ----------
         errors, difference, probability, indistinguishable
-            As of the class.
+            As in the class.
         ax : array of two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -105,16 +107,16 @@ class RobustnessDisplay:
         Parameters
         ----------
         ax : array of two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         n_cases : int, optional
-            Show only so many cases, those with the lowest medians; by default all.
+            Number of cases to draw, those with the lowest medians; default is all.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         RobustnessDisplay
-            With ``axes_`` and ``figure_``.
+            The display, with ``axes_`` and ``figure_``.
         """
         cases = list(self.probability.index[:n_cases])
         left, right = axes = grid_or_new(ax, 2, 2, (5.2, 1.2 + 0.22 * len(cases)), share=False)
@@ -141,7 +143,7 @@ class RobustnessDisplay:
             left.plot([], [], color=color, alpha=0.6, linewidth=6.0, label=label)
         shared_legend(axes, title)
         tidy(left, ylabel="", xlabel="RMSE over sizes [K]")
-        tidy(right, ylabel="", xlabel="best case less this one [K] (left of 0: best is better)")
+        tidy(right, ylabel="", xlabel="best case minus this one [K] (negative: best is better)")
         self.axes_, self.figure_ = axes, left.figure
         return self
 

@@ -1,4 +1,4 @@
-"""What a forecast has learned of the hours of working days and of weekends."""
+"""Display of the schedules learned by the default model."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from ._style import axes_or_new, legend, line_style, tidy
+from ._style import axes_or_new, heading, legend, line_style, tidy
 
-_PANELS = {"gain": "unmeasured heat [kW]", "ua": "conductance beside\nthe network's [kW/K]"}
+_PANELS = {"gain": "unmeasured heat [kW]", "ua": "additional conductance\n[kW/K]"}
 _HOURS = 24
 
 
 class ScheduleDisplay:
-    """Unmeasured heat and conductance to the outside by hour, of working days and of weekends.
+    """Unmeasured heat and additional conductance to outdoors by hour of working days and weekends.
 
-    Make it with :meth:`from_estimator` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     schedule : DataFrame
-        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K], as ``schedule_`` of a
-        :class:`~skhybrid.HybridPredictor`'s network has them.
+        ``gain`` [kW] and ``ua`` [kW/K] by day type and hour, as in ``gray_box_.schedule_`` of a
+        :class:`~skhybrid.HybridPredictor`.
 
     Attributes
     ----------
-    ax_ : ndarray of Axes
-        What was drawn on, after :meth:`plot`: heat above, conductance below.
+    ax_ : ndarray of matplotlib Axes
+        Axes that :meth:`plot` drew on: heat above, conductance below.
     figure_ : matplotlib Figure
-        The figure that holds them.
+        Figure of the axes.
     """
 
     ax_: Any
@@ -46,11 +46,11 @@ class ScheduleDisplay:
         Parameters
         ----------
         estimator : fitted HybridPredictor
-            Of the default scheme.
-        ax : two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            A predictor of the default scheme.
+        ax : array of two matplotlib Axes, optional
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -65,23 +65,23 @@ class ScheduleDisplay:
         schedule = getattr(getattr(estimator, "gray_box_", None), "schedule_", None)
         if schedule is None:
             raise ValueError(
-                f"{type(estimator).__name__} has learned no schedules; draw one that forecasts by the default scheme, "
+                f"{type(estimator).__name__} has learned no schedules; draw a predictor of the default scheme, "
                 "HybridPredictor()."
             )
         return cls.from_predictions(schedule, ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(cls, schedule: pd.DataFrame, *, ax: Any = None, **kwargs: Any) -> ScheduleDisplay:
-        """Draw schedules.
+        """Draw schedules that have been learned.
 
         Parameters
         ----------
         schedule : DataFrame
-            Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K].
-        ax : two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            ``gain`` [kW] and ``ua`` [kW/K] by day type and hour.
+        ax : array of two matplotlib Axes, optional
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -90,32 +90,31 @@ class ScheduleDisplay:
         return cls(schedule).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> ScheduleDisplay:
-        """Draw both schedules, a line for each type of day.
+        """Draw both schedules, with one line per type of day.
 
         Parameters
         ----------
-        ax : two matplotlib Axes, optional
-            Where to draw; default is a new figure.
+        ax : array of two matplotlib Axes, optional
+            Axes to draw on; default is a new figure.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         ScheduleDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         axes = axes_or_new(ax, (9.0, 4.6), len(_PANELS))
         days = list(dict.fromkeys(self.schedule.index.get_level_values("day")))
         for panel, (kind, label) in zip(axes, _PANELS.items(), strict=True):
             for number, day in enumerate(days):
                 by_hour = self.schedule[kind].xs(day, level="day").to_numpy()
-                edges = np.append(by_hour, by_hour[-1])  # the last hour has its width too
+                edges = np.append(by_hour, by_hour[-1])  # so that the last hour has its width
                 panel.step(np.arange(_HOURS + 1), edges, where="post", linewidth=1.6, label=day, **line_style(number))
             panel.axhline(0.0, color="#888888", linewidth=0.8)
             tidy(panel, ylabel=label)
         axes[-1].set(xlim=(0, _HOURS), xticks=range(0, _HOURS + 1, 3), xlabel="local hour [h]")
         legend(axes[0], len(days))
-        if title:
-            axes[0].set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=30)
+        heading(axes[0], title)
         self.ax_, self.figure_ = axes, axes[0].figure
         return self

@@ -1,4 +1,4 @@
-"""Response of the measured temperature to a step of every input."""
+"""Display of the step response to every input."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Any
 import pandas as pd
 
 from ..identification import step_response
+from ._response_display import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 from ._style import grid_or_new, shared_legend, tidy
-from ._systems import ResponseDisplay, inputs_of, responses_of, style_of, unit_of
 
 
 class StepResponseDisplay(ResponseDisplay):
     """Temperature after a unit step of every input, from rest.
 
-    Make it with :meth:`from_estimator`, :meth:`from_state_space` or :meth:`from_predictions`.
+    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
     responses : mapping of label to DataFrame
-        As :func:`skhybrid.identification.step_response` gives them.
+        Step responses, as returned by :func:`skhybrid.identification.step_response`.
 
     Attributes
     ----------
     ax_ : ndarray of matplotlib Axes
-        One panel an input, after :meth:`plot`.
+        Axes that :meth:`plot` drew on, one per input.
     figure_ : matplotlib Figure
-        The figure that holds them.
+        Figure of the axes.
     """
 
     @classmethod
@@ -42,23 +42,23 @@ class StepResponseDisplay(ResponseDisplay):
         ax: Any = None,
         **kwargs: Any,
     ) -> StepResponseDisplay:
-        """Draw fitted identifications.
+        """Compute the responses of models and draw them.
 
         Parameters
         ----------
-        estimator : fitted identification
-            Or a mapping of label to fitted identification or :class:`~skhybrid.identification.StateSpace`.
+        estimator : fitted identification, StateSpace or mapping
+            A model, or a mapping of label to model.
         truth : StateSpace or fitted identification, optional
-            Drawn as a broad line beneath, with the label "true"; see
+            True model, drawn as a broad line below the others with the label "true"; see
             :func:`skhybrid.identification.make_state_space`.
         duration : timedelta-like, default="12h"
-            How long after the step.
+            Time after the step.
         output : int, default=0
-            Which measured temperature, for models with several.
+            Index of the measured temperature, for models with several.
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
@@ -67,58 +67,24 @@ class StepResponseDisplay(ResponseDisplay):
         respond = partial(step_response, duration=duration, output=output)
         return cls(responses_of(estimator, truth, respond)).plot(ax, **kwargs)
 
-    @classmethod
-    def from_state_space(
-        cls,
-        state_space: Any,
-        *,
-        truth: Any = None,
-        duration: Any = "12h",
-        output: int = 0,
-        ax: Any = None,
-        **kwargs: Any,
-    ) -> StepResponseDisplay:
-        """Draw discrete models.
-
-        Parameters
-        ----------
-        state_space : StateSpace
-            Or a mapping of label to StateSpace.
-        truth : StateSpace, optional
-            Drawn as a broad line beneath.
-        duration : timedelta-like, default="12h"
-            How long after the step.
-        output : int, default=0
-            Which measured temperature, for models with several.
-        ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
-        **kwargs
-            As in :meth:`plot`.
-
-        Returns
-        -------
-        StepResponseDisplay
-        """
-        return cls.from_estimator(state_space, truth=truth, duration=duration, output=output, ax=ax, **kwargs)
-
     def plot(
         self, ax: Any = None, *, inputs: Sequence[str] | None = None, title: str | None = None
     ) -> StepResponseDisplay:
-        """Draw one panel an input.
+        """Draw one panel per input.
 
         Parameters
         ----------
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         inputs : sequence of str, optional
-            Which inputs; default is all that any model has.
+            Inputs to draw; default is those of any model.
         title : str, optional
-            Above the picture.
+            Title of the figure.
 
         Returns
         -------
         StepResponseDisplay
-            With ``ax_`` and ``figure_``.
+            The display, with ``ax_`` and ``figure_``.
         """
         names = inputs_of(self.responses, inputs)
         n_cols = 2 if len(names) == 4 else 3

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, axes, dates."""
+"""Colours, axes, legends and titles shared by all displays."""
 
 from __future__ import annotations
 
@@ -7,25 +7,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-#: Okabe and Ito's palette, told apart by colour-blind readers (without its black and its pale yellow).
+#: palette of Okabe and Ito, for colour-blind readers, without its black and its pale yellow.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MEASURED = "#222222"
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
-#: lines differ in more than their colour.
+#: lines also differ by their dashes, for prints without colour.
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
 
 
 def line_style(number: int) -> dict[str, Any]:
-    """Colour and dashes of the line of that number."""
+    """Return colour and dashes of line ``number``."""
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number % len(DASHES)]}
 
 
 def axes_or_new(ax: Any, figsize: tuple[float, float], n_rows: int = 1) -> Any:
-    """The given axes, or those of a new figure: one, or an array of ``n_rows`` that share their time axis."""
+    """Return the given axes, or those of a new figure: one, or an array of ``n_rows`` with a common time axis."""
     if ax is not None:
-        given = np.ravel(np.asarray(ax, dtype=object))
-        if len(given) != n_rows:
-            raise ValueError(f"ax holds {len(given)} axes, but this display draws on {n_rows}.")
+        given = _given_axes(ax, n_rows)
         return given[0] if n_rows == 1 else given
     import matplotlib.pyplot as plt
 
@@ -33,17 +31,24 @@ def axes_or_new(ax: Any, figsize: tuple[float, float], n_rows: int = 1) -> Any:
     return made
 
 
+def _given_axes(ax: Any, n_axes: int) -> np.ndarray:
+    given = np.ravel(np.asarray(ax, dtype=object))
+    if len(given) != n_axes:
+        raise ValueError(f"ax has {len(given)} axes, but this display needs {n_axes}.")
+    return given
+
+
 def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
-    """A figure apart from pyplot, which keeps none alive, and its axes.
+    """Make a figure that pyplot does not keep in memory, and its axes.
 
     Parameters
     ----------
     n_rows : int
-        Axes below one another.
+        Number of axes, one below the other.
     figsize : tuple of float
         Width and height [inch].
     share : bool
-        Whether they share their horizontal axis.
+        Whether the axes share their horizontal axis.
 
     Returns
     -------
@@ -58,7 +63,7 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) ->
 
 
 def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None = None) -> None:
-    """Labels, a light grid and no box."""
+    """Set the labels, a light grid and no box."""
     ax.set_ylabel(ylabel)
     if xlabel:
         ax.set_xlabel(xlabel)
@@ -70,8 +75,14 @@ def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None =
         ax.spines[side].set_visible(False)
 
 
+def heading(ax: Any, title: str | None, pad: float = 30.0) -> None:
+    """Set a bold title ``pad`` points above the axes, clear of the legend."""
+    if title:
+        ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=pad)
+
+
 def legend(ax: Any, n_entries: int) -> None:
-    """A legend above the picture, where it hides nothing."""
+    """Add a legend above the axes, where it hides nothing."""
     ax.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
@@ -84,7 +95,7 @@ def legend(ax: Any, n_entries: int) -> None:
 
 
 def time_axis(ax: Any, time: pd.Index) -> None:
-    """Dates in the time zone of the stamps; row numbers stay numbers."""
+    """Format dates in the time zone of the stamps; row numbers stay numbers."""
     if not isinstance(time, pd.DatetimeIndex):
         ax.set_xlabel("row [-]")
         return
@@ -98,15 +109,12 @@ def time_axis(ax: Any, time: pd.Index) -> None:
 
 
 def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], share: bool = True) -> np.ndarray:
-    """The given axes, or ``n_axes`` of a new figure in ``n_cols`` columns, each of the given size [inch].
+    """Return the given axes, or ``n_axes`` of a new figure in ``n_cols`` columns, each of the given size [inch].
 
-    ``share``: all have the same horizontal axis.
+    With ``share``, all have the same horizontal axis.
     """
     if ax is not None:
-        given = np.ravel(np.asarray(ax, dtype=object))
-        if len(given) != n_axes:
-            raise ValueError(f"ax holds {len(given)} axes, but this display draws on {n_axes}.")
-        return given
+        return _given_axes(ax, n_axes)
     import matplotlib.pyplot as plt
 
     n_cols = min(n_cols, n_axes)
@@ -117,13 +125,13 @@ def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], sh
     made = np.ravel(made)
     for spare in made[n_axes:]:
         figure.delaxes(spare)
-    for above in made[max(0, n_axes - n_cols) : n_axes]:  # the lowest of each column says what the axis is
+    for above in made[max(0, n_axes - n_cols) : n_axes]:  # the lowest axes of each column show the labels
         above.tick_params(labelbottom=True)
     return made[:n_axes]
 
 
 def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
-    """One legend above all panels, with the lines of every one of them, and a title above it."""
+    """Add one legend above all panels, with the lines of each of them, and a title."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -144,17 +152,17 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
 
 
 def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> int:
-    """Shade between the quantile columns ``q_...`` of a frame, the outer pairs lighter.
+    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter.
 
     Returns
     -------
     int
-        How many bands were drawn.
+        Number of bands drawn.
     """
     levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
     pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
     for low, high in pairs:
-        named = f"{label}, {100 * (high - low):.3g} %" if label else f"{100 * (high - low):.3g} % interval"
+        name = f"{label}, {100 * (high - low):.3g} %" if label else f"{100 * (high - low):.3g} % interval"
         edges = frame[f"q_{low:g}"], frame[f"q_{high:g}"]
-        ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=named)
+        ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
     return len(pairs)

@@ -1,4 +1,4 @@
-"""Transformers that a Pipeline needs before an estimator of this package: units, short gaps, sun on the facades."""
+"""Transformers for a Pipeline: unit conversion, gap filling and irradiance on facades."""
 
 from ._facades import FacadeIrradiance
 from ._gaps import GapFiller

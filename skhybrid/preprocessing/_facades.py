@@ -1,4 +1,4 @@
-"""Irradiance on the facades of a building, inside a Pipeline."""
+"""Transformer that adds the irradiance on the facades of a building."""
 
 from __future__ import annotations
 
@@ -8,69 +8,68 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from .._table import role_of
 from .._time import read_index
-from ._frames import numeric, read_input
+from ._frames import TableTransformer, numeric, position_of, read_input, roles_by_position
 from ._sun import Place, on_planes
 
-#: azimuth of each facade of the default, degrees clockwise from north.
+#: azimuths of the default facades, degrees clockwise from north.
 COMPASS = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 
 
-class FacadeIrradiance(TransformerMixin, BaseEstimator):
-    """Add the irradiance on each facade, from what falls on the horizontal and from where the sun stands.
+class FacadeIrradiance(TableTransformer):
+    """Add the irradiance on each facade, computed from horizontal irradiance and the position of the sun.
 
     Parameters
     ----------
     latitude : float
-        North positive [deg].
+        Latitude, north positive [deg].
     longitude : float
-        East positive [deg].
+        Longitude, east positive [deg].
     facades : dict of name to azimuth, optional
         Azimuths in degrees clockwise from north; each adds the column ``q_sol_<name>``.  Default: ``east`` 90,
         ``south`` 180, ``west`` 270, ``north`` 0.
     columns : dict of role to column, optional
-        ``{"q_sol": column}`` where global horizontal irradiance [kW/m2] is not in a column named ``q_sol``.
+        ``{"q_sol": column}`` if global horizontal irradiance [kW/m2] is in a column of another name.
     dni, dhi : str or int, optional
-        Columns of direct normal and of diffuse horizontal irradiance [kW/m2].  What is not given follows from the
-        others, or from global irradiance alone by the model of Erbs et al. (1982).
+        Columns of direct normal and diffuse horizontal irradiance [kW/m2].  If one is given, the other follows from the
+        balance with global irradiance; if neither is, both follow from the model of Erbs et al. (1982).
     timezone : str, optional
-        Zone of time stamps that bear none, such as ``"Europe/Amsterdam"`` or ``"UTC"``.
+        Zone of time stamps without one, such as ``"Europe/Amsterdam"`` or ``"UTC"``.
     albedo : float
-        Share of irradiance that the ground reflects.
+        Fraction of irradiance reflected by the ground [-].
     glazing : bool
-        Whether to weigh light by how much of it a pane lets through at its angle of incidence, relative to normal
-        incidence.
+        Whether to include the transmission of a pane at the angle of incidence, relative to normal incidence.
     start : timestamp-like, optional
-        Stamp of the first row of any table that has no time stamps; without it such a table is refused.
+        Stamp of the first row of a table without time stamps; such a table is refused if it is not given.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps, or of one row; default = that of ``fit``, or 15 min.
+        Step of a table without time stamps or with one row; default is the step of ``fit``, or 15 min.
 
     Attributes
     ----------
     sampling_time_ : Timedelta
-        Step of the table of ``fit``.
+        Step of the table in ``fit``.
     facades_ : dict of str to float
-        Azimuth [deg] by name.
+        Azimuth [deg] of each facade.
     positions_ : dict of str to int
-        Position of ``q_sol`` and, where given, of ``dni`` and ``dhi`` among the columns.
+        Positions of the columns of ``q_sol`` and, if given, ``dni`` and ``dhi``.
     n_features_in_ : int
+        Number of columns.
     feature_names_in_ : ndarray of str
-        Only where fitted on a DataFrame.
+        Names of the columns, if fitted on a DataFrame.
 
     Notes
     -----
-    Rows are means over [t, t + step), so the sun is taken at the middle of the step.  Sky light is taken as isotropic;
-    a facade sees half of it, and half of what the ground reflects.  Where the sun at the middle of the step is lower
-    than 3 degrees and direct irradiance is not logged, none of the light counts as direct: dividing by the sine of so
-    low a sun would turn a few watts of error into hundreds.  NaN in the irradiance of a row gives NaN in its facades.
+    Rows are means over [t, t + step), so the position of the sun is that at the middle of the step.  The sky is
+    isotropic; a facade sees half of it and half of the ground.  If the sun is less than 3 degrees above the horizon and
+    direct irradiance is not logged, all light counts as diffuse: dividing by the sine of so small an elevation would
+    turn an error of a few watts into hundreds.  NaN in the irradiance of a row gives NaN on its facades.
 
-    The columns ``dni`` and ``dhi`` are dropped, unless they bear the name of a role.  All others stay as they are, in
-    their order, before the facades.  An array comes back with the facades as its last columns, and under
-    ``set_output(transform="pandas")`` named by roles.
+    The columns ``dni`` and ``dhi`` are dropped unless they are named after a role.  All others keep their values and
+    their order, and the facades are appended.  An array is returned with the facades as its last columns; with
+    ``set_output(transform="pandas")`` its columns are named by role.
 
     Examples
     --------
@@ -108,37 +107,19 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         self.start = start
         self.sampling_time = sampling_time
 
-    def fit(self, X: Any, y: Any = None) -> FacadeIrradiance:
-        """Check place, columns and stamps; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If the place is none on earth, a column is absent or would be added twice, or the stamps have no time zone.
-        """
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         facades = self._checked_facades()
         self._check_place()
-        table = read_input(self, X, reset=True)
-        names = _names(table)
-        positions = self._find(names)
-        twice = [name for name in facades if f"q_sol_{name}" in names]
-        if twice:
-            raise ValueError(f"X has a column 'q_sol_{twice[0]}' already; drop it or name other facades.")
-        self.facades_, self.positions_ = facades, positions
-        self.sampling_time_ = self._stamps(table, None)[1]
-        return self
+        names = _column_names(table)
+        positions = self._find_columns(names)
+        present = [name for name in facades if f"q_sol_{name}" in names]
+        if present:
+            raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
+        step = self._stamps(table, None)[1]
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
-        """Append the facades.
+        """Append the irradiance on the facades.
 
         Parameters
         ----------
@@ -151,7 +132,7 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If the stamps have no time zone, or are not evenly spaced.
+            If the time stamps have no time zone, or are not evenly spaced.
         """
         check_is_fitted(self)
         table = read_input(self, X, reset=False)
@@ -159,19 +140,19 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
-        kept = self._kept()
+        kept = self._kept_columns()
         if not isinstance(table, pd.DataFrame):
             return np.column_stack([table[:, kept], *planes.values()])
         added = pd.DataFrame({f"q_sol_{name}": values for name, values in planes.items()}, index=table.index)
         return pd.concat([table.iloc[:, kept], added], axis=1)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Names of the columns of the output.
+        """Return the names of the columns of the output.
 
         Parameters
         ----------
         input_features : array-like of str, optional
-            Names of the columns of an array, in the place of the roles of their positions.
+            Names of the columns of an array, instead of the roles given by position.
 
         Returns
         -------
@@ -184,17 +165,17 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         if input_features is None and not hasattr(self, "feature_names_in_"):
-            names = _roles_by_position(self.n_features_in_)
+            names = roles_by_position(self.n_features_in_)
         else:
             names = list(_check_feature_names_in(self, input_features))
         added = [f"q_sol_{name}" for name in self.facades_]
-        return np.asarray([*(names[j] for j in self._kept()), *added], dtype=object)
+        return np.asarray([*(names[j] for j in self._kept_columns()), *added], dtype=object)
 
     def _checked_facades(self) -> dict[str, float]:
         facades = {str(name): float(azimuth) for name, azimuth in (self.facades or COMPASS).items()}
         for name in facades:
             if role_of(f"q_sol_{name}") is None:
-                raise ValueError(f"facades= has {name!r}, which makes no column 'q_sol_<name>'; use a plain word.")
+                raise ValueError(f"facades= has {name!r}, which makes no column name 'q_sol_<name>'; use a plain word.")
         return facades
 
     def _check_place(self) -> None:
@@ -204,40 +185,38 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         if not 0.0 <= self.albedo <= 1.0:
             raise ValueError(f"albedo={self.albedo!r} must lie between 0 and 1.")
 
-    def _find(self, names: list[Any]) -> dict[str, int]:
-        """Positions of the irradiance columns."""
+    def _find_columns(self, names: list[Any]) -> dict[str, int]:
+        """Find the positions of the irradiance columns."""
         chosen: dict[str, Any] = dict(self.columns or {})
-        stray = [role for role in chosen if role != "q_sol"]
-        if stray:
-            raise ValueError(f"columns= names {stray[0]!r}, but only 'q_sol' is read; use dni= and dhi=.")
+        others = [role for role in chosen if role != "q_sol"]
+        if others:
+            raise ValueError(f"columns= names {others[0]!r}, but only 'q_sol' is read; use dni= and dhi=.")
         wanted = {"q_sol": chosen.get("q_sol", "q_sol"), "dni": self.dni, "dhi": self.dhi}
         found = {}
         for kind, column in wanted.items():
             if column is None and kind != "q_sol":
                 continue
-            if column in names:
-                found[kind] = names.index(column)
-            elif isinstance(column, int | np.integer) and 0 <= column < len(names):
-                found[kind] = int(column)
-            else:
+            position = position_of(column, names)
+            if position is None:
                 shown = ", ".join(repr(str(name)) for name in names)
                 advice = "columns={'q_sol': its column}" if kind == "q_sol" else f"{kind}=its column, or None"
                 raise ValueError(
-                    f"FacadeIrradiance looks for {kind} in a column {column!r}, but X has {shown} "
+                    f"FacadeIrradiance expects {kind} in a column {column!r}, but X has {shown} "
                     f"({len(names)} feature(s)); pass {advice}."
                 )
+            found[kind] = position
         return found
 
-    def _kept(self) -> list[int]:
-        """Positions of the columns that stay: all but dni and dhi, unless they bear a role's name."""
+    def _kept_columns(self) -> list[int]:
+        """Positions of the columns to keep: all but dni and dhi, and these too if they are named after a role."""
         names = getattr(self, "feature_names_in_", [None] * self.n_features_in_)
-        used_up = {j for kind, j in self.positions_.items() if kind != "q_sol" and role_of(names[j]) is None}
-        return [j for j in range(self.n_features_in_) if j not in used_up]
+        dropped = {j for kind, j in self.positions_.items() if kind != "q_sol" and role_of(names[j]) is None}
+        return [j for j in range(self.n_features_in_) if j not in dropped]
 
     def _stamps(
         self, table: pd.DataFrame | np.ndarray, known: pd.Timedelta | None
     ) -> tuple[pd.DatetimeIndex, pd.Timedelta]:
-        """Stamps in UTC and the step."""
+        """Read the time stamps in UTC and the step."""
         index = table.index if isinstance(table, pd.DataFrame) else pd.RangeIndex(len(table))
         if isinstance(index, pd.DatetimeIndex):
             stamps = _in_utc(index, self.timezone)
@@ -245,16 +224,11 @@ class FacadeIrradiance(TransformerMixin, BaseEstimator):
         step = read_index(index, self.sampling_time, "15min", known)[0]
         if self.start is None:
             raise ValueError(
-                "X has no time stamps, which say where the sun stands; give it a DatetimeIndex, or the stamp of its "
-                "first row as start=."
+                "X has no time stamps, but the position of the sun depends on them; give it a DatetimeIndex, or pass "
+                "the stamp of its first row as start=."
             )
         first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0]
         return pd.date_range(first, periods=len(index), freq=step), step
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        return tags
 
 
 def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
@@ -262,21 +236,21 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
         return index.tz_convert("UTC")
     if timezone is None:
         raise ValueError(
-            f"the time stamps (first {index[0]}) have no time zone, and the sun's place needs one; pass "
-            "timezone='Europe/Amsterdam' or the like, 'UTC', or a fixed offset '+01:00'."
+            f"the time stamps (first {index[0]}) have no time zone, but the position of the sun depends on it; pass "
+            "timezone=, such as 'Europe/Amsterdam', 'UTC' or a fixed offset '+01:00'."
         )
     try:
         return index.tz_localize(timezone).tz_convert("UTC")
-    except (ValueError, KeyError) as error:  # no such zone; an hour that comes twice, or never, on a day of change
+    except (ValueError, KeyError) as error:  # unknown zone, or an hour that is repeated or skipped
         raise ValueError(
-            f"the time stamps (first {index[0]}) are none in timezone={timezone!r} ({error}); localize them "
-            "yourself, or pass a fixed offset such as '+01:00' for a log without daylight saving."
+            f"the time stamps (first {index[0]}) cannot be localized to timezone={timezone!r} ({error}); localize "
+            "them yourself, or pass a fixed offset such as '+01:00' for a log without daylight saving."
         ) from error
 
 
-def _names(table: pd.DataFrame | np.ndarray) -> list[Any]:
-    """Names of the columns; by position, as the contract says, where none bears a role's name and no row a stamp."""
-    by_position = _roles_by_position(table.shape[1])
+def _column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
+    """Names of the columns; roles by position for an array, and for a frame without roles and time stamps."""
+    by_position = roles_by_position(table.shape[1])
     if not isinstance(table, pd.DataFrame):
         return by_position
     names = list(table.columns)
@@ -286,7 +260,3 @@ def _names(table: pd.DataFrame | np.ndarray) -> list[Any]:
 
 def _column(table: pd.DataFrame | np.ndarray, j: int) -> np.ndarray:
     return numeric(table.iloc[:, j]) if isinstance(table, pd.DataFrame) else table[:, j]
-
-
-def _roles_by_position(n_columns: int) -> list[str]:
-    return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]

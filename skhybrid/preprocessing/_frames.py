@@ -1,30 +1,80 @@
-"""What the transformers share: reading a table without losing its index and names."""
+"""Base class of the transformers, and reading of tables that keeps index and names."""
 
 from __future__ import annotations
 
-from typing import Any
+from abc import abstractmethod
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import validate_data
 
 
+class TableTransformer(TransformerMixin, BaseEstimator):
+    """Base of the transformers, which learn nothing from values and accept missing ones."""
+
+    def fit(self, X: Any, y: Any = None) -> Self:
+        """Check the parameters against the table; nothing is learned from its values.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Table to check.
+        y : ignored
+            Present for compatibility with scikit-learn.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If a parameter is out of range or does not suit the columns and time stamps of ``X``.
+        """
+        self._fit_table(read_input(self, X, reset=True))
+        return self
+
+    @abstractmethod
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+        """Set the fitted attributes."""
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
 def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
-    """A frame as it is (names checked), anything else as a float64 array; NaN is let through, inf is not."""
+    """Return a frame as it is, its names checked, and anything else as a float64 array without inf; NaN is allowed."""
     if not isinstance(X, pd.DataFrame):
         return validate_data(estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True)
     validate_data(estimator, X, reset=reset, skip_check_array=True)
     if X.shape[1] == 0:
         raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
     if not X.columns.is_unique:
-        raise ValueError(f"column {X.columns[X.columns.duplicated()][0]!r} stands twice in X; keep one of them.")
+        raise ValueError(f"column {X.columns[X.columns.duplicated()][0]!r} appears twice in X; keep one of them.")
     return X
 
 
 def numeric(column: pd.Series) -> np.ndarray:
-    """A column as float64, NaN where missing."""
+    """Convert a column to float64, missing values to NaN."""
     try:
         return column.to_numpy(dtype=np.float64, na_value=np.nan)
     except (TypeError, ValueError) as error:
         raise ValueError(f"column {column.name!r} is not numeric ({error}); convert it to float first.") from None
+
+
+def roles_by_position(n_columns: int) -> list[str]:
+    """Roles of the columns of an array, by the data contract."""
+    return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]
+
+
+def position_of(column: Any, names: list[Any]) -> int | None:
+    """Position of a column given by its name or its position; None if there is no such column."""
+    if column in names:
+        return names.index(column)
+    if isinstance(column, int | np.integer) and 0 <= column < len(names):
+        return int(column)
+    return None

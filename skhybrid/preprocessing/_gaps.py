@@ -1,4 +1,4 @@
-"""Filling short gaps of inputs inside a Pipeline."""
+"""Transformer that fills short gaps in inputs."""
 
 from __future__ import annotations
 
@@ -6,38 +6,40 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.base import OneToOneFeatureMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._table import HISTORY_ROLES
-from ._frames import numeric, read_input
+from ._frames import TableTransformer, numeric, read_input
 
 
-class GapFiller(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
-    """Fill short gaps of inputs by straight lines and leave long ones missing.
+class GapFiller(OneToOneFeatureMixin, TableTransformer):
+    """Fill short gaps in inputs by linear interpolation and leave long gaps missing.
 
     Parameters
     ----------
     max_gap : timedelta-like
-        The longest gap that is filled: missing rows times the step.
+        Longest gap to fill: the number of missing rows times the step.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default = 15 min, the data contract's.
+        Step of a table without time stamps; default is 15 min, as in the data contract.
 
     Attributes
     ----------
     max_gap_ : Timedelta
+        ``max_gap`` as a duration.
     n_features_in_ : int
+        Number of columns.
     feature_names_in_ : ndarray of str
-        Only where fitted on a DataFrame.
+        Names of the columns, if fitted on a DataFrame.
 
     Notes
     -----
-    A line through a gap uses the value behind it.  That is no leak for inputs, which a forecast may know ahead, but
-    it would be one for history: the columns ``T_za`` and ``zeta`` are never filled (filters skip what is missing
-    there).  Missing rows at either end have nothing to lean on and stay missing, as do rows of columns that are not
-    numeric.  Whole rows that are absent are put back by :func:`skhybrid.datasets.regularize`.
+    Interpolation uses the value after the gap.  That is no leak for inputs, which a forecast may know in advance, but
+    it would be one for history: ``T_za`` and ``zeta`` are never filled (filters skip missing measurements).  Gaps at
+    either end of the table stay missing, as do gaps in columns that are not numeric.  Rows that are absent altogether
+    are restored by :func:`skhybrid.datasets.regularize`.
 
-    A DataFrame comes back as a DataFrame with its index, names and order.
+    A DataFrame keeps its index, its names and their order.
 
     Examples
     --------
@@ -52,26 +54,8 @@ class GapFiller(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
         self.max_gap = max_gap
         self.sampling_time = sampling_time
 
-    def fit(self, X: Any, y: Any = None) -> GapFiller:
-        """Check the columns; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If ``max_gap`` is no duration.
-        """
-        read_input(self, X, reset=True)
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         self.max_gap_ = _duration(self.max_gap, "max_gap")
-        return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
         """Fill the short gaps.
@@ -82,7 +66,7 @@ class GapFiller(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
 
         Returns
         -------
-        DataFrame or ndarray of shape (n_samples, n_features), as given, float64
+        DataFrame or ndarray of shape (n_samples, n_features), of the type of ``X``, float64
         """
         check_is_fitted(self)
         table = read_input(self, X, reset=False)
@@ -100,11 +84,6 @@ class GapFiller(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
         step = _duration("15min" if self.sampling_time is None else self.sampling_time, "sampling_time")
         return np.arange(n) * (step / pd.Timedelta("1h"))
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        return tags
-
 
 def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
     """Hours since the first stamp, shape (n,)."""
@@ -113,9 +92,9 @@ def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
 
 
 def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> np.ndarray:
-    """Straight lines over the gaps of ``values`` that last at most ``max_gap``.
+    """Interpolate linearly over the gaps in ``values`` that are at most ``max_gap`` long.
 
-    A gap lasts from one step behind the last known value to the next known one.
+    A gap begins one step after the last known value and ends at the next one.
     """
     known = np.flatnonzero(np.isfinite(values))
     filled = values.astype(np.float64, copy=True)
@@ -126,8 +105,8 @@ def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> n
     after = np.searchsorted(known, missing)
     inside = (after > 0) & (after < len(known))
     missing, after = missing[inside], after[inside]
-    lasts = hours[known[after]] - hours[known[after - 1]] - step
-    short = missing[lasts <= max_gap / pd.Timedelta("1h") + 1e-9]
+    length = hours[known[after]] - hours[known[after - 1]] - step
+    short = missing[length <= max_gap / pd.Timedelta("1h") + 1e-9]
     filled[short] = np.interp(hours[short], hours[known], values[known])
     return filled
 
@@ -138,5 +117,5 @@ def _duration(value: Any, name: str) -> pd.Timedelta:
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}={value!r} is not a duration such as '1h'.") from error
     if not span >= pd.Timedelta(0):
-        raise ValueError(f"{name}={value!r} must be a duration that is not negative, such as '1h'.")
+        raise ValueError(f"{name}={value!r} must not be negative; give a duration such as '1h'.")
     return span

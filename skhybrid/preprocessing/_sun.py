@@ -1,4 +1,4 @@
-"""Irradiance on vertical planes from irradiance on the horizontal: arrays in, arrays out, everything in kW/m2."""
+"""Irradiance on vertical planes from horizontal irradiance, as arrays in kW/m2."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-#: zenith angle [deg] of the lowest sun whose direct irradiance can be told from global and diffuse.
+#: largest zenith angle [deg] at which direct irradiance is computed from global and diffuse irradiance.
 LOWEST_SUN = 87.0
 _W_PER_KW = 1000.0
 
 
 class Place(NamedTuple):
-    """Where the planes stand, and what ground and panes do to light."""
+    """Location of the planes, and the optical properties of ground and panes."""
 
     latitude: float  # [deg] north
     longitude: float  # [deg] east
     albedo: float  # [-]
-    glazing: bool  # whether to weigh by the angle of incidence on a pane
+    glazing: bool  # whether to include the transmission of a pane by angle of incidence
 
 
 class Light(NamedTuple):
     """Irradiance [kW/m2], each of shape (n,)."""
 
-    direct: np.ndarray  # on a plane that faces the sun
-    diffuse: np.ndarray  # from the sky, on the horizontal
-    total: np.ndarray  # on the horizontal
+    direct: np.ndarray  # direct normal
+    diffuse: np.ndarray  # diffuse horizontal
+    total: np.ndarray  # global horizontal
 
 
 def on_planes(
@@ -39,7 +39,7 @@ def on_planes(
     azimuths: Mapping[str, float],
     place: Place,
 ) -> dict[str, np.ndarray]:
-    """Irradiance on the vertical plane of each azimuth [deg from north], (n,), with the sun of ``stamps``."""
+    """Irradiance on the vertical plane of each azimuth [deg from north], (n,), with the sun as at ``stamps``."""
     from pvlib.iam import physical
     from pvlib.irradiance import aoi, get_extra_radiation
     from pvlib.solarposition import get_solarposition
@@ -49,8 +49,8 @@ def on_planes(
     sun = get_solarposition(stamps, place.latitude, place.longitude, method="ephemeris")
     zenith, azimuth = sun["zenith"].to_numpy(), sun["azimuth"].to_numpy()
     day = stamps.day_of_year.to_numpy()
-    above = np.asarray(get_extra_radiation(day)) / _W_PER_KW
-    light = split(ghi, dni, dhi, zenith, day, above)
+    extraterrestrial = np.asarray(get_extra_radiation(day)) / _W_PER_KW
+    light = split(ghi, dni, dhi, zenith, day, extraterrestrial)
     from_sky, from_ground = pane_diffuse() if place.glazing else (1.0, 1.0)
     # a vertical plane sees half of an isotropic sky, and half of the ground
     scattered = 0.5 * light.diffuse * from_sky + 0.5 * place.albedo * light.total * from_ground
@@ -69,12 +69,12 @@ def split(
     dhi: np.ndarray | None,
     zenith: np.ndarray,
     day: np.ndarray,
-    above: np.ndarray,
+    extraterrestrial: np.ndarray,
 ) -> Light:
-    """Direct, diffuse and global irradiance, what is not given from what is.
+    """Direct, diffuse and global irradiance, with those not given computed from the others.
 
-    ``zenith`` of the sun [deg], ``day`` of the year, ``above`` the irradiance above the atmosphere [kW/m2], which no
-    direct irradiance exceeds.  Negative readings count as zero; NaN stays.
+    ``zenith`` is that of the sun [deg], ``day`` the day of the year and ``extraterrestrial`` the irradiance above the
+    atmosphere [kW/m2], an upper limit of direct irradiance.  Negative readings count as zero; NaN stays NaN.
     """
     from pvlib.irradiance import erbs
 
@@ -87,16 +87,16 @@ def split(
         diffuse = dhi.clip(0.0)
     else:
         diffuse = np.asarray(erbs(total * _W_PER_KW, zenith, day, max_zenith=LOWEST_SUN)["dhi"]) / _W_PER_KW
-    # dividing by the sine of a low sun would turn a few watts of error into hundreds
+    # at a low sun, division by a small cosine would turn an error of a few watts into hundreds
     high = zenith <= LOWEST_SUN
     beam = (total - diffuse).clip(0.0) / np.where(high, height, 1.0)
-    direct = np.where(high, np.minimum(beam, above), 0.0)
+    direct = np.where(high, np.minimum(beam, extraterrestrial), 0.0)
     return Light(direct, diffuse if dhi is not None else total - direct * height, total)
 
 
 @cache
 def pane_diffuse() -> tuple[float, float]:
-    """Share of diffuse light from sky and from ground that passes a vertical pane, relative to normal incidence."""
+    """Transmission of diffuse light from sky and ground by a vertical pane, relative to normal incidence."""
     from pvlib.iam import marion_diffuse
 
     shares = marion_diffuse("physical", 90.0)

@@ -1,4 +1,4 @@
-"""Unit conversion inside a Pipeline."""
+"""Transformer that converts units."""
 
 from __future__ import annotations
 
@@ -7,34 +7,35 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.base import OneToOneFeatureMixin
 from sklearn.utils.validation import check_is_fitted
 
-from ._frames import numeric, read_input
+from ._frames import TableTransformer, numeric, position_of, read_input, roles_by_position
 from ._units import Conversion, conversion_of, convert, convert_back
 
 
-class UnitConverter(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
-    """Convert logged units to those of the data contract (degC, kW/m2, fraction, kW).
+class UnitConverter(OneToOneFeatureMixin, TableTransformer):
+    """Convert units to those of the data contract (degC, kW/m2, fraction, kW).
 
     Parameters
     ----------
     units : dict of column to unit, optional
-        Logged unit of each column that needs conversion: temperatures in ``"degF"`` or ``"K"``, irradiance in
-        ``"W/m2"``, stages in ``"percent"``, powers in ``"W"``, ``"MW"``, ``"Btu/h"``.  For an array a column is its
-        position or, by the contract, its role (``"T_oa"`` is column 0, ``"q_sol"`` 1, ``"u_2"`` 2 ...).
+        Unit of each column that needs conversion: temperatures in ``"degF"`` or ``"K"``, irradiance in ``"W/m2"``,
+        stages in ``"percent"``, powers in ``"W"``, ``"MW"`` or ``"Btu/h"``.  A column of an array is given by its
+        position, or by the role that the contract gives to it (``"T_oa"`` is column 0, ``"q_sol"`` 1, ``"u_2"`` 2 ...).
 
     Attributes
     ----------
-    conversions_ : dict
-        Position of a column -> (kind, scale, offset).
+    conversions_ : dict of int to tuple
+        Kind, scale and offset of each conversion, by the position of the column.
     n_features_in_ : int
+        Number of columns.
     feature_names_in_ : ndarray of str
-        Only where fitted on a DataFrame.
+        Names of the columns, if fitted on a DataFrame.
 
     Notes
     -----
-    A DataFrame comes back as a DataFrame with its index, names and order; columns without a unit are as they were.
+    A DataFrame keeps its index, its names and their order; columns that are not in ``units`` are not changed.
 
     Examples
     --------
@@ -48,27 +49,9 @@ class UnitConverter(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
     def __init__(self, units: dict[Any, str] | None = None) -> None:
         self.units = units
 
-    def fit(self, X: Any, y: Any = None) -> UnitConverter:
-        """Check the columns against ``units``; nothing is learned from the values.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-        y : ignored
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If a column is absent, or a unit is unknown or none of the column's role.
-        """
-        table = read_input(self, X, reset=True)
-        names = list(table.columns) if isinstance(table, pd.DataFrame) else _names_by_position(table.shape[1])
-        self.conversions_ = {_position(c, names): conversion_of(unit, c) for c, unit in (self.units or {}).items()}
-        return self
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+        names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+        self.conversions_ = {_find(c, names): conversion_of(unit, c) for c, unit in (self.units or {}).items()}
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
         """Convert the columns named in ``units``.
@@ -79,12 +62,12 @@ class UnitConverter(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
 
         Returns
         -------
-        DataFrame or ndarray of shape (n_samples, n_features), as given; converted columns are float64
+        DataFrame or ndarray of shape (n_samples, n_features), of the type of ``X``; converted columns are float64
         """
         return self._apply(X, convert)
 
     def inverse_transform(self, X: Any) -> pd.DataFrame | np.ndarray:
-        """Convert back to the logged units.
+        """Convert back to the original units.
 
         Parameters
         ----------
@@ -96,31 +79,21 @@ class UnitConverter(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
         """
         return self._apply(X, convert_back)
 
-    def _apply(self, X: Any, change: Callable[[np.ndarray, Conversion], np.ndarray]) -> pd.DataFrame | np.ndarray:
+    def _apply(self, X: Any, function: Callable[[np.ndarray, Conversion], np.ndarray]) -> pd.DataFrame | np.ndarray:
         check_is_fitted(self)
         table = read_input(self, X, reset=False)
         if isinstance(table, pd.DataFrame):
-            changed = table.copy()
-            for j, how in self.conversions_.items():
-                changed[table.columns[j]] = change(numeric(table.iloc[:, j]), how)
-            return changed
-        for j, how in self.conversions_.items():
-            table[:, j] = change(table[:, j], how)
+            converted = table.copy()
+            for j, conversion in self.conversions_.items():
+                converted[table.columns[j]] = function(numeric(table.iloc[:, j]), conversion)
+            return converted
+        for j, conversion in self.conversions_.items():
+            table[:, j] = function(table[:, j], conversion)
         return table
 
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        return tags
 
-
-def _names_by_position(n_columns: int) -> list[str]:
-    return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]
-
-
-def _position(column: Any, names: list[Any]) -> int:
-    if column in names:
-        return names.index(column)
-    if isinstance(column, int | np.integer) and 0 <= column < len(names):
-        return int(column)
+def _find(column: Any, names: list[Any]) -> int:
+    position = position_of(column, names)
+    if position is not None:
+        return position
     raise ValueError(f"units= names the column {column!r}, but X has {', '.join(repr(str(n)) for n in names)}.")

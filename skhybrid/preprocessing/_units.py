@@ -1,4 +1,4 @@
-"""The one table of unit conversions: what a logged unit is in the units of the data contract."""
+"""Conversion of units to those of the data contract."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: unit of every kind of quantity in the data contract.
+#: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
 
 
@@ -19,7 +19,7 @@ class Conversion(NamedTuple):
     offset: float = 0.0
 
 
-#: logged unit -> conversion.
+#: unit -> conversion.
 UNITS: dict[str, Conversion] = {
     "degC": Conversion("temperature", 1.0),
     "degF": Conversion("temperature", 5.0 / 9.0, -160.0 / 9.0),
@@ -41,31 +41,32 @@ _KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fract
 
 
 def conversion_of(unit: str, column: object) -> Conversion:
-    """The conversion of a column logged in ``unit``.
+    """Return the conversion of a column logged in ``unit``.
 
     Raises
     ------
     ValueError
-        If the unit is unknown, or is none of what the column's role has.
+        If the unit is unknown, or is not one for the column's role.
     """
     if unit not in UNITS:
         near = difflib.get_close_matches(str(unit), UNITS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "."
-        raise ValueError(f"units= gives {column!r} the unit {unit!r}, which is none of {', '.join(UNITS)}{hint}")
+        raise ValueError(f"units= gives {column!r} the unit {unit!r}, which is not one of {', '.join(UNITS)}{hint}")
     conversion = UNITS[unit]
     for prefix, kind in _KIND_OF_PREFIX:
         if isinstance(column, str) and column.startswith(prefix) and conversion.kind != kind:
             raise ValueError(
-                f"units= gives {column!r} the unit {unit!r}, but that role holds {kind} [{CONTRACT_UNIT[kind]}]."
+                f"units= gives {column!r} the unit {unit!r}, but that role needs a unit of {kind}, such as "
+                f"{CONTRACT_UNIT[kind]!r}."
             )
     return conversion
 
 
 def convert(values: np.ndarray, conversion: Conversion) -> np.ndarray:
-    """Values in the contract's unit, float64."""
+    """Convert values to the contract's unit, float64."""
     return conversion.scale * np.asarray(values, dtype=np.float64) + conversion.offset
 
 
 def convert_back(values: np.ndarray, conversion: Conversion) -> np.ndarray:
-    """Values in the logged unit, float64."""
+    """Convert values from the contract's unit back to the original one, float64."""
     return (np.asarray(values, dtype=np.float64) - conversion.offset) / conversion.scale

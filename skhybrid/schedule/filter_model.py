@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..filtering import discretize
-from ..thermal import RCNetwork
-from ..thermal.stencil import Stencil
+from ..thermal import MatrixBuilder, RCNetwork
 
 #: standard deviation of the thermometer [K]; only ratios of the others to it matter
 NOISE = 0.05
@@ -41,7 +40,7 @@ class FilterModel:
     Parameters
     ----------
     network : RCNetwork
-    stencil : Stencil
+    builder : MatrixBuilder
         Of the network without sources.
     step : float
         [h].
@@ -50,7 +49,7 @@ class FilterModel:
     """
 
     network: RCNetwork
-    stencil: Stencil
+    builder: MatrixBuilder
     step: float
     heat_scale: float
 
@@ -58,12 +57,12 @@ class FilterModel:
     def of(cls, network: RCNetwork, step: float, heat_scale: float) -> FilterModel:
         """Model of a network's walls and air; its sources become heat by node."""
         bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0])
-        return cls(network, bare.stencil(network.boundaries), step, heat_scale)
+        return cls(network, bare.matrix_builder(network.boundaries), step, heat_scale)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Nonlinear parameters, in the order of psi."""
-        return (*self.stencil.parameters, *FILTER_PARAMETERS)
+        return (*self.builder.parameters, *FILTER_PARAMETERS)
 
     @property
     def zone(self) -> int:
@@ -78,7 +77,7 @@ class FilterModel:
     def matrices(self, psi: np.ndarray) -> Matrices:
         """Matrices at the logarithms ``psi`` (p,) of the parameters."""
         A, B, dA, dB = self._discrete(psi)
-        n, p, k = len(A), len(psi), len(self.stencil.parameters)
+        n, p, k = len(A), len(psi), len(self.builder.parameters)
         sigma_x, sigma_g, tau, _ = np.exp(psi)[k:]
         gain = B.shape[1] - n + self.network.nodes.index(self.network.disturbed_nodes[0])
         phi = np.exp(-self.step / tau)
@@ -98,9 +97,9 @@ class FilterModel:
 
     def _discrete(self, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, dA, dB of the network over one step, with the derivatives by psi in the last axis."""
-        k = len(self.stencil.parameters)
+        k = len(self.builder.parameters)
         theta = np.exp(psi)[:k]
-        c = self.stencil.matrices(theta[None])
+        c = self.builder.matrices(theta[None])
         d = discretize(c.A[0], c.B[0], c.dA[0], c.dB[0], c.capacitance[0], self.step)
         dA, dB = np.zeros((*d.A.shape, len(psi))), np.zeros((*d.B.shape, len(psi)))
         dA[..., :k] = np.moveaxis(d.dA * theta[:, None, None], 0, -1)

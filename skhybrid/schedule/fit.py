@@ -192,4 +192,4 @@ def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:
         values.append((inside if all(end in network.capacitances for end in ends) else outside) / scale)
     theta = dict(zip([*network.capacitances.values(), *network.resistors], values, strict=True))
     of_filter = {"sigma_x": 0.05, "sigma_g": 0.3 * model.heat_scale, "tau_g": 6.0, "tau_e": 0.5}
-    return np.log([{**theta, **of_filter}[name] for name in (*model.stencil.parameters, *FILTER_PARAMETERS)])
+    return np.log([{**theta, **of_filter}[name] for name in (*model.builder.parameters, *FILTER_PARAMETERS)])

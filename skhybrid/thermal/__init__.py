@@ -1,8 +1,20 @@
-"""Thermal networks: declared as data, turned into matrices with exact derivatives."""
+"""Thermal networks declared as data, their matrices with exact derivatives, and a catalogue of usual ones."""
 
 from .catalogue import CATALOGUE, get_network, list_networks
-from .network import RCNetwork, Source
+from .declaration import Source
+from .drawing import draw
+from .matrices import Continuous, MatrixBuilder
+from .network import RCNetwork
 from .parameters import Parameter
-from .stencil import Continuous, Stencil
 
-__all__ = ["CATALOGUE", "Continuous", "Parameter", "RCNetwork", "Source", "Stencil", "get_network", "list_networks"]
+__all__ = [
+    "CATALOGUE",
+    "Continuous",
+    "MatrixBuilder",
+    "Parameter",
+    "RCNetwork",
+    "Source",
+    "draw",
+    "get_network",
+    "list_networks",
+]

@@ -1,11 +1,11 @@
-"""The networks that have a name.
+"""Catalogue of common networks, by name.
 
 Bacher and Madsen's letters are nodes here: i (interior) is ``za``, e the envelope, m the medium (furniture, inner
 walls), h the heater, s the sensor; their T_a is ``T_oa``.  Their areas of windows and envelope are ``A_win`` and its
 share ``f``: A_w = f A_win, A_e = (1 - f) A_win.
 
-Networks with a node of no capacitance (5R1C of ISO 13790, 7R2C of VDI 6007) are not here: heat on such a node changes
-its temperature at once, which is no state-space model of this class.
+Networks with a node without capacitance (5R1C of ISO 13790, 7R2C of VDI 6007) are not included: heat on such a node
+changes its temperature at once, so the node is not a state.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _PAPER = "Ham and Kim, Hybrid modeling approach for better identification of bui
 _BACHER = "Bacher and Madsen 2011, Energy and Buildings 43(7), 1511-1522, doi:10.1016/j.enbuild.2011.02.005"
 _MADSEN = "Madsen and Holst 1995, Energy and Buildings 22(1), 67-79"
 
-#: links of the Bacher and Madsen family: resistance -> what it connects
-_LINKS = {
+#: resistors of the Bacher and Madsen family, with their ends
+_RESISTORS = {
     "R_zm": ("za", "m"),
     "R_ze": ("za", "e"),
     "R_zh": ("za", "h"),
@@ -27,22 +27,22 @@ _LINKS = {
     "R_eo": ("e", "T_oa"),
     "R_zo": ("za", "T_oa"),
 }
-#: a heater and a sensor are lighter than what the paper's bounds allow
+#: bounds of heater and sensor, which are lighter than the paper's bounds allow
 _LIGHT = {"C_h": (0.01, 40.0), "R_zh": (0.01, 40.0), "C_s": (0.001, 1.0)}
 _SPLIT = {"za": "f", "w": None}
 
 
-def _bacher(name: str, nodes: str, links: str, description: str, *, sun_on_envelope: bool = False) -> RCNetwork:
-    """A network of that family: its hidden nodes by letter, and its resistances."""
-    hidden = nodes.split()
+def _bacher(name: str, nodes: str, resistors: str, description: str, *, sun_on_envelope: bool = False) -> RCNetwork:
+    """Network of the Bacher and Madsen family with these nodes, ``za`` and these resistors."""
+    others = nodes.split()
     return RCNetwork(
         name,
-        {**{node: f"C_{node}" for node in hidden}, "za": "C_za"},
-        {link: _LINKS[link] for link in links.split()},
+        {**{node: f"C_{node}" for node in others}, "za": "C_za"},
+        {name: _RESISTORS[name] for name in resistors.split()},
         {"za": "f", "e": None} if sun_on_envelope else {"za": None},
-        measured="s" if "s" in hidden else "za",
-        heated="h" if "h" in hidden else "za",
-        bounds={name: bounds for name, bounds in _LIGHT.items() if name[-1] in hidden},
+        measured="s" if "s" in others else "za",
+        heated="h" if "h" in others else "za",
+        bounds={name: bounds for name, bounds in _LIGHT.items() if name[-1] in others},
         description=description,
         reference=_BACHER,
     )
@@ -54,7 +54,7 @@ _SIMPLE = (
         {"za": "C_za"},
         {"R_zo": ("za", "T_oa")},
         {"za": None},
-        description="one node for everything (their Ti)",
+        description="a single node (Bacher and Madsen's Ti)",
         reference=_BACHER,
     ),
     RCNetwork(
@@ -62,7 +62,7 @@ _SIMPLE = (
         {"w": "C_w", "za": "C_za"},
         {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")},
         _SPLIT,
-        description="zone air and a wall mass that the outside does not reach",
+        description="zone air and a wall mass that is not connected to the outside",
         reference=f"{_PAPER}, Eq. gray_state; two time constants as in {_MADSEN}",
     ),
     RCNetwork(
@@ -70,7 +70,7 @@ _SIMPLE = (
         {"w": "C_w", "za": "C_za"},
         {"R_zw": ("za", "w"), "R_wo": ("w", "T_oa"), "R_zo": ("za", "T_oa")},
         _SPLIT,
-        description="zone air, an envelope in the way to the outside, and windows beside it (their TiTeAeRia)",
+        description="zone air, an envelope, and windows in parallel (Bacher and Madsen's TiTeAeRia)",
         reference=_BACHER,
     ),
     RCNetwork(
@@ -78,7 +78,7 @@ _SIMPLE = (
         {"w": "C_w", "m": "C_m", "za": "C_za"},
         {"R_zm": ("za", "m"), "R_zw": ("za", "w"), "R_wo": ("w", "T_oa")},
         {"za": "f", "m": None},
-        description="zone air, inner mass and envelope (their TiTmTe, with sun on the mass too)",
+        description="zone air, inner mass and envelope (Bacher and Madsen's TiTmTe, with sun on the mass)",
         reference=_BACHER,
     ),
     RCNetwork(
@@ -86,25 +86,23 @@ _SIMPLE = (
         {"w": "C_w", "m": "C_m", "za": "C_za"},
         {"R_zm": ("za", "m"), "R_zw": ("za", "w"), "R_wo": ("w", "T_oa"), "R_zo": ("za", "T_oa")},
         {"za": "f", "m": None},
-        description="3R3C with windows beside the envelope",
+        description="3R3C with windows in parallel with the envelope",
         reference=_BACHER,
     ),
 )
 
 _FAMILY = (
     _bacher("TiTe", "e", "R_ze R_eo", "zone air and an envelope"),
-    _bacher("TiTm", "m", "R_zm R_zo", "zone air and a medium within"),
-    _bacher("TiTh", "h", "R_zh R_zo", "zone air and a heater that must warm up first"),
-    _bacher("TiTs", "s", "R_zs R_zo", "zone air and a sensor that lags behind it"),
+    _bacher("TiTm", "m", "R_zm R_zo", "zone air and an internal medium"),
+    _bacher("TiTh", "h", "R_zh R_zo", "zone air and a heater that warms up first"),
+    _bacher("TiTs", "s", "R_zs R_zo", "zone air and a sensor that lags"),
     _bacher("TiTmTe", "m e", "R_zm R_ze R_eo", "zone air, medium and envelope"),
     _bacher("TiTmTh", "m h", "R_zm R_zh R_zo", "zone air, medium and heater"),
     _bacher("TiTeTh", "e h", "R_ze R_zh R_eo", "zone air, envelope and heater"),
-    _bacher("TiTeThRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeTh with windows beside the envelope"),
-    _bacher(
-        "TiTeThAeRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeThRia with sun on the envelope too", sun_on_envelope=True
-    ),
+    _bacher("TiTeThRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeTh with windows in parallel with the envelope"),
+    _bacher("TiTeThAeRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeThRia with sun on the envelope", sun_on_envelope=True),
     _bacher("TiTmTeTh", "m e h", "R_zm R_ze R_zh R_eo", "zone air, medium, envelope and heater"),
-    _bacher("TiTeThTs", "e h s", "R_ze R_zh R_zs R_eo", "zone air, envelope, heater and a sensor that lags behind"),
+    _bacher("TiTeThTs", "e h s", "R_ze R_zh R_zs R_eo", "zone air, envelope, heater and a sensor that lags"),
     _bacher(
         "TiTmTeThTsAeRia",
         "m e h s",
@@ -114,12 +112,12 @@ _FAMILY = (
     ),
 )
 
-#: every network of the catalogue, by name
+#: the networks by name
 CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}
 
 
 def get_network(network: str | RCNetwork) -> RCNetwork:
-    """The network of a name, or the network itself.
+    """Look up a network by name; a network is returned as it is.
 
     Parameters
     ----------
@@ -132,7 +130,7 @@ def get_network(network: str | RCNetwork) -> RCNetwork:
     Raises
     ------
     ValueError
-        If no network has that name.
+        If the catalogue has no such name.
     """
     if isinstance(network, RCNetwork):
         return network
@@ -142,12 +140,12 @@ def get_network(network: str | RCNetwork) -> RCNetwork:
 
 
 def list_networks() -> pd.DataFrame:
-    """The networks of the catalogue.
+    """List the networks of the catalogue.
 
     Returns
     -------
     DataFrame
-        One row a network, by name: states, number of resistors, number of parameters under its usual inputs,
+        One row per network, by name: states, number of resistors, number of parameters under its usual inputs,
         description, reference.
     """
     rows = [

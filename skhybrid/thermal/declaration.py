@@ -1,226 +1,278 @@
-"""What a declaration says, and what of it is refused: pure functions on a network's fields."""
+"""The declaration of a network as data: its fields, and the names, sources and parameters that follow from them."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, NoReturn
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-import numpy as np
+from .parameters import Parameter, make_parameter
 
-if TYPE_CHECKING:
-    from .network import RCNetwork
-
-#: where heat goes: a node, or nodes with the name of the fraction that each gets (None: what is left)
+#: where heat goes: a node, or nodes with the name of the fraction that each gets (None: the remainder)
 Target = str | Mapping[str, str | None]
 Shares = tuple[tuple[str, str | None], ...]
 
-_NODE = re.compile(r"[A-Za-z]\w*\Z")
-_BOUNDARY = re.compile(r"T_\w+\Z")
-#: first letters of a parameter that only a source may have
-_SOURCE_NAMES = ("A_win", "Q_")
-#: what a role of each kind of heat begins with
-ROLES_OF = {"solar": ("q_sol",), "heated": ("u_", "Q_")}
+#: prefixes of the roles of each kind of heat
+ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}
 
 
+class Source(NamedTuple):
+    """One input as a heat source: each share is ``parameter * fraction`` kW per unit of the input.
+
+    Attributes
+    ----------
+    role : str
+    parameter : str or None
+        None where the input is in kW already.
+    shares : tuple of (node, fraction parameter or None)
+        None stands for the remainder.
+    """
+
+    role: str
+    parameter: str | None
+    shares: Shares
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """Fields of a network, described in :class:`~skhybrid.thermal.RCNetwork`, and what follows from them alone."""
+
+    name: str
+    capacitances: Mapping[str, str]
+    resistors: Mapping[str, tuple[str, str]]
+    solar: str | tuple[str, ...] | Mapping[str, Any] = field(default_factory=dict)
+    measured: str | tuple[str, ...] = "za"
+    disturbed: str | tuple[str, ...] = "za"
+    heated: str | tuple[str, ...] | Mapping[str, Any] = "za"
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    description: str = field(default="", compare=False)
+    reference: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("measured", "disturbed", "solar", "heated"):
+            given = getattr(self, name)
+            if not isinstance(given, str | Mapping):
+                nodes = tuple(given)
+                object.__setattr__(self, name, nodes[0] if len(nodes) == 1 else nodes)
+
+    # ------------------------------------------------------------------------------------------------------- names
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes in the order of the states."""
+        return tuple(self.capacitances)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, ``T_<node>`` [degC]."""
+        return tuple(f"T_{node}" for node in self.nodes)
+
+    @property
+    def measured_nodes(self) -> tuple[str, ...]:
+        """Nodes whose temperature is measured, in the order of the outputs."""
+        return as_names(self.measured)
+
+    @property
+    def disturbed_nodes(self) -> tuple[str, ...]:
+        """Nodes that unmeasured heat enters, in the order of the last columns of B."""
+        return as_names(self.disturbed)
+
+    @property
+    def gain_names(self) -> tuple[str, ...]:
+        """Names of the last columns of B: ``heat_gain``, or ``heat_gain_<node>`` where several nodes are disturbed."""
+        nodes = self.disturbed_nodes
+        return ("heat_gain",) if len(nodes) == 1 else tuple(f"heat_gain_{node}" for node in nodes)
+
+    @property
+    def history_roles(self) -> tuple[str, ...]:
+        """Roles of the measured temperatures: ``T_za`` for a single measured node, ``T_<node>`` for several."""
+        nodes = self.measured_nodes
+        return ("T_za",) if len(nodes) == 1 else tuple(f"T_{node}" for node in nodes)
+
+    @property
+    def fractions(self) -> dict[str, str]:
+        """Node that each fraction parameter sends heat to; fractions of the sun first, then of the plant."""
+        return {**fractions_of(self.solar, "solar"), **fractions_of(self.heated, "heated")}
+
+    @property
+    def solar_fractions(self) -> tuple[str, ...]:
+        """Fraction parameters of the sun."""
+        return tuple(fractions_of(self.solar, "solar"))
+
+    # ------------------------------------------------------------------------------------------------------- inputs
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Boundary temperatures, in order of first use."""
+        ends = [end for pair in self.resistors.values() for end in pair if end not in self.capacitances]
+        return tuple(dict.fromkeys(ends))
+
+    @property
+    def required_roles(self) -> tuple[str, ...]:
+        """Roles that a table must have to drive the network."""
+        return (*self.boundaries, *self._solar_roles)
+
+    @property
+    def usual_roles(self) -> tuple[str, ...]:
+        """Required roles, and those of the heating and cooling stages (one of each where none is named)."""
+        if is_by_role(self.heated, "heated"):
+            return (*self.required_roles, *self.heated)
+        nodes = self.heated if isinstance(self.heated, tuple) else ()
+        stages = [f"{u}_{node}" for node in nodes for u in ("u_heat", "u_cool")] or ["u_heat", "u_cool"]
+        return (*self.required_roles, *stages)
+
+    @property
+    def _solar_roles(self) -> tuple[str, ...]:
+        if is_by_role(self.solar, "solar"):
+            return tuple(self.solar)
+        if isinstance(self.solar, tuple):
+            return tuple(f"q_sol_{node}" for node in self.solar)
+        return ("q_sol",) if self.solar else ()
+
+    def reads(self, role: str) -> bool:
+        """Whether a column of this role acts on the network; other columns are ignored.
+
+        Parameters
+        ----------
+        role : str
+
+        Returns
+        -------
+        bool
+        """
+        return role in self.boundaries or bool(self.sources([role]))
+
+    def sources(self, roles: Iterable[str]) -> tuple[Source, ...]:
+        """Heat sources among the given roles, in the order of the inputs.
+
+        Parameters
+        ----------
+        roles : iterable of str
+
+        Returns
+        -------
+        tuple of Source
+
+        Raises
+        ------
+        ValueError
+            If the network does not say which node a heating or cooling role acts on.
+        """
+        out = []
+        for role in sorted(set(roles), key=_role_order):
+            if role.startswith(ROLE_PREFIXES["solar"]):
+                shares = shares_of_role(self.solar, "solar", role)
+                if shares is not None:
+                    out.append(Source(role, "A_win" + role[len("q_sol") :], shares))
+            elif role.startswith(ROLE_PREFIXES["heated"]):
+                shares = shares_of_role(self.heated, "heated", role)
+                if shares is None:
+                    raise ValueError(
+                        f"network {self.name} does not say which node {role!r} heats; name it in heated={{{role!r}: "
+                        f"node}}, or leave the column out by columns={{{role!r}: None}}."
+                    )
+                out.append(Source(role, _capacity_name(role) if role.startswith("u_") else None, shares))
+        return tuple(out)
+
+    def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
+        """Roles that act on the network, in the order of the columns of B.
+
+        Parameters
+        ----------
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        tuple of str
+        """
+        roles = set(roles)
+        return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
+
+    def parameters(self, roles: Iterable[str] | None = None) -> tuple[Parameter, ...]:
+        """Parameters of the network under the given inputs, in the order of ``theta``.
+
+        Parameters
+        ----------
+        roles : iterable of str, optional
+            Roles that a table has; by default :attr:`usual_roles`.
+
+        Returns
+        -------
+        tuple of Parameter
+        """
+        sources = self.sources(self.usual_roles if roles is None else roles)
+        used = {fraction for source in sources for _, fraction in source.shares}
+        named = [(c, "C", f"capacitance of node {node}") for node, c in self.capacitances.items()]
+        named += [(r, "R", f"resistance between {a} and {b}") for r, (a, b) in self.resistors.items()]
+        for fraction, node in self.fractions.items():
+            if fraction in used:
+                heat = "solar heat" if fraction in self.solar_fractions else "heating and cooling"
+                named.append((fraction, "f", f"share of {heat} to {node}"))
+        for source in sources:
+            if source.parameter is None:
+                continue
+            if source.parameter.startswith("A_win"):
+                named.append((source.parameter, "A", f"effective window area for {source.role}"))
+            else:
+                named.append((source.parameter, "Q", f"capacity of {source.role}"))
+        return tuple(make_parameter(name, kind, text).bounded(self.bounds.get(name)) for name, kind, text in named)
+
+
+# -------------------------------------------------------------------------------------------- the forms of the fields
 def as_names(value: str | Iterable[str]) -> tuple[str, ...]:
     """One name or several, as a tuple."""
     return (value,) if isinstance(value, str) else tuple(value)
 
 
-def by_role(declared: object, kind: str) -> bool:
+def is_by_role(declared: object, kind: str) -> bool:
     """Whether ``solar`` or ``heated`` is a mapping of role to target."""
-    return isinstance(declared, Mapping) and any(str(key).startswith(ROLES_OF[kind]) for key in declared)
+    return isinstance(declared, Mapping) and any(str(key).startswith(ROLE_PREFIXES[kind]) for key in declared)
 
 
-def shares_of(target: Target) -> Shares:
-    """(node, fraction or None) of every node that a target heats."""
-    return ((target, None),) if isinstance(target, str) else tuple(target.items())
-
-
-def target_of(declared: object, kind: str, role: str) -> Shares | None:
-    """Where a source of this role heats, or None where the declaration does not say."""
-    if by_role(declared, kind):
+def shares_of_role(declared: object, kind: str, role: str) -> Shares | None:
+    """Shares of the heat of one role, or None where the declaration does not say where it goes."""
+    if is_by_role(declared, kind):
         found = declared.get(role)  # type: ignore[attr-defined]
-        return None if found is None else shares_of(found)
+        return None if found is None else _as_shares(found)
     if isinstance(declared, str | Mapping):
-        return shares_of(declared) or None
+        return _as_shares(declared) or None
     named = [node for node in as_names(declared) if f"_{node}_" in f"{role}_"]  # type: ignore[arg-type]
     return ((named[0], None),) if len(named) == 1 else None
 
 
-def targets(declared: object, kind: str) -> dict[str, Shares]:
-    """Every target that is declared, by the role or the node that names it."""
-    if by_role(declared, kind):
-        return {role: shares_of(target) for role, target in declared.items()}  # type: ignore[attr-defined]
+def all_shares(declared: object, kind: str) -> list[Shares]:
+    """Shares of the heat of every role or node that ``solar`` or ``heated`` names."""
+    if is_by_role(declared, kind):
+        return [_as_shares(target) for target in declared.values()]  # type: ignore[attr-defined]
     if isinstance(declared, str | Mapping):
-        return {kind: shares_of(declared)} if declared else {}
-    return {f"{kind} {node}": ((node, None),) for node in as_names(declared)}  # type: ignore[arg-type]
+        return [_as_shares(declared)] if declared else []
+    return [((node, None),) for node in as_names(declared)]  # type: ignore[arg-type]
 
 
 def fractions_of(declared: object, kind: str) -> dict[str, str]:
-    """Fraction -> the node that it sends heat to, in order of declaration."""
+    """Node that each fraction sends heat to, in order of declaration."""
     return {
-        fraction: node
-        for shares in targets(declared, kind).values()
-        for node, fraction in shares
-        if fraction is not None
+        fraction: node for shares in all_shares(declared, kind) for node, fraction in shares if fraction is not None
     }
 
 
-# ------------------------------------------------------------------------------------------------------ what is refused
-def check(network: RCNetwork) -> None:
-    """Refuse a declaration that is unclear, in one sentence that names the culprit."""
-    for kind in ("solar", "heated"):
-        _check_keys(network, kind)
-    _check_names(network)
-    _check_twice(network)
-    for role in ("measured", "disturbed"):
-        _check_places(network, role, as_names(getattr(network, role)))
-    _check_resistors(network)
-    for kind in ("solar", "heated"):
-        _check_targets(network, kind)
-    _check_islands(network)
-    _check_bounds(network)
+def _as_shares(target: Target) -> Shares:
+    return ((target, None),) if isinstance(target, str) else tuple(target.items())
 
 
-def _refuse(network: RCNetwork, text: str) -> NoReturn:
-    raise ValueError(f"network {network.name}: {text}")
+def _capacity_name(role: str) -> str:
+    """Parameter of a stage, such as ``Q_h`` of ``u_heat``, ``Q_c`` of ``u_cool`` and ``Q_h_2`` of ``u_heat_2``."""
+    name = role[len("u_") :]
+    for long, short in (("heat", "h"), ("cool", "c")):
+        if name == long or name.startswith(long + "_"):
+            return "Q_" + short + name[len(long) :]
+    return "Q_u_" + name if name[:1] in "hc" else "Q_" + name  # Q_h... and Q_c... have a sign; this one has none
 
 
-def _check_names(network: RCNetwork) -> None:
-    if not network.capacitances:
-        _refuse(network, "it has no node; give capacitances, such as {'za': 'C_za'}.")
-    for node in network.capacitances:
-        if not _NODE.match(node) or node.startswith(("T_", "q_sol", "u_", "Q_")):
-            _refuse(network, f"{node!r} cannot name a node; use letters, digits and _, and no prefix of a role.")
-    own = [*network.capacitances.values(), *network.resistors, *_fractions(network)]
-    for name in own:
-        if name.startswith(_SOURCE_NAMES):
-            _refuse(network, f"{name!r} cannot name this parameter: A_win... and Q_... are those of the sources.")
-
-
-def _fractions(network: RCNetwork) -> list[str]:
-    """Fractions, one for each (node, kind of heat) that they serve."""
-    served = {
-        (fraction, node, kind)
-        for kind in ("solar", "heated")
-        for shares in targets(getattr(network, kind), kind).values()
-        for node, fraction in shares
-        if fraction is not None
-    }
-    return [fraction for fraction, _, _ in sorted(served)]
-
-
-def _check_twice(network: RCNetwork) -> None:
-    names = [*network.capacitances.values(), *network.resistors, *_fractions(network)]
-    twice = sorted({n for n in names if names.count(n) > 1})
-    if twice:
-        _refuse(network, f"the parameter {twice[0]!r} is used twice; give each place a name of its own.")
-
-
-def _check_places(network: RCNetwork, role: str, places: tuple[str, ...]) -> None:
-    if not places:
-        _refuse(network, f"no node is {role}; name one.")
-    for node in places:
-        if node not in network.capacitances:
-            _refuse(network, f"the {role} node {node!r} has no capacitance.")
-        if places.count(node) > 1:
-            _refuse(network, f"the {role} node {node!r} is named twice.")
-
-
-def _check_resistors(network: RCNetwork) -> None:
-    for name, ends in network.resistors.items():
-        if isinstance(ends, str) or len(ends) != 2:
-            _refuse(network, f"{name} needs two ends, such as ('za', 'T_oa'); it has {ends!r}.")
-        for end in ends:
-            _check_end(network, name, end)
-        if ends[0] == ends[1] or not set(ends) & set(network.capacitances):
-            _refuse(
-                network,
-                f"{name} connects {ends[0]!r} and {ends[1]!r}, which carries no heat to any node; give it two ends "
-                "that differ, one of them a node with a capacitance.",
-            )
-
-
-def _check_end(network: RCNetwork, name: str, end: str) -> None:
-    if end in network.capacitances:
-        return
-    if not _BOUNDARY.match(end):
-        _refuse(network, f"{name} ends at {end!r}, which has no capacitance and is no boundary temperature (T_...).")
-    if end[2:] in network.capacitances:
-        _refuse(network, f"{name} ends at {end!r}, the temperature of the node {end[2:]!r}; write {end[2:]!r}.")
-    if end == "T_za":
-        _refuse(
-            network, f"{name} ends at 'T_za', which is the history of what is measured; name the boundary otherwise."
-        )
-
-
-def _check_keys(network: RCNetwork, kind: str) -> None:
-    declared, begin = getattr(network, kind), ROLES_OF[kind]
-    if not by_role(declared, kind):
-        return
-    for role, target in declared.items():
-        if not role.startswith(begin):
-            roles = ", ".join(f"{b}..." for b in begin)
-            _refuse(network, f"{kind} names {role!r} beside roles; its keys are all roles ({roles}) or all nodes.")
-        if not isinstance(target, str | Mapping):
-            _refuse(network, f"{kind} gives {role!r} to {target!r}, which is no node and no mapping of node to share.")
-
-
-def _check_targets(network: RCNetwork, kind: str) -> None:
-    declared = getattr(network, kind)
-    if kind == "heated" and not declared:
-        _refuse(network, "heated names no node; heating and cooling must act on one.")
-    for shares in targets(declared, kind).values():
-        for node, _ in shares:
-            if node not in network.capacitances:
-                what = "solar needs nodes with a capacitance" if kind == "solar" else "heated needs nodes with one"
-                _refuse(network, f"the {kind} node {node!r} has no capacitance; {what}.")
-        if sum(fraction is None for _, fraction in shares) != 1:
-            named = ", ".join(repr(node) for node, _ in shares)
-            _refuse(network, f"{kind} gives {named} their shares; exactly one with None gets what is left.")
-
-
-def _check_islands(network: RCNetwork) -> None:
-    nodes = set(network.capacitances)
-    for group in _groups(network):
-        linked = [end for ends in network.resistors.values() if group & set(ends) for end in ends]
-        if set(linked) <= nodes:
-            first = next(node for node in network.capacitances if node in group)
-            _refuse(network, f"node {first!r} is connected to no boundary temperature.")
-    for group in _groups(network):
-        if not group & set(as_names(network.measured)):
-            named = ", ".join(repr(node) for node in network.capacitances if node in group)
-            _refuse(
-                network,
-                f"no measured node is connected to {named}, so that no data can tell its parameters; connect it, "
-                "measure it or leave it out.",
-            )
-
-
-def _groups(network: RCNetwork) -> list[set[str]]:
-    """Nodes that are connected to each other without a boundary between them."""
-    groups = [{node} for node in network.capacitances]
-    for ends in network.resistors.values():
-        inside = set(ends) & set(network.capacitances)
-        touched = [g for g in groups if g & inside]
-        groups = [g for g in groups if not g & inside] + [set().union(*touched)]
-    return groups
-
-
-def _check_bounds(network: RCNetwork) -> None:
-    positive = {**dict.fromkeys(network.capacitances.values(), "C"), **dict.fromkeys(network.resistors, "R")}
-    fractions = set(_fractions(network))
-    for name, bounds in network.bounds.items():
-        if name not in positive and name not in fractions and not name.startswith(_SOURCE_NAMES):
-            _refuse(network, f"bounds names {name!r}, which is no parameter of it.")
-        lower, upper = sorted(float(b) for b in bounds)
-        if not np.isfinite([lower, upper]).all() or lower == upper:
-            _refuse(network, f"bounds of {name} are ({lower:g}, {upper:g}); give two numbers that differ.")
-        if not name.startswith("Q_") and lower <= 0.0:
-            _refuse(network, f"bounds of {name} are ({lower:g}, {upper:g}); both must be positive.")
-        if name in fractions and upper > 1.0:
-            _refuse(network, f"bounds of {name} are ({lower:g}, {upper:g}); a share is at most 1.")
-        if name.startswith(("Q_h", "Q_c")) and lower * upper <= 0.0:
-            _refuse(network, f"bounds of {name} are ({lower:g}, {upper:g}); both must have one sign and not be zero.")
+def _role_order(role: str) -> tuple[int, int, str]:
+    """Sort key: irradiance, then heating, cooling, further stages, then measured heat."""
+    if role.startswith("q_sol"):
+        return (0, 0, role)
+    if role.startswith("u_"):
+        kind = 0 if role.startswith("u_heat") else 1 if role.startswith("u_cool") else 2
+        return (1, kind, role)
+    return (2, 0, role)

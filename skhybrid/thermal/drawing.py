@@ -1,7 +1,7 @@
-"""A network as a circuit diagram in SVG.
+"""Circuit diagram of a network in SVG.
 
-Nodes stand on a rail.  A resistor between neighbours lies on the rail; one to a boundary ends at the end of the rail or
-rises from its node; one between nodes that are no neighbours goes over the others.  Capacitors and sources hang below.
+Nodes stand in a row, the rail.  A resistor between neighbours lies on the rail; one to a boundary continues the rail or
+rises from its node; one between nodes that are not neighbours crosses above.  Capacitors and sources hang below.
 """
 
 from __future__ import annotations
@@ -10,119 +10,134 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from html import escape
 from itertools import permutations
-from typing import TYPE_CHECKING
 
-from .equations import heat_terms
-
-if TYPE_CHECKING:
-    from .network import RCNetwork
+from .equations import heat_inputs
+from .network import RCNetwork, diagram
 
 _INK, _QUIET, _MEASURED, _HEAT, _FONT = "#1f2933", "#52606d", "#0b6bcb", "#b4540a", 14
-_PORT = 52  # distance of what rises from one node [px]
-_RISE = 110  # height of a resistor to a boundary above its node
-_TRACK = 42  # distance of resistors that go over the others
-_ZIGZAG = 48  # length of a resistor
+_PORT = 52  # horizontal distance between wires that rise from one node [px]
+_RISE = 110  # height of a boundary above its node [px]
+_LEVEL = 42  # vertical distance between resistors that cross above [px]
+_ZIGZAG = 48  # length of a resistor [px]
 
 
 @dataclass
 class _Column:
-    """What stands at a node, and the room that it takes."""
+    """A node with everything drawn at it, and the width that this takes."""
 
     node: str
-    up: list[tuple[str, str]] = field(default_factory=list)  # (resistor, boundary)
-    to_left: list[str] = field(default_factory=list)  # resistors that leave over the others
-    to_right: list[str] = field(default_factory=list)
+    rising: list[tuple[str, str]] = field(default_factory=list)  # (resistor, boundary above the node)
+    to_left: list[str] = field(default_factory=list)  # resistors that cross above to the left
+    to_right: list[str] = field(default_factory=list)  # and to the right
     sources: list[str] = field(default_factory=list)
     x: float = 0.0
 
     @property
     def ports(self) -> list[str]:
-        return [*self.to_left, *(name for name, _ in self.up), *self.to_right]
+        """Resistors that rise from the node, from left to right."""
+        return [*self.to_left, *(name for name, _ in self.rising), *self.to_right]
 
-    def port(self, resistor: str) -> float:
-        """Where a resistor rises, from the node's own place."""
+    def port_offset(self, resistor: str) -> float:
+        """Horizontal offset from the node at which a resistor rises."""
         return _PORT * (self.ports.index(resistor) - 0.5 * (len(self.ports) - 1))
 
     @property
-    def bus(self) -> float:
+    def half_bus(self) -> float:
+        """Half the width of the horizontal wire that joins the rising ones."""
         return 0.5 * _PORT * max(len(self.ports) - 1, 0)
 
     def left(self) -> float:
-        return max([42.0, self.bus + 20.0, *(0.5 * _width(s) for s in self.sources)])
+        """Width needed to the left of the node."""
+        return max([42.0, self.half_bus + 20.0, *(0.5 * _width(s) for s in self.sources)])
 
     def right(self, capacitance: str) -> float:
-        label = 12.0 + max([_width(name) for name, _ in self.up], default=0.0)
+        """Width needed to its right."""
+        label = 12.0 + max([_width(name) for name, _ in self.rising], default=0.0)
         below = max(12.0 + _width(f"T_{self.node}"), 20.0 + _width(capacitance))
-        return max([below, self.bus + label, *(0.5 * _width(s) for s in self.sources)])
+        return max([below, self.half_bus + label, *(0.5 * _width(s) for s in self.sources)])
 
 
+@diagram.register(RCNetwork)
 def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
-    """The network as an SVG element."""
+    """Draw a network as a circuit diagram.
+
+    Parameters
+    ----------
+    network : RCNetwork
+    roles : iterable of str, optional
+        Roles that a table has; by default the usual roles of the network.
+
+    Returns
+    -------
+    str
+        A self-contained SVG element.
+    """
     roles = tuple(network.usual_roles if roles is None else roles)
     rail = _Rail(network, roles)
-    paper = _Paper()
+    canvas = _Canvas()
     for resistor, i, j in rail.neighbours:
-        _resistor_on_rail(paper, rail, resistor, i, j)
+        _draw_resistor_on_rail(canvas, rail, resistor, i, j)
     for resistor, boundary, side in rail.ends:
-        _end_of_rail(paper, rail, resistor, boundary, side)
+        _draw_end_of_rail(canvas, rail, resistor, boundary, side)
     for column in rail.columns:
-        for resistor, boundary in column.up:
-            _rising(paper, rail, column, resistor, boundary)
-    for resistor, i, j, track in rail.over:
-        _over(paper, rail, resistor, i, j, track)
+        for resistor, boundary in column.rising:
+            _draw_rising_resistor(canvas, column, resistor, boundary)
+    for resistor, i, j, level in rail.crossings:
+        _draw_crossing_resistor(canvas, rail, resistor, i, j, level)
     for column in rail.columns:
-        _below(paper, rail, network, column)
-    paper.legend(rail.x_min, rail.y_max + 26.0)
-    return paper.svg(network.name, rail.x_min - 16.0, rail.y_min - 12.0, rail.x_max + 16.0, rail.y_max + 44.0)
+        _draw_node(canvas, network, column)
+    canvas.legend(rail.x_min, rail.y_max + 26.0)
+    return canvas.svg(network.name, rail.x_min - 16.0, rail.y_min - 12.0, rail.x_max + 16.0, rail.y_max + 44.0)
 
 
 # --------------------------------------------------------------------------------------------------------------- layout
 class _Rail:
-    """Order and places of the nodes, and which way each resistor goes."""
+    """Positions of the nodes, and the route of each resistor."""
 
     def __init__(self, network: RCNetwork, roles: tuple[str, ...]) -> None:
-        order = _order(network)
-        place = {node: i for i, node in enumerate(order)}
-        self.columns = [_Column(node, sources=heat_terms(network, node, roles)) for node in order]
+        order = _node_order(network)
+        index = {node: i for i, node in enumerate(order)}
+        self.columns = [_Column(node, sources=heat_inputs(network, node, roles)) for node in order]
         self.neighbours: list[tuple[str, int, int]] = []
         self.ends: list[tuple[str, str, int]] = []  # (resistor, boundary, -1 left or 1 right)
-        long: list[tuple[str, int, int]] = []
+        distant: list[tuple[str, int, int]] = []
         for name, (one, two) in network.resistors.items():
-            if one in place and two in place:
-                i, j = sorted((place[one], place[two]))
+            if one in index and two in index:
+                i, j = sorted((index[one], index[two]))
                 if j == i + 1 and (i, j) not in [(a, b) for _, a, b in self.neighbours]:
                     self.neighbours.append((name, i, j))
                 else:
-                    long.append((name, i, j))
+                    distant.append((name, i, j))
                 continue
-            node, boundary = (one, two) if one in place else (two, one)
-            side = self._free_end(place[node], len(order))
+            node, boundary = (one, two) if one in index else (two, one)
+            side = self._free_end(index[node], len(order))
             if side:
                 self.ends.append((name, boundary, side))
             else:
-                self.columns[place[node]].up.append((name, boundary))
-        for name, i, j in long:
+                self.columns[index[node]].rising.append((name, boundary))
+        for name, i, j in distant:
             self.columns[i].to_right.append(name)
             self.columns[j].to_left.append(name)
-        self.over = _tracks(long)
-        self._set_places(network)
+        self.crossings = _assign_levels(distant)
+        self._place_columns(network)
 
     def _free_end(self, i: int, n: int) -> int:
-        """Which end of the rail a boundary of node i can take: -1, 1, or 0 for none."""
+        """Free end of the rail next to node i: -1 left, 1 right, or 0 for none."""
         taken = {side for _, _, side in self.ends}
         if i == 0 and -1 not in taken:
             return -1
         return 1 if i == n - 1 and 1 not in taken else 0
 
-    def _set_places(self, network: RCNetwork) -> None:
-        named = {(i, j): name for name, i, j in self.neighbours}
+    def _place_columns(self, network: RCNetwork) -> None:
+        """Set the abscissa of every node and the extent of the drawing."""
+        names = {(i, j): name for name, i, j in self.neighbours}
         x = 0.0
         for i, column in enumerate(self.columns):
             if i:
                 before = self.columns[i - 1]
-                lying = before.bus + column.bus + _ZIGZAG + _width(named.get((i - 1, i), "")) + 16.0
-                room = before.right(network.capacitances[before.node]) + column.left() + 12.0
-                x += max(120.0, lying, room)
+                wire = before.half_bus + column.half_bus + _ZIGZAG + _width(names.get((i - 1, i), "")) + 16.0
+                labels = before.right(network.capacitances[before.node]) + column.left() + 12.0
+                x += max(120.0, wire, labels)
             column.x = x
         first, last = self.columns[0], self.columns[-1]
         left, right = first.left(), last.right(network.capacitances[last.node])
@@ -132,21 +147,21 @@ class _Rail:
             else:
                 right = max(right, self.reach(last) + 24.0)
         self.x_min, self.x_max = first.x - left, max(last.x + right, first.x - left + 330.0)
-        rises = any(column.up for column in self.columns)
-        self.first_track = _RISE + 52.0 if rises else 52.0
-        tracks = max((track for *_, track in self.over), default=-1) + 1
-        top = self.first_track + _TRACK * (tracks - 1) + 30.0 if tracks else 40.0
+        rises = any(column.rising for column in self.columns)
+        self.first_level = _RISE + 52.0 if rises else 52.0
+        levels = max((level for *_, level in self.crossings), default=-1) + 1
+        top = self.first_level + _LEVEL * (levels - 1) + 30.0 if levels else 40.0
         self.y_min = -max(top, _RISE + 34.0 if rises else 40.0)
         self.y_max = 92.0 + 18.0 * max(len(column.sources) for column in self.columns) + 10.0
 
     @staticmethod
     def reach(column: _Column) -> float:
-        """How far from an outermost node its boundary stands on the rail."""
-        return column.bus + 130.0
+        """Distance on the rail from an outermost node to its boundary."""
+        return column.half_bus + 130.0
 
 
-def _order(network: RCNetwork) -> tuple[str, ...]:
-    """Nodes along the rail: neighbours side by side, those with a boundary at the ends."""
+def _node_order(network: RCNetwork) -> tuple[str, ...]:
+    """Nodes along the rail: connected nodes side by side, those with a boundary at the ends."""
     nodes = network.nodes
     links = [ends for ends in network.resistors.values() if set(ends) <= set(nodes)]
     outside = {node: sum(node in ends for ends in network.resistors.values()) for node in nodes}
@@ -155,15 +170,15 @@ def _order(network: RCNetwork) -> tuple[str, ...]:
         outside[b] -= 1
 
     def cost(order: tuple[str, ...]) -> float:
-        place = {node: i for i, node in enumerate(order)}
-        over = sum(abs(place[a] - place[b]) - 1 for a, b in links)
+        index = {node: i for i, node in enumerate(order)}
+        crossed = sum(abs(index[a] - index[b]) - 1 for a, b in links)
         rising = sum(outside[node] for node in order[1:-1])
-        return 10.0 * over + rising - 0.5 * bool(outside[order[0]])
+        return 10.0 * crossed + rising - 0.5 * bool(outside[order[0]])
 
     if len(nodes) <= 7:
         return min(permutations(nodes), key=cost)
     best = nodes
-    while True:  # exchange two nodes as long as that helps
+    while True:  # swap two nodes as long as that helps
         swaps = [
             tuple(best[j] if k == i else best[i] if k == j else node for k, node in enumerate(best))
             for i in range(len(best))
@@ -175,88 +190,89 @@ def _order(network: RCNetwork) -> tuple[str, ...]:
         best = found
 
 
-def _tracks(long: list[tuple[str, int, int]]) -> list[tuple[str, int, int, int]]:
-    """Heights of the resistors that go over the others, short ones lowest, so that none lies on another."""
+def _assign_levels(distant: list[tuple[str, int, int]]) -> list[tuple[str, int, int, int]]:
+    """Give every crossing resistor a level, short ones lowest, so that none overlaps another."""
     out: list[tuple[str, int, int, int]] = []
-    for name, i, j in sorted(long, key=lambda one: one[2] - one[1]):
-        taken = {track for _, a, b, track in out if i < b and a < j}
-        out.append((name, i, j, next(t for t in range(len(long)) if t not in taken)))
+    for name, i, j in sorted(distant, key=lambda link: link[2] - link[1]):
+        taken = {level for _, a, b, level in out if i < b and a < j}
+        out.append((name, i, j, next(t for t in range(len(distant)) if t not in taken)))
     return out
 
 
 # ---------------------------------------------------------------------------------------------------------------- parts
-def _resistor_on_rail(paper: _Paper, rail: _Rail, resistor: str, i: int, j: int) -> None:
+def _draw_resistor_on_rail(canvas: _Canvas, rail: _Rail, resistor: str, i: int, j: int) -> None:
     a, b = rail.columns[i], rail.columns[j]
-    middle = 0.5 * (a.x + a.bus + b.x - b.bus)
-    paper.wire([(a.x, 0.0), (middle - _ZIGZAG / 2, 0.0)])
-    paper.zigzag(middle, 0.0)
-    paper.wire([(middle + _ZIGZAG / 2, 0.0), (b.x, 0.0)])
-    paper.text(middle, -13.0, resistor, "middle")
+    middle = 0.5 * (a.x + a.half_bus + b.x - b.half_bus)
+    canvas.wire([(a.x, 0.0), (middle - _ZIGZAG / 2, 0.0)])
+    canvas.zigzag(middle, 0.0)
+    canvas.wire([(middle + _ZIGZAG / 2, 0.0), (b.x, 0.0)])
+    canvas.text(middle, -13.0, resistor, "middle")
 
 
-def _end_of_rail(paper: _Paper, rail: _Rail, resistor: str, boundary: str, side: int) -> None:
+def _draw_end_of_rail(canvas: _Canvas, rail: _Rail, resistor: str, boundary: str, side: int) -> None:
     column = rail.columns[0 if side < 0 else -1]
     end = column.x + side * rail.reach(column)
-    middle = column.x + side * (column.bus + 0.5 * 130.0)
-    paper.wire([(column.x, 0.0), (middle - side * _ZIGZAG / 2, 0.0)])
-    paper.zigzag(middle, 0.0)
-    paper.wire([(middle + side * _ZIGZAG / 2, 0.0), (end, 0.0)])
-    paper.text(middle, -13.0, resistor, "middle")
-    paper.boundary(end, 0.0)
-    paper.text(end, 26.0, boundary, "middle")
+    middle = column.x + side * (column.half_bus + 0.5 * 130.0)
+    canvas.wire([(column.x, 0.0), (middle - side * _ZIGZAG / 2, 0.0)])
+    canvas.zigzag(middle, 0.0)
+    canvas.wire([(middle + side * _ZIGZAG / 2, 0.0), (end, 0.0)])
+    canvas.text(middle, -13.0, resistor, "middle")
+    canvas.boundary(end, 0.0)
+    canvas.text(end, 26.0, boundary, "middle")
 
 
-def _rise(paper: _Paper, column: _Column, resistor: str, to: float) -> float:
-    """The wire from a node up to where a resistor leaves."""
-    x = column.x + column.port(resistor)
+def _draw_riser(canvas: _Canvas, column: _Column, resistor: str, to: float) -> float:
+    """Draw the wire from a node up to its resistor; return its abscissa."""
+    x = column.x + column.port_offset(resistor)
     points = [(column.x, 0.0), (column.x, -26.0), (x, -26.0), (x, to)]
-    paper.wire(points if x != column.x else [points[0], points[-1]])
+    canvas.wire(points if x != column.x else [points[0], points[-1]])
     if len(column.ports) > 2:
-        paper.dot(column.x, -26.0)
+        canvas.dot(column.x, -26.0)
     return x
 
 
-def _rising(paper: _Paper, rail: _Rail, column: _Column, resistor: str, boundary: str) -> None:
+def _draw_rising_resistor(canvas: _Canvas, column: _Column, resistor: str, boundary: str) -> None:
     middle = -0.5 * _RISE - 10.0
-    x = _rise(paper, column, resistor, middle + _ZIGZAG / 2)
-    paper.zigzag(x, middle, upright=True)
-    paper.wire([(x, middle - _ZIGZAG / 2), (x, -_RISE)])
-    paper.text(x + 12.0, middle + 5.0, resistor, "start")
-    paper.boundary(x, -_RISE)
-    paper.text(x, -_RISE - 13.0, boundary, "middle")
+    x = _draw_riser(canvas, column, resistor, middle + _ZIGZAG / 2)
+    canvas.zigzag(x, middle, upright=True)
+    canvas.wire([(x, middle - _ZIGZAG / 2), (x, -_RISE)])
+    canvas.text(x + 12.0, middle + 5.0, resistor, "start")
+    canvas.boundary(x, -_RISE)
+    canvas.text(x, -_RISE - 13.0, boundary, "middle")
 
 
-def _over(paper: _Paper, rail: _Rail, resistor: str, i: int, j: int, track: int) -> None:
-    y = -rail.first_track - _TRACK * track
-    a, b = _rise(paper, rail.columns[i], resistor, y), _rise(paper, rail.columns[j], resistor, y)
-    half = (i + j) // 2  # in the gap between two nodes, where nothing rises
-    one, two = rail.columns[half], rail.columns[half + 1]
-    middle = 0.5 * (one.x + one.bus + two.x - two.bus)
-    paper.wire([(a, y), (middle - _ZIGZAG / 2, y)])
-    paper.zigzag(middle, y)
-    paper.wire([(middle + _ZIGZAG / 2, y), (b, y)])
-    paper.text(middle, y - 13.0, resistor, "middle")
+def _draw_crossing_resistor(canvas: _Canvas, rail: _Rail, resistor: str, i: int, j: int, level: int) -> None:
+    y = -rail.first_level - _LEVEL * level
+    a, b = _draw_riser(canvas, rail.columns[i], resistor, y), _draw_riser(canvas, rail.columns[j], resistor, y)
+    gap = (i + j) // 2  # between two nodes, where no wire rises
+    one, two = rail.columns[gap], rail.columns[gap + 1]
+    middle = 0.5 * (one.x + one.half_bus + two.x - two.half_bus)
+    canvas.wire([(a, y), (middle - _ZIGZAG / 2, y)])
+    canvas.zigzag(middle, y)
+    canvas.wire([(middle + _ZIGZAG / 2, y), (b, y)])
+    canvas.text(middle, y - 13.0, resistor, "middle")
 
 
-def _below(paper: _Paper, rail: _Rail, network: RCNetwork, column: _Column) -> None:
+def _draw_node(canvas: _Canvas, network: RCNetwork, column: _Column) -> None:
+    """Draw the capacitor, the heat sources and the node itself."""
     x = column.x
-    paper.wire([(x, 0.0), (x, 40.0)])
-    paper.wire([(x - 14, 40.0), (x + 14, 40.0)], width=2.4)
-    paper.wire([(x - 14, 47.0), (x + 14, 47.0)], width=2.4)
-    paper.wire([(x, 47.0), (x, 64.0)])
+    canvas.wire([(x, 0.0), (x, 40.0)])
+    canvas.wire([(x - 14, 40.0), (x + 14, 40.0)], width=2.4)
+    canvas.wire([(x - 14, 47.0), (x + 14, 47.0)], width=2.4)
+    canvas.wire([(x, 47.0), (x, 64.0)])
     for k, half in enumerate((11, 7, 3)):
-        paper.wire([(x - half, 64.0 + 4 * k), (x + half, 64.0 + 4 * k)])
-    paper.text(x + 20.0, 49.0, network.capacitances[column.node], "start")
-    paper.text(x + 12.0, 19.0, f"T_{column.node}", "start")
+        canvas.wire([(x - half, 64.0 + 4 * k), (x + half, 64.0 + 4 * k)])
+    canvas.text(x + 20.0, 49.0, network.capacitances[column.node], "start")
+    canvas.text(x + 12.0, 19.0, f"T_{column.node}", "start")
     if column.sources:
-        paper.arrow([(x - 30.0, 82.0), (x - 30.0, 30.0), (x - 6.5, 6.5)])
+        canvas.arrow([(x - 30.0, 82.0), (x - 30.0, 30.0), (x - 6.5, 6.5)])
         for k, source in enumerate(column.sources):
-            paper.text(x, 98.0 + 18.0 * k, source, "middle", _HEAT if "Q_g" not in source else _QUIET)
-    paper.node(x, 0.0, column.node in network.measured_nodes)
+            canvas.text(x, 98.0 + 18.0 * k, source, "middle", _HEAT if "Q_g" not in source else _QUIET)
+    canvas.node(x, 0.0, column.node in network.measured_nodes)
 
 
-class _Paper:
-    """Collects SVG elements."""
+class _Canvas:
+    """SVG elements of one drawing."""
 
     def __init__(self) -> None:
         self.parts: list[str] = []
@@ -293,10 +309,10 @@ class _Paper:
     def boundary(self, x: float, y: float) -> None:
         self.parts.append(f'<rect x="{x - 6:g}" y="{y - 6:g}" width="12" height="12" fill="{_INK}"/>')
 
-    def text(self, x: float, y: float, words: str, anchor: str, colour: str = _INK) -> None:
-        spans = "".join(_spans(word) for word in _pieces(words))
+    def text(self, x: float, y: float, label: str, anchor: str, colour: str = _INK) -> None:
+        spans = "".join(_tspans(word) for word in _split_words(label))
         place = f'x="{x:g}" y="{y:g}" text-anchor="{anchor}"'
-        self.parts.append(f'<text {place} fill="{colour}" data-name="{escape(words)}">{spans}</text>')
+        self.parts.append(f'<text {place} fill="{colour}" data-name="{escape(label)}">{spans}</text>')
 
     def legend(self, x: float, y: float) -> None:
         self.node(x + 10, y, True)
@@ -324,10 +340,10 @@ class _Paper:
 
 
 # ----------------------------------------------------------------------------------------------------------------- text
-def _pieces(words: str) -> list[str]:
-    """Words and what stands between them, so that each can have its own subscript."""
+def _split_words(label: str) -> list[str]:
+    """Split a label into words and the characters between them, so that each word can have its own subscript."""
     out, word = [], ""
-    for letter in words:
+    for letter in label:
         if letter.isalnum() or letter == "_":
             word += letter
             continue
@@ -336,21 +352,23 @@ def _pieces(words: str) -> list[str]:
     return [piece for piece in (*out, word) if piece]
 
 
-def _spans(word: str) -> str:
+def _tspans(word: str) -> str:
+    """One word, with everything after the first underscore as its subscript."""
     head, _, rest = word.partition("_")
     if not head or not rest:
         return f'<tspan font-style="italic">{word}</tspan>' if len(word) == 1 and word.isalpha() else escape(word)
-    below = escape(rest.replace("_", ","))
+    subscript = escape(rest.replace("_", ","))
     return (
-        f'<tspan font-style="italic">{escape(head)}</tspan><tspan dy="4" font-size="{0.72 * _FONT:g}">{below}</tspan>'
+        f'<tspan font-style="italic">{escape(head)}</tspan>'
+        f'<tspan dy="4" font-size="{0.72 * _FONT:g}">{subscript}</tspan>'
         '<tspan dy="-4">\u200b</tspan>'
     )
 
 
-def _width(words: str) -> float:
-    """About how wide a label is [px]."""
+def _width(label: str) -> float:
+    """Approximate width of a label [px]."""
     total = 0.0
-    for piece in _pieces(words):
-        head, _, rest = piece.partition("_")
+    for word in _split_words(label):
+        head, _, rest = word.partition("_")
         total += 0.62 * _FONT * len(head) + 0.46 * _FONT * len(rest)
     return total

@@ -1,4 +1,4 @@
-"""Physical parameters: a value is apart from its metadata (unit, bounds, sign, how it is searched)."""
+"""Metadata of physical parameters: unit, bounds, sign and search scale, apart from their values."""
 
 from __future__ import annotations
 
@@ -8,22 +8,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+#: unit and bounds of each kind of parameter: paper 2.2.1 for C, R, f and A_win; wide for a capacity
+_KINDS = {
+    "C": ("kWh/K", 0.1, 40.0),
+    "R": ("K/kW", 0.1, 40.0),
+    "f": ("-", 1e-6, 1.0),
+    "A": ("m2", 0.1, 25.0),
+    "Q": ("kW", 0.05, 100.0),
+}
+
 
 @dataclass(frozen=True)
 class Parameter:
-    """What is known of a parameter before any data.
+    """A parameter before any data: its unit, its bounds and the scale on which it is searched.
 
     Attributes
     ----------
     name : str
         The paper's symbol, such as ``C_w``.
     unit : str
-        In square brackets in tables, such as ``kWh/K``.
+        Such as ``kWh/K``.
     lower, upper : float
         Bounds of the value itself; for a negative parameter both are negative.
     description : str
     transform : {"log", "identity"}
-        ``"log"`` searches the logarithm of the magnitude.
+        Scale of the search; ``"log"`` is the logarithm of the magnitude.
     """
 
     name: str
@@ -35,10 +44,12 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper:
-            raise ValueError(f"bounds of {self.name} are ({self.lower}, {self.upper}); the lower must be the smaller.")
+            raise ValueError(
+                f"bounds of {self.name} are ({self.lower}, {self.upper}); the lower must be less than the upper."
+            )
         if self.transform == "log" and not self.lower * self.upper > 0:
             raise ValueError(
-                f"bounds of {self.name} are ({self.lower}, {self.upper}); both must have one sign and not be zero."
+                f"bounds of {self.name} are ({self.lower}, {self.upper}); both must have the same sign and not be zero."
             )
 
     @property
@@ -48,17 +59,17 @@ class Parameter:
 
     @property
     def default(self) -> float:
-        """The middle of the bounds, on the scale that is searched."""
+        """Value in the middle of the bounds on the search scale."""
         return float(self.from_free(0.5 * sum(self.free_bounds)))
 
     @property
     def free_bounds(self) -> tuple[float, float]:
-        """Bounds on the scale that is searched."""
+        """Bounds on the search scale."""
         ends = sorted((float(self.to_free(self.lower)), float(self.to_free(self.upper))))
         return ends[0], ends[1]
 
     def to_free(self, value: float) -> float:
-        """From the value to the scale that is searched.
+        """Convert a value to the search scale.
 
         Parameters
         ----------
@@ -71,7 +82,7 @@ class Parameter:
         return float(np.log(value * self.sign)) if self.transform == "log" else float(value)
 
     def from_free(self, free: float) -> float:
-        """From the scale that is searched to the value.
+        """Convert from the search scale to a value.
 
         Parameters
         ----------
@@ -84,7 +95,7 @@ class Parameter:
         return float(self.sign * np.exp(free)) if self.transform == "log" else float(free)
 
     def slope(self, value: float) -> float:
-        """Derivative of the value by what is searched.
+        """Derivative of the value with respect to the search scale.
 
         Parameters
         ----------
@@ -97,12 +108,12 @@ class Parameter:
         return float(value) if self.transform == "log" else 1.0
 
     def bounded(self, bounds: tuple[float, float] | None) -> Parameter:
-        """The same parameter within other bounds.
+        """Copy of the parameter with other bounds.
 
         Parameters
         ----------
         bounds : tuple of (lower, upper) or None
-            None leaves it as it is.
+            None keeps the present bounds.
 
         Returns
         -------
@@ -114,7 +125,18 @@ class Parameter:
         return replace(self, lower=lower, upper=upper)
 
 
+def make_parameter(name: str, kind: str, description: str) -> Parameter:
+    """Parameter of a kind ("C", "R", "f", "A" or "Q") with the usual bounds of that kind."""
+    unit, lower, upper = _KINDS[kind]
+    transform = "log"
+    if kind == "Q" and name.startswith("Q_c"):
+        lower, upper = -upper, -lower
+    elif kind == "Q" and not name.startswith("Q_h"):  # a stage that may heat or cool
+        lower, transform = -upper, "identity"
+    return Parameter(name, unit, lower, upper, description, transform)
+
+
 def parameter_table(parameters: Sequence[Parameter]) -> pd.DataFrame:
-    """Name, unit, bounds, transform and meaning, one row a parameter."""
+    """Name, unit, bounds, transform and description, one row per parameter."""
     rows = [(p.name, p.unit, p.lower, p.upper, p.transform, p.description) for p in parameters]
     return pd.DataFrame(rows, columns=["name", "unit", "lower", "upper", "transform", "description"]).set_index("name")

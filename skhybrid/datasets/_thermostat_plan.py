@@ -1,4 +1,4 @@
-"""Set-points of the synthetic office: the weekly plan and its perturbation by a pseudo-random binary sequence."""
+"""Set-points of the synthetic office: the weekly plan and a pseudo-random binary perturbation."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from ._random import spawn_generators
 
 #: occupied hours of a weekday (paper 2.1).
 OCCUPIED_HOURS = (6, 19)
-#: uniform ranges of the set-points [degC]; the cooling ones are the paper's (2.1).
+#: ranges of the uniformly drawn set-points [degC]; those for cooling are the paper's (2.1).
 COOLING_RANGE = {"occupied": (23.0, 25.0), "unoccupied": (28.0, 30.0)}
 HEATING_RANGE = {"occupied": (20.0, 21.0), "unoccupied": (15.0, 16.0)}
-#: the perturbed set-point (paper 2.1) [degC], and half the distance between cooling and heating set-point around it.
+#: levels of the perturbed set-point (paper 2.1), and half the distance between the heating and cooling set-points
+#: around it [degC].
 PERTURBED_RANGE = (18.0, 25.0)
 PERTURBED_HALF_BAND = 0.5
 
@@ -30,22 +31,22 @@ def make_prbs(
     high: float = 1.0,
     random_state: Any = None,
 ) -> np.ndarray:
-    """Pseudo-random binary sequence (maximum-length), for set-points that excite a building.
+    """Make a maximum-length pseudo-random binary sequence, for set-points that excite a building.
 
     Parameters
     ----------
     order : int
-        Order n of the shift register, 2 or more: the sequence repeats after 2^n - 1 bits.
+        Order n of the shift register, 2 to 32; the sequence repeats after 2^n - 1 bits.
     scale : timedelta-like
         Duration of one bit.
     duration : timedelta-like, optional
-        Length of the signal; default = one period.
+        Length of the signal; default is one period.
     step : timedelta-like
-        Sampling time; ``scale`` is a multiple of it.
+        Sampling time; ``scale`` must be a multiple of it.
     low, high : float
         The two levels.
     random_state : int, RandomState, Generator or None
-        Draws where in its period the sequence begins.
+        Seed of the position in the period at which the sequence begins.
 
     Returns
     -------
@@ -54,7 +55,7 @@ def make_prbs(
     Raises
     ------
     ValueError
-        If the order is below 2, or a duration is no multiple of the step.
+        If the order is out of range, or a duration is not a multiple of the step.
 
     References
     ----------
@@ -69,20 +70,20 @@ def make_prbs(
     n_rows = hold * (2**order - 1) if duration is None else rows_of(duration, delta, "duration")
     (rng,) = spawn_generators(random_state, 1)
     state = np.zeros(order, dtype=np.int8)
-    while not state.any():  # the register must not be empty
+    while not state.any():  # the register must not be all zeros
         state = rng.integers(0, 2, size=order, dtype=np.int8)
     bits, _ = max_len_seq(int(order), state=state, length=-(-n_rows // hold))
     return np.where(np.repeat(bits, hold)[:n_rows] == 1, float(high), float(low))
 
 
 def occupied(time: pd.DatetimeIndex) -> np.ndarray:
-    """Whether a stamp lies in the occupied hours of a weekday, shape (n,) bool."""
+    """Whether each stamp lies in the occupied hours of a weekday, shape (n,) bool."""
     begin, end = OCCUPIED_HOURS
     return np.asarray((time.day_of_week < 5) & (time.hour >= begin) & (time.hour < end))
 
 
 def first_weekend(time: pd.DatetimeIndex) -> np.ndarray:
-    """Rows of the first Saturday and the Sunday after it, shape (n,) bool; none where the run has no Saturday."""
+    """Whether each stamp lies in the first Saturday and Sunday, shape (n,) bool; none does if there is no Saturday."""
     saturday = time.day_of_week == 5
     if not saturday.any():
         return np.zeros(len(time), dtype=bool)
@@ -93,9 +94,9 @@ def first_weekend(time: pd.DatetimeIndex) -> np.ndarray:
 def plan_setpoints(
     time: pd.DatetimeIndex, excitation: str | None, plan_rng: np.random.Generator, prbs_rng: np.random.Generator
 ) -> pd.DataFrame:
-    """``T_heat_set`` and ``T_cool_set`` [degC] at every stamp.
+    """Draw ``T_heat_set`` and ``T_cool_set`` [degC] for every stamp.
 
-    Levels are drawn anew for every day's occupied hours and for the hours from 19:00 to 19:00 that surround the night.
+    There is one level per day for the occupied hours, and one per 24 h from 19:00 on for the unoccupied hours.
     """
     busy = occupied(time)
     since = time - time[0].normalize()

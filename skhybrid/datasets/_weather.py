@@ -1,7 +1,6 @@
-"""Weather of the synthetic office: an embedded seeded generator.
+"""Generator of synthetic weather.
 
-Its monthly constants (``data/climate.json``) are fitted to TMY3 weather files by
-``benchmarks/data/fit_climate.py``.
+Its monthly constants (``data/climate.json``) are fitted to TMY3 weather files by ``benchmarks/data/fit_climate.py``.
 """
 
 from __future__ import annotations
@@ -17,17 +16,17 @@ from scipy.special import expit
 
 from ._random import ar1, spawn_generators
 
-#: the largest share of the clear-sky irradiance; above 1, because thin broken cloud adds reflected light.
+#: largest fraction of the clear-sky irradiance; above 1, because thin broken cloud reflects additional light.
 MAX_CLEARNESS = 1.1
-#: albedo of the ground before the window [-].
+#: albedo of the ground in front of the window [-].
 ALBEDO = 0.2
 _CLOUD_HOURS = 1.0  # time constant of passing clouds [h]
-_AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and size [K] of the air's own wandering
+_AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and standard deviation [K] of random changes of air temperature
 
 
 @cache
 def climates() -> dict[str, dict[str, Any]]:
-    """The embedded climates by name: site and monthly constants."""
+    """Return the embedded climates by name: site and monthly constants."""
     text = files("skhybrid.datasets").joinpath("data", "climate.json").read_text(encoding="utf-8")
     return json.loads(text)
 
@@ -42,27 +41,27 @@ def make_weather(
     window_tilt: float = 90.0,
     random_state: Any = None,
 ) -> pd.DataFrame:
-    """Draw synthetic weather: seasonal and daily cycles, autocorrelated days, clouds under a clear-sky model.
+    """Draw synthetic weather: seasonal and daily cycles, autocorrelated days and clouds.
 
     Parameters
     ----------
     n_days : int
         Length [days].
     climate : {"oakland", "chicago"}
-        Which embedded climate.
+        Embedded climate to draw from.
     start : timestamp-like
-        First day; its clock is local standard time.
+        First day, in local standard time.
     step : timedelta-like
         Sampling time.
     window_azimuth, window_tilt : float
         Orientation of the window [degrees]: 180 faces south, 90 is vertical.
     random_state : int, RandomState, Generator or None
-        Seed.
+        Seed of the generator.
 
     Returns
     -------
     DataFrame
-        ``T_oa`` [degC] and ``q_sol`` (on the window), ``ghi``, ``dni``, ``dhi`` [kW/m2]; index without time zone.
+        ``T_oa`` [degC], ``q_sol`` (on the window), ``ghi``, ``dni`` and ``dhi`` [kW/m2]; the index has no time zone.
 
     Raises
     ------
@@ -97,7 +96,7 @@ def air_temperature(
     anomaly_rng: np.random.Generator,
     air_rng: np.random.Generator,
 ) -> np.ndarray:
-    """Outdoor air temperature [degC]: season + daily cycle (larger on clear days) + autocorrelated days."""
+    """Draw outdoor air temperature [degC]: season, daily cycle (larger on clear days), autocorrelated days, noise."""
     season = _monthly(time, np.asarray(site["T_anchor"]))
     angle = 2 * np.pi * (time - time.normalize()).total_seconds().to_numpy() / 86400.0
     c1, s1, c2, s2 = (_monthly(time, np.asarray(column)) for column in zip(*site["diurnal"], strict=True))
@@ -106,17 +105,17 @@ def air_temperature(
     swing = 1.0 + 0.3 * np.tanh(clear_day[day])
     elapsed = (time - time[0].normalize()) / pd.Timedelta("1D")
     anomaly = ar1(anomaly_rng, day[-1] + 3, site["T_day_ar1"])
-    slow = np.interp(elapsed, np.arange(-0.5, day[-1] + 2), anomaly)  # through noon of every day
+    slow = np.interp(elapsed, np.arange(-0.5, day[-1] + 2), anomaly)  # each day's value applies at noon
     spread = _monthly(time, np.asarray(site["T_day_std"]))
     step_hours = (time[1] - time[0]) / pd.Timedelta("1h") if len(time) > 1 else 1.0
-    wander = _AIR_STD * ar1(air_rng, len(time), float(np.exp(-step_hours / _AIR_HOURS)))
-    return season + swing * cycle + spread * slow + wander
+    noise = _AIR_STD * ar1(air_rng, len(time), float(np.exp(-step_hours / _AIR_HOURS)))
+    return season + swing * cycle + spread * slow + noise
 
 
 def _irradiance(
     site: dict[str, Any], middle: pd.DatetimeIndex, clear_day: np.ndarray, rng: np.random.Generator, delta: pd.Timedelta
 ) -> pd.DataFrame:
-    """Global, beam and diffuse irradiance [kW/m2]: Haurwitz' clear sky times the cloudiness, split by Erbs' model."""
+    """Draw global, beam and diffuse irradiance [kW/m2]: Haurwitz clear sky under clouds, split by the Erbs model."""
     from pvlib.irradiance import erbs
 
     zenith = sun(site, middle)["zenith"].to_numpy()
@@ -133,14 +132,14 @@ def _irradiance(
 
 
 def clear_sky(zenith: np.ndarray) -> np.ndarray:
-    """Clear-sky global horizontal irradiance [W/m2] by Haurwitz, from the sun's zenith angle [degrees]."""
+    """Clear-sky global horizontal irradiance [W/m2] by the Haurwitz model, from the solar zenith angle [degrees]."""
     from pvlib.clearsky import haurwitz
 
     return haurwitz(pd.Series(zenith))["ghi"].to_numpy()
 
 
 def sun(site: dict[str, Any], standard_time: pd.DatetimeIndex) -> pd.DataFrame:
-    """Position of the sun (``zenith``, ``azimuth`` [degrees]) at stamps of local standard time without zone."""
+    """Solar position (``zenith``, ``azimuth`` [degrees]) at naive stamps in local standard time."""
     from pvlib.solarposition import get_solarposition
 
     utc = (standard_time - pd.Timedelta(hours=site["utc_offset"])).tz_localize("UTC")
@@ -157,18 +156,19 @@ def window_irradiance(
     azimuth: float,
     tilt: float,
 ) -> np.ndarray:
-    """Irradiance on a tilted plane [units of ``ghi``], isotropic sky and an albedo of 0.2.
+    """Irradiance on a tilted plane [units of ``ghi``] for an isotropic sky and an albedo of 0.2.
 
-    ``middle`` holds the middle of every step, local standard time: a mean over the step is best met by the sun there.
+    ``middle`` contains the middle of every step in local standard time, where the solar position best represents the
+    mean over the step.
     """
     from pvlib.irradiance import get_total_irradiance
 
-    place = sun(site, middle)
+    position = sun(site, middle)
     total = get_total_irradiance(
         tilt,
         azimuth,
-        place["zenith"].to_numpy(),
-        place["azimuth"].to_numpy(),
+        position["zenith"].to_numpy(),
+        position["azimuth"].to_numpy(),
         dni.to_numpy(),
         ghi.to_numpy(),
         dhi.to_numpy(),
@@ -179,11 +179,11 @@ def window_irradiance(
 
 
 def _monthly(time: pd.DatetimeIndex, anchors: np.ndarray) -> np.ndarray:
-    """Twelve values, each at the middle of its month, joined by straight lines round the year."""
+    """Interpolate twelve values, each at the middle of its month, linearly and periodically."""
     return np.interp(year_position(time), np.arange(-0.5, 13.0), anchors[np.arange(-1, 13) % 12])
 
 
 def year_position(time: pd.DatetimeIndex) -> np.ndarray:
-    """Where in the year a stamp lies, in months: 0 at New Year, 0.5 in the middle of January."""
+    """Position of each stamp in the year [months]: 0 at New Year, 0.5 in the middle of January."""
     into = (time.day - 1) + (time - time.normalize()) / pd.Timedelta("1D")
     return np.asarray(time.month - 1 + into / time.days_in_month, dtype=np.float64)

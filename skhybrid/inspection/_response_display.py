@@ -1,4 +1,4 @@
-"""What the pictures of dynamic responses share: which models, which inputs, which units."""
+"""Base class and helpers of the displays of dynamic responses."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import pandas as pd
 
 from ._style import MEASURED, line_style
 
-#: label of the true system
+#: label of the true system.
 TRUTH = "true"
 
 
 class ResponseDisplay:
-    """What the displays of responses are made from, and how where those were computed already.
+    """Base of the displays of responses to every input.
 
     Parameters
     ----------
     responses : mapping of label to DataFrame
-        One column an input.
+        Response of each model, with one column per input.
     """
 
     ax_: Any
@@ -32,39 +32,38 @@ class ResponseDisplay:
     def from_predictions(
         cls, responses: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
     ) -> Self:
-        """Draw responses that were computed already.
+        """Draw responses that have been computed.
 
         Parameters
         ----------
         responses : DataFrame or mapping of label to DataFrame
-            As :func:`skhybrid.identification.frequency_response` (complex) and
-            :func:`skhybrid.identification.step_response` give them; the label "true" is drawn beneath.
+            As returned by :func:`skhybrid.identification.frequency_response` (complex) or
+            :func:`skhybrid.identification.step_response`; the one labelled "true" is drawn below the others.
         ax : array of matplotlib Axes, optional
-            Where to draw; default is a new figure.
+            Axes to draw on; default is a new figure.
         **kwargs
-            As in :meth:`plot`.
+            Passed to :meth:`plot`.
 
         Returns
         -------
         Display
         """
-        found = {"model": responses} if isinstance(responses, pd.DataFrame) else responses
-        display: Any = cls(found)
+        display: Any = cls({"model": responses} if isinstance(responses, pd.DataFrame) else responses)
         return display.plot(ax, **kwargs)
 
 
 def responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
-    """The response of every model by its label, that of the truth first."""
+    """Compute the response of every model by its label, the truth first."""
     given = models if isinstance(models, Mapping) else {type(models).__name__: models}
     if not given:
-        raise ValueError("there is no model to draw: pass a fitted identification, a StateSpace, or a mapping of them.")
+        raise ValueError("there is no model to draw; pass a fitted identification, a StateSpace or a mapping of these.")
     if truth is not None:
         given = {TRUTH: truth, **given}
     return {str(label): respond(model) for label, model in given.items()}
 
 
 def inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
-    """The inputs to draw: those chosen, or all that any model has."""
+    """Return the inputs to draw: those chosen, or those of any model."""
     present = list(dict.fromkeys(name for frame in responses.values() for name in frame.columns))
     for name in chosen or ():
         if name not in present:
@@ -73,7 +72,7 @@ def inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | Non
 
 
 def unit_of(name: str) -> str:
-    """Unit of the response of a temperature to an input, by the data contract."""
+    """Return the unit of a temperature's response to an input, by the data contract."""
     if name.startswith("T_"):
         return "K/K"
     if name.startswith("q_sol"):
@@ -82,7 +81,7 @@ def unit_of(name: str) -> str:
 
 
 def style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
-    """The truth is a broad dark line below the others."""
+    """Return the style of a line: broad and dark, below the others, for the truth."""
     if label == TRUTH:
         return {"color": MEASURED, "linestyle": "-", "linewidth": 3.0, "alpha": 0.45, "zorder": 1.5}
     return {"linewidth": 1.7, **line_style([name for name in responses if name != TRUTH].index(label))}

@@ -1,7 +1,8 @@
-"""A network shows itself: its equations hold, its drawing names everything once and lays nothing on anything else."""
+"""Display of networks: the equations match the matrices; the drawing labels everything once, without overlaps."""
 
 from __future__ import annotations
 
+import ast
 import doctest
 import re
 from itertools import combinations, pairwise
@@ -11,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from skhybrid.thermal import CATALOGUE, RCNetwork
+from skhybrid.thermal import CATALOGUE, RCNetwork, draw
 
 ROOMS = ("north", "south")
 FLAT = RCNetwork(
@@ -75,7 +76,7 @@ def test_equations_are_those_of_the_paper():
 
 
 @pytest.mark.parametrize("network", ALL, ids=lambda n: n.name)
-def test_equations_say_what_the_matrices_do(network):
+def test_equations_match_the_matrices(network):
     """Read as a formula, every printed heat balance gives the slope that A and B give."""
     theta, rng = values(network), np.random.default_rng(1)
     inputs = dict.fromkeys(network.inputs(network.usual_roles), 0.0)
@@ -97,7 +98,7 @@ def test_equations_say_what_the_matrices_do(network):
 
 
 @pytest.mark.parametrize("network", [CATALOGUE["4R3C"], FLAT], ids=lambda n: n.name)
-def test_latex_has_the_terms_of_the_text(network):
+def test_latex_equals_the_text(network):
     """Taken back to text, the LaTeX lines are the text lines."""
     plain = network.equations(latex=True).replace(" \\\\\n", "\n")
     plain = re.sub(r"_\{\\mathrm\{([^}]*)\}\}", lambda m: "_" + m[1].replace(",", "_"), plain)
@@ -105,7 +106,7 @@ def test_latex_has_the_terms_of_the_text(network):
     assert re.sub(r"\\dot\{T\}(\w+) &=", r"dT\1/dt =", plain) == network.equations()
 
 
-def test_print_says_all():
+def test_print_shows_equations_and_parameters():
     text = str(CATALOGUE["TiTeTh"])
     for part in ("TiTeTh: 3 resistors, 3 capacitances", "Bacher and Madsen", CATALOGUE["TiTeTh"].equations(), "K/kW"):
         assert part in text
@@ -113,9 +114,9 @@ def test_print_says_all():
 
 # ---------------------------------------------------------------------------------------------------------- drawing
 def labels(network):
-    """(words, left, top, right, bottom) of every label, from its anchor and a generous width of its letters."""
+    """(label, left, top, right, bottom) of every label, from its anchor and a generous width of its letters."""
     out = []
-    for text in ET.fromstring(network.to_svg()).iter(f"{SVG}text"):
+    for text in ET.fromstring(draw(network)).iter(f"{SVG}text"):
         words = "".join(text.itertext()).replace("\u200b", "")
         below = sum(len(t.text) for t in text.iter(f"{SVG}tspan") if t.get("dy") == "4")
         width = 7.2 * (len(words) - below) + 5.6 * below
@@ -137,15 +138,15 @@ def test_drawing_names_everything(network):
     for node, line in zip(network.nodes, network.equations().split("\n"), strict=True):
         for term in line.split(" = ")[1].split(" + "):
             assert term in shown or "/R_" in term, node
-    svg = network.to_svg()
+    svg = draw(network)
     assert svg.count('r="9"') == len(network.measured_nodes) + 1  # and one in the legend
     assert network._repr_svg_() == svg
     assert svg in network._repr_html_()
 
 
 @pytest.mark.parametrize("network", ALL, ids=lambda n: n.name)
-def test_no_label_lies_on_another_or_outside(network):
-    left, top, width, height = map(float, ET.fromstring(network.to_svg()).get("viewBox").split())
+def test_no_label_overlaps_another_or_leaves_the_frame(network):
+    left, top, width, height = map(float, ET.fromstring(draw(network)).get("viewBox").split())
     found = labels(network)
     for name, *box in found:
         assert left <= box[0], name
@@ -160,7 +161,7 @@ def test_no_label_lies_on_another_or_outside(network):
 def test_no_wire_runs_through_a_label(network):
     """Straight pieces of wires against the boxes of the labels."""
     boxes = labels(network)
-    for line in ET.fromstring(network.to_svg()).iter(f"{SVG}polyline"):
+    for line in ET.fromstring(draw(network)).iter(f"{SVG}polyline"):
         points = [tuple(map(float, pair.split(","))) for pair in line.get("points").split()]
         for (x0, y0), (x1, y1) in pairwise(points):
             for t in np.linspace(0, 1, 41):
@@ -169,15 +170,29 @@ def test_no_wire_runs_through_a_label(network):
                     assert not (left < x < right and top < y < bottom), (name, x, y)
 
 
-# -------------------------------------------------------------------------------------------------------------- page
-def test_what_the_page_shows_is_what_comes():
+# ------------------------------------------------------------------------------------------------------------ imports
+#: modules of the folder; each may import only those before it, so there is no cycle and none imports the drawing
+MODULES = ("parameters", "declaration", "checks", "matrices", "equations", "network", "catalogue", "drawing")
+FOLDER = Path(__file__).parents[1] / "skhybrid" / "thermal"
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_imports_in_the_folder_go_one_way(path):
+    """Imports in functions and under TYPE_CHECKING count too."""
+    before = MODULES if path.stem == "__init__" else MODULES[: MODULES.index(path.stem)]
+    imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    assert {node.module for node in imports if node.level == 1} <= set(before)
+
+
+# --------------------------------------------------------------------------------------------------------------- page
+def test_the_examples_of_the_page_run():
     page = Path(__file__).parents[1] / "docs" / "user_guide" / "networks.rst"
     result = doctest.testfile(str(page), module_relative=False)
     assert result.attempted > 15
     assert result.failed == 0
 
 
-def test_what_the_docstring_shows_is_what_comes():
+def test_the_examples_of_the_docstring_run():
     (example,) = doctest.DocTestFinder(recurse=False).find(RCNetwork)
     assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
     assert example.examples

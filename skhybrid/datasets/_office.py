@@ -1,4 +1,4 @@
-"""The paper's office: the TRUE 2R2C model under an on/off thermostat and unmeasured gains (paper 2.1)."""
+"""Simulation of the paper's office: a known 2R2C network with an on/off thermostat and unmeasured gains (2.1)."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
 from .._time import rows_of
+from ._gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
 from ._random import spawn_generators
+from ._thermostat_plan import plan_setpoints
+from ._weather import make_weather
 from ._weather_table import resample_weather
-from .excitation import plan_setpoints
-from .gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
-from .weather import make_weather
 
 #: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
 TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
-#: simulation step, and so the shortest time that heating or cooling stays on or off (paper 2.1).
+#: simulation step, which is also the shortest time that heating or cooling stays on or off (paper 2.1).
 SIMULATION_STEP = pd.Timedelta("5min")
-_HYSTERESIS = 0.3  # [K] beyond the set-point on either side before the thermostat switches
+_HYSTERESIS = 0.3  # distance from the set-point, on either side, at which the thermostat switches [K]
 
 _DESCR = """The office of Ham & Kim, section 2.1: a synthetic thermostat log whose true parameters are known.
 
 {n_days} days from {start}, unmeasured gains: {pattern}, weather: {weather}, set-point perturbation: {excitation},
 step {step}.
 X: T_oa [degC], q_sol [kW/m2], u_heat, u_cool [-] are means over [t, t + step); T_za [degC] is the value at t, with
-measurement noise of {noise_std} K, and equals y.  heat_gain [kW] is the unmeasured mean heat into the zone over the
-step (truth, never an input); states are the noise-free T_w and T_za at t; theta the true parameters; theta_effective
-the same with the mean infiltration taken into R_zo, from which nothing that is measured can tell it apart.
+measurement noise of {noise_std} K, and equals y.  heat_gain [kW] is the mean unmeasured heat into the zone over the
+step (the truth, never an input); states are the noise-free T_w and T_za at t; theta are the true parameters;
+theta_effective are the same with the mean infiltration included in R_zo, since measurements cannot separate the two.
 """
 
 
@@ -46,9 +46,9 @@ def make_office(
     weather: pd.DataFrame | None = None,
     random_state: Any = None,
 ) -> Bunch:
-    """Simulate the paper's office and return its thermostat log with the truth beside it.
+    """Simulate the paper's office and return its thermostat log together with the truth.
 
-    The 2R2C network with the paper's TRUE parameters is propagated exactly (zero-order hold) at 5 min under an on/off
+    The 2R2C network with the paper's TRUE parameters is simulated exactly (zero-order hold) at 5 min with an on/off
     thermostat, and averaged to ``sampling_time``.
 
     Parameters
@@ -58,23 +58,23 @@ def make_office(
     climate : {"oakland", "chicago"}
         Climate of the embedded weather generator.
     start : timestamp-like
-        First day, of any year; begins at 00:00 local standard time.
+        First day, in any year; the run begins at 00:00 local standard time.
     pattern : {"office", "home", "shop", "none"}
-        Who uses the room: ten desks, five days a week; a family of three, out on weekdays, with meals, nights and days
-        on which nobody is there; a shop with bright lights, open six days a week; or no unmeasured heat at all.  The
+        Use of the room: an office of ten desks, five days a week; a family of three, out on weekdays, with meals,
+        nights and days away; a shop with bright lights, open six days a week; or no unmeasured heat at all.  The
         set-points are those of the office in every case.
     excitation : {"weekend_prbs", "none"} or None
         Whether the set-point of the first weekend follows a PRBS of order 4 and scale 2 h between 18 and 25 degC,
-        tracked by heating and cooling both.
+        with both heating and cooling.
     noise_std : float
         Standard deviation of the measurement noise [K].
     sampling_time : timedelta-like
         Step of the log: a multiple of 5 min that divides a day.
     weather : DataFrame, optional
-        ``T_oa`` [degC] and ``q_sol`` [kW/m2] that cover the run, or what :func:`read_epw` returns; replaces the
+        ``T_oa`` [degC] and ``q_sol`` [kW/m2] that cover the run, such as a table from :func:`read_epw`; replaces the
         generator.
     random_state : int, RandomState, Generator or None
-        Seed of weather, gains, set-points and noise, each with a stream of its own.
+        Seed of weather, gains, set-points and noise, each of which has its own stream.
 
     Returns
     -------
@@ -87,17 +87,17 @@ def make_office(
     Raises
     ------
     ValueError
-        If an argument is out of range, or ``weather`` does not cover the run (the missing span is named).
+        If an argument is out of range, or ``weather`` does not cover the run; the message names the missing span.
 
     Notes
     -----
-    With ``sampling_time="5min"`` every input is constant over a step, so that the exact zero-order hold with ``X``
-    and ``heat_gain`` reproduces ``states``.
+    With ``sampling_time="5min"`` every input is constant over a step, so the exact zero-order hold of ``X`` and
+    ``heat_gain`` reproduces ``states``.
 
-    Infiltration is a conductance of 0.008 kW/K on average, at all hours, from the room to the outdoor air, and so lies
-    in parallel with ``R_zo``: no measurement can tell the two apart.  ``theta_effective`` is ``theta`` with
-    ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), which is what an exact identification that is not given
-    ``heat_gain`` finds; with ``pattern="none"`` there is no infiltration and both are equal.
+    Infiltration is a conductance of 0.008 kW/K on average, at all hours, from the room to the outdoor air.  It is in
+    parallel with ``R_zo``, and measurements cannot separate the two.  ``theta_effective`` is ``theta`` with
+    ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), the value that an exact identification without ``heat_gain`` finds.
+    With ``pattern="none"`` there is no infiltration and both are equal.
 
     References
     ----------
@@ -110,11 +110,13 @@ def make_office(
     >>> list(office.X.columns)
     ['T_oa', 'q_sol', 'u_heat', 'u_cool', 'T_za']
     """
-    per_step = _check(n_days, pattern, excitation, noise_std, sampling_time)
+    per_step = _check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     weather_rng, gain_rng, plan_rng, prbs_rng, noise_rng = spawn_generators(random_state, 5)
     first = pd.Timestamp(start).normalize()
     if first.tzinfo is not None:
-        raise ValueError(f"start={start!r} has a time zone; the office runs on local standard time, give it without.")
+        raise ValueError(
+            f"start={start!r} has a time zone; the office runs on local standard time, so give a date without one."
+        )
     time = pd.date_range(first, periods=n_days * 288, freq=SIMULATION_STEP)
     if weather is None:
         outside = make_weather(n_days, climate, start=first, step=SIMULATION_STEP, random_state=weather_rng)
@@ -122,9 +124,9 @@ def make_office(
         outside = resample_weather(weather, time)
     setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
     gains = draw_gains(time, gain_rng, pattern)
-    fine = _run(outside, setpoints, gains)
+    run = _simulate_office(outside, setpoints, gains)
     origin = "as given" if weather is not None else climate
-    described = _DESCR.format(
+    description = _DESCR.format(
         n_days=n_days,
         pattern=pattern,
         start=first.date(),
@@ -136,11 +138,11 @@ def make_office(
     noise = noise_std * noise_rng.standard_normal(len(time) // per_step)
     infiltration = 0.0 if pattern == "none" else INFILTRATION_KW_K
     theta_effective = TRUE_THETA | {"R_zo": 1.0 / (1.0 / TRUE_THETA["R_zo"] + infiltration)}
-    return _log(fine, setpoints, per_step, noise, theta_effective, described)
+    return _make_log(run, setpoints, per_step, noise, theta_effective, description)
 
 
-def _check(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
-    """Refuse arguments out of range; the number of simulation steps in a step of the log."""
+def _check_arguments(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
+    """Refuse arguments that are out of range; return the number of simulation steps per step of the log."""
     if not isinstance(n_days, int | np.integer) or n_days < 1:
         raise ValueError(f"n_days={n_days!r} must be a positive whole number of days.")
     if pattern not in PATTERNS:
@@ -155,8 +157,8 @@ def _check(n_days: int, pattern: str, excitation: str | None, noise_std: float, 
     return per_step
 
 
-def _run(outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gains) -> pd.DataFrame:
-    """The run at the simulation step."""
+def _simulate_office(outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gains) -> pd.DataFrame:
+    """Simulate the office at the simulation step; one row per step."""
     transition, effect = true_system(SIMULATION_STEP / pd.Timedelta("1h"))
     air = outside["T_oa"].to_numpy()
     levels = setpoints[["T_heat_set", "T_cool_set"]].to_numpy()
@@ -206,7 +208,7 @@ def true_system(step_hours: float) -> tuple[np.ndarray, np.ndarray]:
 
 @njit(cache=True)
 def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hysteresis):
-    """States (n, 2) at the steps' starts, on/off signals and gain [kW] held over the steps."""
+    """States (n, 2) at the start of every step, and on/off signals and gain [kW] over it."""
     n = len(sensible)
     states, heat, cool, gain = np.empty((n, 2)), np.zeros(n), np.zeros(n), np.empty(n)
     wall, room = begin[0], begin[1]
@@ -229,31 +231,31 @@ def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hyst
     return states, heat, cool, gain
 
 
-def _log(
-    fine: pd.DataFrame,
+def _make_log(
+    run: pd.DataFrame,
     setpoints: pd.DataFrame,
     per_step: int,
     noise: np.ndarray,
     theta_effective: dict[str, float],
-    described: str,
+    description: str,
 ) -> Bunch:
-    """The run averaged to the log's step: means of inputs, values at the stamp of temperatures."""
-    index = pd.DatetimeIndex(fine.index.to_numpy()[::per_step])
+    """Convert the run to the step of the log: means of inputs, and temperatures at the stamps."""
+    index = pd.DatetimeIndex(run.index.to_numpy()[::per_step])
 
     def mean(column: pd.Series) -> np.ndarray:
         return column.to_numpy().reshape(-1, per_step).mean(axis=1)
 
-    states = pd.DataFrame({name: fine[name].to_numpy()[::per_step] for name in ("T_w", "T_za")}, index=index)
-    X = pd.DataFrame({name: mean(fine[name]) for name in ("T_oa", "q_sol", "u_heat", "u_cool")}, index=index)
+    states = pd.DataFrame({name: run[name].to_numpy()[::per_step] for name in ("T_w", "T_za")}, index=index)
+    X = pd.DataFrame({name: mean(run[name]) for name in ("T_oa", "q_sol", "u_heat", "u_cool")}, index=index)
     X["T_za"] = states["T_za"] + noise
     return Bunch(
         X=X,
         y=X["T_za"].copy(),
-        heat_gain=pd.Series(mean(fine["heat_gain"]), index=index, name="heat_gain"),
+        heat_gain=pd.Series(mean(run["heat_gain"]), index=index, name="heat_gain"),
         states=states,
         theta=dict(TRUE_THETA),
         theta_effective=theta_effective,
         setpoints=pd.DataFrame({name: mean(setpoints[name]) for name in setpoints}, index=index),
-        gain_parts=pd.DataFrame({n: mean(fine[n]) for n in ("people", "plugs", "lights", "air")}, index=index),
-        DESCR=described,
+        gain_parts=pd.DataFrame({n: mean(run[n]) for n in ("people", "plugs", "lights", "air")}, index=index),
+        DESCR=description,
     )

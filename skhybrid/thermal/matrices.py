@@ -1,0 +1,188 @@
+"""Continuous matrices of a network for many parameter vectors at once, with exact derivatives.
+
+Every heat flow is a sum of products of two factors: a conductance 1/R, a capacity Q, or an area A times a share f.  The
+declaration alone says which product enters which element, and with which sign, so these coefficients are computed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .declaration import Declaration, Source
+
+
+class Continuous(NamedTuple):
+    """dx/dt = A x + B v of a network, with derivatives with respect to each of its p parameters.
+
+    For S parameter vectors every field has a leading axis of length S.
+
+    Attributes
+    ----------
+    A : ndarray of shape (n, n)
+        [1/h].
+    B : ndarray of shape (n, m)
+        The last columns are 1 kW of heat gain on each disturbed node.
+    dA : ndarray of shape (p, n, n)
+        Derivatives with respect to the values of the parameters.
+    dB : ndarray of shape (p, n, m)
+    capacitance : ndarray of shape (n,)
+        [kWh/K].
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    dA: np.ndarray
+    dB: np.ndarray
+    capacitance: np.ndarray
+
+
+@dataclass(frozen=True)
+class MatrixBuilder:
+    """Constant coefficients of a network's heat flows under given inputs; turns parameter vectors into matrices.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Order of the columns of ``theta``.
+    columns : tuple of str
+        Order of the columns of B: the inputs, then the heat gains.
+    reciprocal : ndarray of shape (p + 1,)
+        Whether a parameter acts by its inverse (resistances).
+    first, second : ndarray of shape (F,)
+        The two factors of each of F products, as indices into ``(*parameters, 1)``.
+    coefficients : ndarray of shape (F, n * (n + m))
+        Contribution of each product to the heat flow into each node, per state and input.
+    capacitances : ndarray of shape (n,)
+        Indices of the capacitances in ``parameters``.
+    """
+
+    parameters: tuple[str, ...]
+    columns: tuple[str, ...]
+    reciprocal: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    coefficients: np.ndarray
+    capacitances: np.ndarray
+
+    @classmethod
+    def from_network(cls, network: Declaration, roles: Iterable[str]) -> MatrixBuilder:
+        """Compute the coefficients of a network.
+
+        Parameters
+        ----------
+        network : RCNetwork
+        roles : iterable of str
+            Roles that a table has.
+
+        Returns
+        -------
+        MatrixBuilder
+        """
+        roles = tuple(roles)
+        names = tuple(p.name for p in network.parameters(roles))
+        columns = (*network.inputs(roles), *network.gain_names)
+        flows = _HeatFlows(network.nodes, columns, names)
+        for name, ends in network.resistors.items():
+            flows.add_resistor(name, ends)
+        for source in network.sources(roles):
+            flows.add_source(source)
+        for node, gain_name in zip(network.disturbed_nodes, network.gain_names, strict=True):
+            flows.add(None, None, node, gain_name, 1.0)
+        index = {name: i for i, name in enumerate(names)}
+        return cls(
+            parameters=names,
+            columns=columns,
+            reciprocal=np.array([name in network.resistors for name in names] + [False]),
+            first=np.array([a for a, _ in flows.products], dtype=np.intp),
+            second=np.array([b for _, b in flows.products], dtype=np.intp),
+            coefficients=np.array([flow.ravel() for flow in flows.products.values()]),
+            capacitances=np.array([index[c] for c in network.capacitances.values()], dtype=np.intp),
+        )
+
+    def vector(self, theta: Mapping[str, float]) -> np.ndarray:
+        """Values by name as one row of ``theta``.
+
+        Parameters
+        ----------
+        theta : mapping of parameter to value
+
+        Returns
+        -------
+        ndarray of shape (p,)
+        """
+        return np.array([theta[name] for name in self.parameters], dtype=np.float64)
+
+    def matrices(self, theta: np.ndarray) -> Continuous:
+        """Continuous state-space matrices and their derivatives.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (S, p)
+            One parameter vector per row, in the order of ``parameters``.
+
+        Returns
+        -------
+        Continuous
+            With a leading axis of length S: A (S, n, n), B (S, n, m), dA (S, p, n, n), dB (S, p, n, m),
+            capacitance (S, n).
+        """
+        theta = np.asarray(theta, dtype=np.float64)
+        size, p, n = len(theta), len(self.parameters), len(self.capacitances)
+        factor = np.ones((size, p + 1))
+        factor[:, :p] = theta
+        factor[:, self.reciprocal] = 1.0 / factor[:, self.reciprocal]
+        slope = np.where(self.reciprocal, -(factor**2), 1.0)
+        slope[:, p] = 0.0  # the constant 1
+        first, second = factor[:, self.first], factor[:, self.second]
+        product = np.arange(len(self.first))
+        d_product = np.zeros((size, p + 1, len(product)))
+        d_product[:, self.first, product] = slope[:, self.first] * second
+        d_product[:, self.second, product] += first * slope[:, self.second]
+
+        capacitance = theta[:, self.capacitances]
+        rate = ((first * second)[:, None, :] @ self.coefficients).reshape(size, n, -1) / capacitance[:, :, None]
+        d_rate = (d_product[:, :p] @ self.coefficients).reshape(size, p, n, -1) / capacitance[:, None, :, None]
+        node = np.arange(n)
+        d_rate[:, self.capacitances, node] -= rate / capacitance[:, :, None]
+        return Continuous(
+            np.ascontiguousarray(rate[..., :n]),
+            np.ascontiguousarray(rate[..., n:]),
+            np.ascontiguousarray(d_rate[..., :n]),
+            np.ascontiguousarray(d_rate[..., n:]),
+            capacitance,
+        )
+
+
+class _HeatFlows:
+    """Collects the contribution of each product of two factors to the heat flow into a node [kW]."""
+
+    def __init__(self, nodes: tuple[str, ...], columns: tuple[str, ...], parameters: tuple[str, ...]) -> None:
+        self.nodes = {node: i for i, node in enumerate(nodes)}
+        self.columns = {name: j for j, name in enumerate((*nodes, *columns))}
+        self.factors: dict[str | None, int] = {name: i for i, name in enumerate((*parameters, None))}
+        self.products: dict[tuple[int, int], np.ndarray] = {}
+
+    def add(self, first: str | None, second: str | None, node: str, column: str, sign: float) -> None:
+        """Add ``sign * first * second * column`` to the flow into a node; None is the constant 1."""
+        product = self.factors[first], self.factors[second]
+        flow = self.products.setdefault(product, np.zeros((len(self.nodes), len(self.columns))))
+        flow[self.nodes[node], self.columns[column]] += sign
+
+    def add_resistor(self, name: str, ends: tuple[str, str]) -> None:
+        for here, there in (ends, ends[::-1]):
+            if here in self.nodes:
+                self.add(name, None, here, here, -1.0)
+                if there in self.columns:
+                    self.add(name, None, here, there, 1.0)
+
+    def add_source(self, source: Source) -> None:
+        fractions = [fraction for _, fraction in source.shares if fraction is not None]
+        for node, fraction in source.shares:
+            self.add(source.parameter, fraction, node, source.role, 1.0)
+            if fraction is None:  # the remainder, 1 less every fraction
+                for other in fractions:
+                    self.add(source.parameter, other, node, source.role, -1.0)

@@ -1,0 +1,228 @@
+"""Mutation testing: changes one operator or number of a module at a time and sees whether a test fails.
+
+    pip install cosmic-ray                                              # anywhere; it makes the mutants
+    python tests/mutation/mutate.py --sample 20 identification/load.py  # 20 places of one module
+    nice python tests/mutation/mutate.py --sample 30 --jobs 2           # of every guarded module
+    python tests/mutation/mutate.py --report                            # the table from what has been run
+
+A mutant is tested in a copy of the package below ``build/mutation``, so that the checkout stays as it is.  Outcomes are
+lines of ``outcomes.csv`` as soon as they are known; a run that is started again goes on from there, and tests a module
+anew where it has changed.  ``reason``, filled in by hand, says why a survivor may live; it is kept.  A sample with the
+same seed is the same, and a larger one holds the smaller.  Which tests guard a module says ``guards.py``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import csv
+import difflib
+import hashlib
+import os
+import random
+import shutil
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from fnmatch import fnmatch
+from pathlib import Path
+from queue import Queue
+
+from guards import COMPILED, GUARDS
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE, WORK = ROOT / "skhybrid", ROOT / "build" / "mutation"
+STORE, REPORT = Path(__file__).with_name("outcomes.csv"), ROOT / "benchmarks" / "results" / "mutation.md"
+FIELDS = ["module", "line", "column", "operator", "occurrence", "before", "after", "outcome", "seconds", "source"]
+FIELDS += ["reason"]
+#: operators that say nothing about numbers: a kernel without its decorator is the same, only slower
+LEFT_OUT = ("RemoveDecorator", "ExceptionReplacer", "NoOp", "Variable")
+
+
+# --------------------------------------------------------------------------------------------------------- mutants
+def silent_spans(tree: ast.AST) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Spans of code whose mutants no test of numbers can see: annotations, errors, decorators, ``strict=`` of zip."""
+    nodes: list[ast.AST | None] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise):
+            nodes.append(node)
+        elif isinstance(node, ast.FunctionDef):
+            nodes += [node.returns, *node.decorator_list]
+        elif isinstance(node, ast.arg | ast.AnnAssign):
+            nodes.append(node.annotation)
+        elif isinstance(node, ast.keyword) and node.arg == "strict":
+            nodes.append(node.value)
+    return [((n.lineno, n.col_offset), (n.end_lineno, n.end_col_offset)) for n in nodes if n is not None]
+
+
+def mutants(module: str, sample: int, seed: int) -> list[dict]:
+    """One mutant each of a random sample of places of a module."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    code = (PACKAGE / module).read_text()
+    silent, source = silent_spans(ast.parse(code)), hashlib.sha256(code.encode()).hexdigest()[:12]
+    nodes, places = list(ast_nodes(get_ast(code))), {}
+    for name in sorted(operator_names()):
+        if get_operator(name).arguments() or any(word in name for word in LEFT_OUT):
+            continue
+        operator = get_operator(name)()
+        found = (position for node in nodes for position in operator.mutation_positions(node))
+        for occurrence, (start, _) in enumerate(found):
+            if not any(first <= start < last for first, last in silent):
+                places.setdefault(start, []).append((name, occurrence))
+    rng = random.Random(f"{seed} {module}")
+    chosen = [(start, rng.choice(places[start])) for start in rng.sample(sorted(places), len(places))]
+    return [
+        {"module": module, "line": line, "column": column, "operator": name, "occurrence": occurrence, "source": source}
+        for (line, column), (name, occurrence) in chosen[:sample]
+    ]
+
+
+def mutated(mutant: dict) -> str:
+    """The code of a mutant; its changed lines are put into the mutant."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    code = (PACKAGE / mutant["module"]).read_text()
+    changed = mutate_code(code, get_operator(mutant["operator"])(), mutant["occurrence"])
+    diff = list(difflib.ndiff(code.splitlines(), changed.splitlines()))
+    for field, sign in (("before", "- "), ("after", "+ ")):
+        mutant[field] = " ".join(line[2:].strip() for line in diff if line.startswith(sign))
+    return changed
+
+
+# ---------------------------------------------------------------------------------------------------------- tests
+def guard(module: str) -> list[str]:
+    """Test files of a module."""
+    names = next((tests for pattern, tests in GUARDS.items() if fnmatch(module, pattern)), [])
+    return [str(ROOT / "tests" / f"{name}.py") for name in names]
+
+
+def run_tests(folder: Path, module: str, python: str, limit: float | None) -> str:
+    """Run the guarding tests on the copy in a folder: ``survived``, ``killed`` or ``timeout``."""
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    env = os.environ | one | {"PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    env["NUMBA_CACHE_DIR"] = str(folder / "numba")
+    if any(fnmatch(module, pattern) for pattern in COMPILED):
+        env["NUMBA_DISABLE_JIT"] = "1"
+    command = [python, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=line", *guard(module)]
+    with (folder / "last.log").open("w") as log:
+        try:
+            done = subprocess.run(command, cwd=ROOT, env=env, stdout=log, stderr=log, timeout=limit, check=False)
+        except subprocess.TimeoutExpired:
+            return "timeout"
+    return "survived" if done.returncode == 0 else "killed"
+
+
+def make_copy(number: int) -> Path:
+    """A folder with the package as it is; times of files are kept, so that compiled kernels are found again."""
+    folder = WORK / str(number)
+    shutil.rmtree(folder / "skhybrid", ignore_errors=True)
+    shutil.copytree(PACKAGE, folder / "skhybrid", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def try_mutant(mutant: dict, folders: Queue, python: str, limit: float) -> dict:
+    """Test one mutant in a free folder, and put the module back."""
+    folder, begin = folders.get(), time.time()
+    copy = folder / "skhybrid" / mutant["module"]
+    try:
+        copy.write_text(mutated(mutant))
+        mutant["outcome"] = run_tests(folder, mutant["module"], python, limit)
+    finally:
+        shutil.copy2(PACKAGE / mutant["module"], copy)
+        folders.put(folder)
+    return mutant | {"seconds": round(time.time() - begin, 1), "reason": ""}
+
+
+# --------------------------------------------------------------------------------------------------------- outcomes
+def read_store() -> list[dict]:
+    """What has been run."""
+    return list(csv.DictReader(STORE.open())) if STORE.exists() else []
+
+
+def write_store(rows: list[dict]) -> None:
+    with STORE.open("w", newline="") as file:
+        writer = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(sorted(rows, key=lambda r: (r["module"], int(r["line"]), int(r["column"]), r["operator"])))
+
+
+def key(row: dict) -> tuple:
+    return tuple(str(row[name]) for name in ("module", "source", "operator", "occurrence"))
+
+
+def write_report(rows: list[dict]) -> None:
+    """A table of modules and a list of survivors."""
+    text = ["# Mutation testing", "", "Made by `python tests/mutation/mutate.py`, which says how.", ""]
+    text += ["| module | mutants | killed | timeout | survived |", "|---|---|---|---|---|"]
+    modules = sorted({row["module"] for row in rows})
+    for module in [*modules, None]:
+        outcomes = [row["outcome"] for row in rows if module in (None, row["module"])]
+        counts = [outcomes.count(kind) for kind in ("killed", "timeout", "survived")]
+        text.append("| " + " | ".join([module or "all", str(len(outcomes)), *map(str, counts)]) + " |")
+    text += ["", "## Survivors", ""]
+    for row in rows:
+        if row["outcome"] == "survived":
+            text += [f"- `{row['module']}:{row['line']}` {row['reason'] or 'no reason yet'}", ""]
+            text += [f"      - {row['before']}", f"      + {row['after']}", ""]
+    REPORT.write_text("\n".join(text).rstrip() + "\n")
+
+
+# ------------------------------------------------------------------------------------------------------------- main
+def numerical_modules() -> list[str]:
+    """All modules that tests guard."""
+    found = (path.relative_to(PACKAGE).as_posix() for path in sorted(PACKAGE.rglob("*.py")))
+    return [module for module in found if guard(module) and not module.endswith("__init__.py")]
+
+
+def run_module(module: str, wanted: list[dict], folders: Queue, options: argparse.Namespace) -> None:
+    """Test the mutants of one module, if its tests pass without any."""
+    begin = time.time()
+    folder = folders.get()
+    if run_tests(folder, module, options.python, None) != "survived":
+        sys.exit(f"the tests of {module} fail without a mutant; see {folder / 'last.log'}")
+    folders.put(folder)
+    limit = 30.0 + 4.0 * (time.time() - begin)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        for row in pool.map(lambda mutant: try_mutant(mutant, folders, options.python, limit), wanted):
+            rows = read_store()
+            write_store([*rows, row])
+            print(f"{row['module']}:{row['line']} {row['outcome']} {row['seconds']} s: {row['after']}", flush=True)  # noqa: T201
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("modules", nargs="*", help="paths in skhybrid; default: all that are guarded")
+    parser.add_argument("--sample", type=int, default=20, help="places of each module")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--python", default=str(ROOT / ".venv" / "bin" / "python"), help="that runs the tests")
+    parser.add_argument("--report", action="store_true", help="write the table and run nothing")
+    options = parser.parse_args()
+    folders: Queue = Queue()
+    for number in range(0 if options.report else options.jobs):
+        folders.put(make_copy(number))
+    for module in () if options.report else options.modules or numerical_modules():
+        if not guard(module):
+            sys.exit(f"no test guards {module}; name some in guards.py.")
+        sampled = mutants(module, options.sample, options.seed)
+        source = sampled[0]["source"] if sampled else ""
+        # of an earlier state of the module only reasons are of use
+        reasons = {(r["module"], r["before"], r["after"]): r["reason"] for r in read_store() if r["reason"]}
+        write_store([r for r in read_store() if r["module"] != module or r["source"] == source])
+        done = {key(row) for row in read_store()}
+        wanted = [mutant for mutant in sampled if key(mutant) not in done]
+        if wanted:
+            run_module(module, wanted, folders, options)
+        rows = read_store()
+        for row in rows:
+            row["reason"] = row["reason"] or reasons.get((row["module"], row["before"], row["after"]), "")
+        write_store(rows)
+    write_report(read_store())
+
+
+if __name__ == "__main__":
+    main()
