@@ -60,6 +60,15 @@ def test_filter_gains_are_those_of_the_textbook():
         np.testing.assert_allclose(dgains[..., q], numeric, atol=1e-8)
 
 
+def test_gains_go_on_from_the_variance_of_a_segment_before():
+    f = Filter()
+    whole = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    first = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen[:9])
+    rest = filter_gains(f.A, f.Q, f.c, f.R, first.variance, f.dA, f.dQ, f.seen[9:])
+    np.testing.assert_allclose(np.vstack([first.gains, rest.gains]), whole.gains, atol=1e-10)
+    np.testing.assert_allclose(rest.variance, whole.variance, atol=1e-10)
+
+
 def test_settled_gains_are_still_those_of_the_textbook():
     """Behind many rows, and behind a gap in the settled part."""
     f = Filter(n_rows=400)

@@ -8,6 +8,9 @@ from .discretization import Discrete, discretize, divided_difference
 from .forecast_sample import ForecastSample, hourly_sample
 from .gates import tanh32
 from .horizon_errors import (
+    FilteredSeries,
+    FilterGains,
+    InputStates,
     LeadSensitivity,
     filter_gains,
     filter_series,
@@ -16,8 +19,8 @@ from .horizon_errors import (
     simulate_inputs,
 )
 from .innovations import Model, Prediction, Sensitivity, one_step_errors, one_step_sensitivities
-from .inverse_load import simulate_inverse
-from .kalman import Smoothed, kalman_filter, smooth_states
+from .inverse_load import LoadPath, simulate_inverse
+from .kalman import Filtered, Smoothed, kalman_filter, smooth_states
 from .lead_rows import lead_rows
 from .lq_path import solve_lq_path
 from .multi_step_errors import LeadErrors, multi_step_sensitivities
@@ -33,9 +36,14 @@ __all__ = [
     "DenseShape",
     "DenseWindows",
     "Discrete",
+    "FilterGains",
+    "Filtered",
+    "FilteredSeries",
     "ForecastSample",
+    "InputStates",
     "LeadErrors",
     "LeadSensitivity",
+    "LoadPath",
     "Model",
     "Prediction",
     "RecurrentShape",

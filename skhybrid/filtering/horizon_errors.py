@@ -16,6 +16,29 @@ from .covariance import propagate_covariance, update_covariance
 from .rows import load_row, store_row
 
 
+class FilterGains(NamedTuple):
+    """Kalman gains of every row, 0 where nothing was measured, and the variance after the last row."""
+
+    gains: np.ndarray  # (N, m) effect of an error on the state of its own row
+    dgains: np.ndarray  # (N, m, p)
+    variance: np.ndarray  # (m, m) before the row after the last one, with which a next segment begins
+
+
+class InputStates(NamedTuple):
+    """States of a network under each of J inputs by itself."""
+
+    last: np.ndarray  # (n, J) at the last row, before its inputs
+    after: np.ndarray  # (n, J) at the row after it
+
+
+class FilteredSeries(NamedTuple):
+    """Filtered states of J series."""
+
+    states: np.ndarray  # (n_origins, m, J) at the origins, each given its own row
+    last: np.ndarray  # (m, J) at the last row, given it
+    after: np.ndarray  # (m, J) at the row after it
+
+
 class LeadSensitivity(NamedTuple):
     """One simulated series and the filtered difference of the measurement from it, with derivatives."""
 
@@ -40,10 +63,7 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
 
     Returns
     -------
-    gains, dgains : ndarray
-        (N, m) and (N, m, p): effect of an error on the state of its own row.
-    P : ndarray of shape (m, m)
-        Variance before the row after the last one, with which a next segment begins.
+    FilterGains
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))
@@ -65,7 +85,7 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
                 gains[k, i] = gain[0, i]
                 for q in range(p):
                     dgains[k, i, q] = dgain[0, i, q]
-    return gains, dgains, P
+    return FilterGains(gains, dgains, P)
 
 
 @compiled
@@ -103,8 +123,7 @@ def simulate_inputs(A, B, V, node, begin, out):
 
     Returns
     -------
-    last, after : ndarray of shape (n, J)
-        States at the last row, and at the row after it.
+    InputStates
     """
     n, J = B.shape
     N = V.shape[0]
@@ -117,7 +136,7 @@ def simulate_inputs(A, B, V, node, begin, out):
         for i in range(n):
             for j in range(J):
                 after[i, j] += B[i, j] * V[k, j]
-    return x, after
+    return InputStates(x, after)
 
 
 @compiled
@@ -139,11 +158,7 @@ def filter_series(A, gains, node, S, origins, begin):
 
     Returns
     -------
-    states : ndarray of shape (n_origins, m, J)
-    last : ndarray of shape (m, J)
-        States at the last row, given it.
-    after : ndarray of shape (m, J)
-        States at the row after it.
+    FilteredSeries
     """
     m = A.shape[0]
     N, J = S.shape
@@ -165,7 +180,7 @@ def filter_series(A, gains, node, S, origins, begin):
                     states[at, i, j] = x[i, j]
             at += 1
         _propagate(A, x, after)
-    return states, x, after
+    return FilteredSeries(states, x, after)
 
 
 @compiled

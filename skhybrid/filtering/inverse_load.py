@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ._compile import compiled
+
+
+class LoadPath(NamedTuple):
+    """A load and the output under it."""
+
+    applied: np.ndarray  # (N,) heat over each step [kW], within the limits
+    path: np.ndarray  # (N,) output at the end of each step under it
 
 
 @compiled
@@ -33,10 +42,7 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
 
     Returns
     -------
-    applied : ndarray of shape (N,)
-        Heat over each step [kW], within the limits.
-    path : ndarray of shape (N,)
-        Output at the end of each step under that heat.
+    LoadPath
     """
     N, n = forcing.shape
     applied, path = np.empty(N), np.empty(N)
@@ -72,4 +78,4 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
                 new[i] += A[i, j] * s[j]
             path[k] += c[i] * new[i]
         s[:] = new
-    return applied, path
+    return LoadPath(applied, path)

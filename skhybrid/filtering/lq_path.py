@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._compile import compiled
+from .inverse_load import LoadPath
 
 
 @compiled
@@ -113,10 +114,7 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
 
     Returns
     -------
-    applied : ndarray of shape (N,)
-        Heat over each step [kW].
-    path : ndarray of shape (N,)
-        Output at the end of each step under that heat.
+    LoadPath
     """
     N, n = forcing.shape
     gains, offsets = _feedback_law(A, forcing, heat, c, wanted, penalty, beyond)
@@ -133,4 +131,4 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
                 new[i] += A[i, j] * s[j]
             path[k] += c[i] * new[i]
         s[:] = new
-    return applied, path
+    return LoadPath(applied, path)
