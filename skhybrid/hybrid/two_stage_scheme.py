@@ -15,9 +15,9 @@ from .._table import ZoneTable
 from .._time import ASSUMED_START
 from ..control.setpoints import Band, Limits
 from ..forecasting import DisturbanceForecaster
-from ..forecasting.batch import fit_each
 from ..forecasting.features import rows_per_day
-from ..forecasting.forecaster import BASELINES
+from ..forecasting.joint_fit import fit_each
+from ..forecasting.models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.rolling_state import advance, drive_on, identify_again
 from .daily_errors import by_days, reference_days

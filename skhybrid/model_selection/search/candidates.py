@@ -18,8 +18,8 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
 from ...forecasting import DisturbanceForecaster
-from ...forecasting.batch import fit_each
 from ...forecasting.cases import RECURRENT, resolve_case
+from ...forecasting.joint_fit import fit_each
 from ...hybrid import HybridPredictor
 from .fingerprint import as_plain
 from .store import Result, Task
@@ -258,7 +258,7 @@ def identify(
     given: Problem = problem.get()
     if given.trains:
         # joblib ends a worker that grows by 300 MB after its first task: what trains is loaded with the first
-        import_module("skhybrid.forecasting.training")
+        import_module("skhybrid.forecasting.networks.jobs")
     try:
         base = given.candidate(params)
         prefix = forecaster_prefix(base)

@@ -12,7 +12,7 @@ from sklearn.model_selection import ParameterGrid
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
-from ...forecasting.forecaster import BASELINES
+from ...forecasting.models import BASELINES
 
 #: columns that say which candidate a row is; those of its size follow.
 IDENTITY = ("framework", "case", "disturbance", "name")

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
+from ...forecasting.extras import networks_available
 from .store import VERSION
 
 #: parameters that change no result, at any depth.
@@ -43,7 +44,9 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
     for name, value in sorted(estimator.get_params(deep=True).items()):
         if name.split("__")[-1] not in _IDLE:
             found[f"parameter {name}"] = _name(type(value)) if _is_estimator(value) else as_plain(value)
-    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn", "torch")}
+    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn")}
+    if networks_available():
+        versions["torch"] = version("torch")
     return found | {f"{VERSION}{name}": number for name, number in versions.items()}
 
 

@@ -10,7 +10,7 @@ import pytest
 from sklearn.linear_model import Ridge
 
 from skhybrid.forecasting import DisturbanceForecaster
-from skhybrid.forecasting.linear import ALPHAS, _solve, ridge_by_blocks
+from skhybrid.forecasting.ridge import ALPHAS, _solve, ridge_by_blocks
 
 
 def _weeks(n_days, seed=0):

@@ -1,7 +1,7 @@
 """The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5).
 
-A rival has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``: what it expects of
-each row when nothing of the past is known.  The linear one is in :mod:`~skhybrid.forecasting.linear`.
+A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``: what it expects of
+each row when nothing of the past is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, 
 MIN_COUNT = 2
 
 
-class Rival(Protocol):
+class Baseline(Protocol):
     """What :class:`~skhybrid.forecasting.DisturbanceForecaster` needs of a baseline."""
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:

@@ -1,4 +1,4 @@
-"""The training loop of the package beside bare torch loops: the same windows, batches, optimiser and stop."""
+"""Time of an epoch of a stack, and of a bare loop over torch.nn layers: the same windows, batches and optimiser."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from skhybrid.forecasting.loop import LoopSettings, one_thread, train_stack
-from skhybrid.forecasting.nets import NetworkSpec, NetworkStack
-from skhybrid.forecasting.windows import Windows
+from skhybrid.forecasting.networks.fitted import make_stack
+from skhybrid.forecasting.networks.spec import NetworkSpec
+from skhybrid.forecasting.networks.training import TrainingSettings, one_thread, train_stack
+from skhybrid.forecasting.networks.windows import Windows, WindowTable, WindowViews
 
 #: four weeks of hours, less a week of validation and what windows take
 N_TRAIN, N_VALID, N_LEADS, N_COLUMNS = 456, 145, 24, 6
-LOOP = {"learning_rate": 0.003, "batch_size": 128, "patience": 10_000}
+TRAINING = {"learning_rate": 0.003, "batch_size": 128, "patience": 10_000}
 SIZES = {
     "mlp 1 x 20": {"kind": "mlp", "n_layers": 1, "hidden_size": 20},
     "mlp 4 x 100": {"kind": "mlp", "n_layers": 4, "hidden_size": 100},
@@ -30,9 +31,9 @@ SIZES = {
 
 
 class Data(NamedTuple):
-    """Random windows of case01 (24 past rows, six columns) and which of them train."""
+    """Random windows of case01 (24 past rows, six columns), and numbers of those that train and validate."""
 
-    views: dict[str, Tensor]
+    views: WindowViews
     target: Tensor
     train: Tensor
     valid: Tensor
@@ -46,51 +47,21 @@ def spec_of(size: dict) -> NetworkSpec:
 
 
 def random_data(seed: int = 0) -> Data:
-    """Windows by which nothing can be learned: time does not depend on that."""
+    """Windows of noise: the time of an epoch does not depend on what they hold."""
     g = torch.Generator().manual_seed(seed)
     n = N_TRAIN + N_VALID
-    shapes = {"zeta": (25,), "past": (N_COLUMNS, 24), "future": (N_COLUMNS, N_LEADS), "base": (N_LEADS,)}
-    views = {name: torch.randn(n, *shape, generator=g) for name, shape in shapes.items()}
-    views["base"].zero_()
-    return Data(views, torch.randn(n, N_LEADS, generator=g), torch.arange(N_TRAIN), torch.arange(N_TRAIN, n))
+    views = [torch.randn(n, *shape, generator=g) for shape in ((25,), (N_COLUMNS, 24), (N_COLUMNS, N_LEADS))]
+    target = torch.randn(n, N_LEADS, generator=g)
+    return Data(WindowViews(*views), target, torch.arange(N_TRAIN), torch.arange(N_TRAIN, n))
 
 
-def _generators(n: int) -> list[torch.Generator]:
-    return [torch.Generator().manual_seed(seed) for seed in range(n)]
-
-
-def ours(spec: NetworkSpec, data: Data, n_members: int, n_epochs: int) -> None:
-    """``train_stack``, as ``DisturbanceForecaster.fit`` calls it."""
-    train, valid = (Windows([data.views], [data.target], rows) for rows in (data.train, data.valid))
-    train_stack(NetworkStack(spec, _generators(n_members)), train, valid, LoopSettings(max_epochs=n_epochs, **LOOP))
-
-
-def bare(spec: NetworkSpec, data: Data, n_epochs: int, module: nn.Module | None = None) -> None:
-    """The loop that one would write: a shuffled index, a slice, a step; and the validation error after each epoch."""
-    (shuffler,) = _generators(1)
-    stacked = module is None
-    module = NetworkStack(spec, _generators(1)) if module is None else module
-    views = {k: v[None] if stacked else v for k, v in data.views.items()}
-    target = data.target[None] if stacked else data.target
-    optimizer = torch.optim.Adam(module.parameters(), lr=LOOP["learning_rate"])
-
-    def loss_of(rows: Tensor) -> Tensor:
-        if stacked:
-            return ((module(**{k: v[:, rows] for k, v in views.items()}) - target[:, rows]) ** 2).mean()
-        return ((module(**{k: v[rows] for k, v in views.items()}) - target[rows]) ** 2).mean()
-
-    with one_thread():
-        for _ in range(n_epochs):
-            module.train()
-            for rows in data.train[torch.randperm(N_TRAIN, generator=shuffler)].split(LOOP["batch_size"]):
-                optimizer.zero_grad()
-                loss = loss_of(rows)
-                loss.backward()
-                optimizer.step()
-            module.eval()
-            with torch.no_grad():
-                for rows in data.valid.split(LOOP["batch_size"]):
-                    loss_of(rows).item()
+def stacked(spec: NetworkSpec, data: Data, n_networks: int, n_epochs: int) -> None:
+    """Train a stack, as ``DisturbanceForecaster.fit`` does."""
+    table = WindowTable(spec.kind, spec.reads_zeta, data.views, torch.zeros_like(data.target), data.target)
+    generators = [torch.Generator().manual_seed(seed) for seed in range(n_networks)]
+    stack = make_stack([spec] * n_networks).draw_weights(generators)
+    windows = (Windows([table], rows) for rows in (data.train, data.valid))
+    train_stack(stack, generators, *windows, TrainingSettings(max_epochs=n_epochs, **TRAINING))
 
 
 class PlainNetwork(nn.Module):
@@ -116,7 +87,7 @@ class PlainNetwork(nn.Module):
             self.cell = cell(spec.n_past_columns + 1, n, num_layers=spec.n_layers, batch_first=True)
             self.body = nn.Sequential(nn.Linear(n, n), *head, nn.Linear(n, 1))
 
-    def forward(self, zeta: Tensor, past: Tensor, future: Tensor, base: Tensor) -> Tensor:
+    def forward(self, zeta: Tensor, past: Tensor, future: Tensor) -> Tensor:
         """Forecast (n_windows, n_leads)."""
         if self.kind in ("mlp", "cnn"):
             return self.body(torch.cat([zeta[:, 1:], past.flatten(1), future.flatten(1)], dim=1))
@@ -131,11 +102,26 @@ class PlainNetwork(nn.Module):
 
 
 def plain(spec: NetworkSpec, data: Data, n_epochs: int) -> None:
-    """The bare loop over torch's own layers."""
+    """Train one network in a bare loop: a shuffled index, a slice, a step; the validation error after each epoch."""
     module = PlainNetwork(spec)
     with torch.no_grad():
-        module(**{k: v[:2] for k, v in data.views.items()})
-    bare(spec, data, n_epochs, module)
+        module(*(view[:2] for view in data.views))  # sizes of lazy layers
+    optimizer = torch.optim.Adam(module.parameters(), lr=TRAINING["learning_rate"])
+
+    def loss_of(rows: Tensor) -> Tensor:
+        return ((module(*(view[rows] for view in data.views)) - data.target[rows]) ** 2).mean()
+
+    with one_thread():
+        for _ in range(n_epochs):
+            module.train()
+            for rows in data.train[torch.randperm(N_TRAIN)].split(TRAINING["batch_size"]):
+                optimizer.zero_grad()
+                loss_of(rows).backward()
+                optimizer.step()
+            module.eval()
+            with torch.no_grad():
+                for rows in data.valid.split(TRAINING["batch_size"]):
+                    loss_of(rows).item()
 
 
 def interleaved(runs: dict[str, Callable[[int], None]], n_epochs: int, n_rounds: int) -> dict[str, np.ndarray]:

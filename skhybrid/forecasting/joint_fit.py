@@ -36,13 +36,13 @@ def fit_many(
 ) -> Any:
     """Fit many forecasters to the same rows, such as the candidates of a search.
 
-    Each becomes to the bit what ``clone(forecaster).fit(X, y)`` is, in whatever company and order.  What they share is
+    Each becomes what ``clone(forecaster).fit(X, y)`` is; networks agree with it to rounding.  What they share is
     computed once: the windows of a case, and the baseline that networks correct.  Networks of equal shape (framework,
     history, layers and widths; activation, dropout, seed, and for RNN and LSTM the case may differ) are trained as one
     stack, which each leaves when its own early stopping says so.
 
     One thread computes.  To keep several cores busy, give each process some of the forecasters, those of equal shape
-    to the same one.
+    to one process.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ def fit_many(
     y : Series or array-like of shape (n_samples,)
         Disturbance over each row [kW, or degC for an output disturbance].
     on_error : {"raise", "return"}, default "raise"
-        What becomes of an exception of one forecaster: the first is raised, before networks are trained where it can
-        be; or it stands in the list in the place of that forecaster, and the others are fitted.
+        ``"raise"`` raises the first exception, where possible before networks are trained; ``"return"`` puts it in the
+        list in the place of its forecaster and fits the others.
     verbose : int, default 0
-        1 shows a progress bar of epochs for each stack; that of the forecasters is not read.
+        1 shows a progress bar of epochs for each stack; the forecasters' own ``verbose`` is not read.
 
     Returns
     -------
@@ -97,15 +97,15 @@ def fit_many(
 
 
 def _train(jobs: dict[int, Any], results: dict[int, Any], on_error: str, verbose: int) -> None:
-    """Train the networks of those that have one; what fails takes the place of its forecaster."""
-    from .training import train_networks, try_networks  # torch loads here
+    """Train the networks of the forecasters that have one; an exception takes the place of its forecaster."""
+    from .networks.jobs import train_networks, try_networks  # torch loads here
 
     train = train_networks if on_error == "raise" else try_networks
-    for i, trained in zip(jobs, train(list(jobs.values()), verbose), strict=True):
-        if isinstance(trained, Exception):
-            results[i] = trained
+    for i, result in zip(jobs, train(list(jobs.values()), verbose), strict=True):
+        if isinstance(result, Exception):
+            results[i] = result
         else:
-            results[i]._take(trained)
+            results[i]._take(result)
 
 
 def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:
