@@ -26,6 +26,7 @@ from ._columns import (
     numeric,
     read_history,
     read_input,
+    refuse_impossible,
     refuse_shape,
     role_of,
     warn_units,
@@ -287,6 +288,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.T
     inputs = {
         role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
     }
+    for role, v in {**inputs, **history}.items():
+        refuse_impossible(v, role, f"column {names[role]}", index)
     if wanted.reset:
         warn_units({**inputs, **history}, names)
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values))
@@ -364,8 +367,10 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
             f"Input y contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
             "choose a span with more measurements."
         )
-    if role is not None and role not in table.history:
-        warn_units({role: target}, {role: "y"})
+    if role is not None:
+        refuse_impossible(target, role, "y", table.index)
+        if role not in table.history:
+            warn_units({role: target}, {role: "y"})
     return target
 
 

@@ -35,10 +35,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     model : str or regressor, default "lstm"
         A network (paper Eqs. MLP, CNN, RNN, LSTM): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
-        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"linear"`` in hours and in hours
-        times the outdoor temperature, which :class:`~skhybrid.HybridPredictor` fits through the network; ``"profile"``
-        the mean by hour of week; ``"last_week"`` the value seven days before, else the last known one of that time of
-        day; ``"persistence"`` the last known value.
+        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
+        week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
+        ``"persistence"`` the last known value.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
@@ -55,7 +54,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Width of a convolution (CNN) [rows].
     pool_size : int, default 0
         Width of max-pooling (CNN) [rows]; 0 pools nothing.
-    residual_of : {"ridge", "linear", "profile", "last_week", "persistence"} or None, default "ridge"
+    residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
         The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
         adds error on the validation block.  None: the network stands alone.
     horizon : timedelta-like or None, default "1D"

@@ -19,6 +19,7 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
+    "Part",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
