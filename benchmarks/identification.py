@@ -170,7 +170,7 @@ def fit_quietly(model: object, X: pd.DataFrame, y: pd.Series) -> object:
 
 def all_starts(model: OutputDisturbanceID) -> OutputDisturbanceID:
     """The same model with no early end of the search."""
-    import skhybrid.identification.conventional as module
+    import skhybrid.identification.least_squares as module
     from skhybrid.identification.fitting.starts import search
 
     def search_all(*args: object, **settings: object) -> object:

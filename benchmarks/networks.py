@@ -1,4 +1,4 @@
-"""The paper's networks: time of an epoch beside bare torch loops, and day-ahead errors on the paper's office.
+"""The paper's networks: time of an epoch, and day-ahead errors on the paper's office.
 
 Writes ``results/networks_speed.md`` (three minutes on one core) and ``results/networks.md`` (ten to fifteen):
 ``python benchmarks/networks.py``, or with ``speed`` or ``error`` one of the two.
@@ -14,7 +14,7 @@ from copy import copy
 
 import numpy as np
 import pandas as pd
-from _network_loops import SIZES, bare, interleaved, ours, plain, random_data, spec_of
+from _network_speed import SIZES, interleaved, plain, random_data, spec_of, stacked
 from _report import write_table
 
 from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
@@ -25,36 +25,35 @@ from skhybrid.model_selection import backtest, score_backtest
 COMMAND = "python benchmarks/networks.py"
 CLIMATES = {"oakland": "2023-07-08", "chicago": "2023-07-08"}
 TRAIN_DAYS, TEST_DAYS, SEEDS = 28, 42, 3
+#: networks of a stack
+STACK = 12
 NETWORKS = {"mlp": {}, "cnn": {"pool_size": 4}, "rnn": {}, "lstm": {}}
 
 
 # ---------------------------------------------------------------------------------------------------------------- speed
 def speed(n_rounds: int = 5) -> pd.DataFrame:
-    """One row a network: ms of processor time an epoch, and ratios of rounds (median, lowest to highest)."""
+    """One row per network: ms of processor time per epoch, and ratios of rounds (median, lowest to highest)."""
     rows = {}
     data = random_data()
     for name, size in SIZES.items():
         spec = spec_of(size)
-        n_epochs = {"mlp": 40, "cnn": 6, "rnn": 4, "lstm": 3}[spec.kind]
+        n_epochs = {"mlp": 40, "cnn": 4, "rnn": 4, "lstm": 3}[spec.kind]
         times = interleaved(
             {
-                "ours": lambda n, s=spec: ours(s, data, 1, n),
-                "bare": lambda n, s=spec: bare(s, data, n),
+                "alone": lambda n, s=spec: stacked(s, data, 1, n),
+                "stack": lambda n, s=spec: stacked(s, data, STACK, n),
                 "plain": lambda n, s=spec: plain(s, data, n),
-                "ten": lambda n, s=spec: ours(s, data, 10, n),
             },
             n_epochs,
             n_rounds,
         )
-        ten = times["ten"] / 10
+        each = times["stack"] / STACK
         rows[name] = {
-            "ours [ms]": float(np.median(times["ours"])),
-            "bare loop [ms]": float(np.median(times["bare"])),
-            "ours / bare": _spread(times["ours"], times["bare"]),
-            "bare, torch's layers [ms]": float(np.median(times["plain"])),
-            "ours / torch's layers": _spread(times["ours"], times["plain"]),
-            "ten at once, each [ms]": float(np.median(ten)),
-            "alone / of ten": _spread(times["ours"], ten),
+            "stack, each [ms]": float(np.median(each)),
+            "alone [ms]": float(np.median(times["alone"])),
+            "bare loop [ms]": float(np.median(times["plain"])),
+            "bare loop / stack": _spread(times["plain"], each),
+            "bare loop / alone": _spread(times["plain"], times["alone"]),
         }
         print(name, rows[name], flush=True)
     return pd.DataFrame(rows).T.rename_axis("network")
@@ -66,7 +65,7 @@ def _spread(above: np.ndarray, below: np.ndarray) -> str:
 
 
 # --------------------------------------------------------------------------------------------------------------- errors
-def _members(model: HybridPredictor) -> list[HybridPredictor]:
+def _single_networks(model: HybridPredictor) -> list[HybridPredictor]:
     """A predictor for each network of one whose forecaster averages several."""
     found = []
     for i in range(len(model.forecaster_.repeats_)):
@@ -109,7 +108,7 @@ def _errors(climate: str, memory: str) -> list[dict]:
             row = {"climate": climate, "disturbance": kind, "forecaster": name, "RMSE [K]": rmse(model)}
             repeats = model.forecaster_.repeats_
             if len(repeats):
-                each = np.array([rmse(one) for one in _members(model)])
+                each = np.array([rmse(one) for one in _single_networks(model)])
                 row |= {"RMSE [K]": float(each.mean()), "lowest": float(each.min()), "highest": float(each.max())}
                 row |= {"best on validation": float(each[repeats["valid_loss"].to_numpy().argmin()])}
                 row |= {"mean of networks": rmse(model), "epochs": " ".join(map(str, repeats["n_epochs"]))}
@@ -136,10 +135,10 @@ def main(parts: list[str]) -> None:
             f"{COMMAND} speed",
             {"Epochs": speed()},
             "Case01 by hours, four weeks: 456 windows in batches of 128, then 145 windows of validation; Adam.  ms of "
-            "processor time of one thread, median of five rounds in which the loops take turns; ratios of medians "
-            "(lowest to highest of the rounds).  *Bare loop*: the same module, a shuffled index, slices of tensors, "
-            "Adam, the validation error; no clipping, no record.  *torch's layers*: that loop over nn.Linear, "
-            "nn.Conv1d, nn.RNN, nn.LSTM.  *Ten at once*: ten repeats together, time of each.",
+            "processor time of one thread per epoch and network, median of five rounds in which all take turns; ratios "
+            f"of medians (lowest to highest of the rounds).  *Stack*: {STACK} networks trained together.  *Bare loop*: "
+            "one network of nn.Linear, nn.Conv1d, nn.RNN or nn.LSTM, a shuffled index, slices of tensors, Adam, the "
+            "validation error; no clipping, no record.",
         )
     if "error" in parts:
         write_table(

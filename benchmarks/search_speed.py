@@ -1,4 +1,4 @@
-"""Candidates a minute: our search beside scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
+"""Candidates per minute: our search and scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
 
 Writes ``results/search_speed.md`` (a quarter of an hour on two cores):
 ``python benchmarks/search_speed.py``.
@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import torch
-from _network_loops import PlainNetwork
+from _network_speed import PlainNetwork
 from _report import write_table
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.model_selection import GridSearchCV
@@ -28,9 +28,10 @@ from skorch.callbacks import EarlyStopping
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import DisturbanceForecaster, list_sizes
 from skhybrid.forecasting.cases import resolve_case
-from skhybrid.forecasting.nets import NetworkSpec
-from skhybrid.forecasting.trained import columns_of
-from skhybrid.forecasting.training import chronological_split
+from skhybrid.forecasting.networks.spec import NetworkSpec
+from skhybrid.forecasting.networks.windows import columns_of
+from skhybrid.forecasting.tables import read_weather
+from skhybrid.forecasting.training_job import chronological_split
 from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
 from skhybrid.model_selection.search.design_matrix import DesignMatrix
 
@@ -53,14 +54,14 @@ def hourly_office() -> tuple[pd.DataFrame, pd.Series]:
 
 # --------------------------------------------------------------------------------------------------------------- plain
 class CaseWindows(TransformerMixin, BaseEstimator):
-    """The windows of a case as one flat row each: what a Pipeline computes again for every candidate."""
+    """The windows of a case, each as one flat row; a Pipeline computes them again for every candidate."""
 
     def __init__(self, model: str = "mlp", case: str = "case01") -> None:
         self.model = model
         self.case = case
 
     def fit(self, X: Any, y: Any = None) -> CaseWindows:
-        """The table is given whole; which rows train, the split says."""
+        """Keep the number of rows; the net's own split says which of them train."""
         self.n_rows_ = len(X)
         return self
 
@@ -69,7 +70,7 @@ class CaseWindows(TransformerMixin, BaseEstimator):
         reader = DisturbanceForecaster(self.model, self.case)
         reader.case_ = resolve_case(self.case, self.model)
         past, future = (
-            _z_scores(c) for c in columns_of(reader._read(X, reset=True), reader.case_, self.model, "cyclic")
+            _z_scores(c) for c in columns_of(read_weather(reader, X, reset=True), reader.case_, self.model, "cyclic")
         )
         n_past = 24 * reader.case_.pattern_days
         zeta = _z_scores(X["zeta"].to_numpy())
@@ -91,7 +92,7 @@ def _windows(values: np.ndarray, before: int, after: int, width: int) -> np.ndar
 
 
 class FlatNetwork(PlainNetwork):
-    """The network from torch's own layers, which cuts its inputs out of a flat row."""
+    """The network of torch.nn layers, which cuts its inputs out of a flat row."""
 
     def __init__(self, model: str, case: str, n_columns: int, n_layers: int, hidden_size: int, activation: str) -> None:
         n_past = 24 * resolve_case(case, model).pattern_days
@@ -107,7 +108,7 @@ class FlatNetwork(PlainNetwork):
         sizes = [self.n_past + 1, self.n_columns * self.n_past, self.n_columns * N_LEADS]
         zeta, past, future = rows.split(sizes, dim=1)
         shape = (len(rows), self.n_columns, -1)
-        return super().forward(zeta, past.reshape(shape), future.reshape(shape), zeta)
+        return super().forward(zeta, past.reshape(shape), future.reshape(shape))
 
 
 def _halves(dataset: Any, y: Any = None) -> tuple[Any, Any]:
@@ -137,7 +138,7 @@ def plain_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
     for case in cases:
         reader = DisturbanceForecaster(model, case)
         reader.case_ = resolve_case(case, model)
-        n_columns = columns_of(reader._read(X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
+        n_columns = columns_of(read_weather(reader, X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
         fixed = {"windows__case": [case], "net__module__case": [case], "net__module__n_columns": [n_columns]}
         grid.append(fixed | {f"net__module__{name}": values for name, values in list_sizes(model).items()})
     targets = _windows(_z_scores(y.to_numpy())[:, None], 0, N_LEADS, N_LEADS)[1:, 0].astype(np.float32)
@@ -187,11 +188,11 @@ def _timed(search: Callable[..., None], model: str, X: pd.DataFrame, y: pd.Serie
 
 
 def serve(name: str, model: str) -> None:
-    """A search that keeps its worker processes: a round for every line that comes, its two times back."""
+    """Run a search, in the same worker processes, for every line read; print its two times."""
     search, (X, y) = SEARCHES[name], hourly_office()
     cases, n_epochs = BLOCKS[model]
     BLOCKS[model] = (cases[:1], 1)
-    search(model, X, y)  # imports, compiled kernels, warm processes
+    search(model, X, y)  # imports and warm processes
     BLOCKS[model] = (cases, n_epochs)
     print("ready", flush=True)
     for _ in sys.stdin:
@@ -199,7 +200,7 @@ def serve(name: str, model: str) -> None:
 
 
 def measure(model: str, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
-    """A row of the table: both searches take turns, each with worker processes of its own, after a round of warming."""
+    """A row of the table: both searches take turns, each with its own worker processes, after a first round."""
     servers = {}
     for name in SEARCHES:
         command = [sys.executable, __file__, "--serve", name, model]
@@ -237,7 +238,7 @@ def main() -> None:
     chosen = "; ".join(f"{model} {' and '.join(cases)}" for model, (cases, _) in BLOCKS.items())
     write_table(
         "search_speed",
-        "Candidates of the design matrix a minute",
+        "Candidates of the design matrix per minute",
         COMMAND,
         {"Blocks": pd.DataFrame(rows).T.rename_axis("framework")},
         f"make_office, {N_DAYS} days by the hour.  Every size of paper 3.2 (36) for {chosen}.  Both search in two "

@@ -36,7 +36,7 @@ estimator = HybridPredictor(
     random_state=0,
 )
 cv = RollingOriginSplit(train="28D", test="7D", n_splits=2)
-search = DesignMatrixSearchCV(estimator, matrix, cv=cv, rivals={"arx": ARXRegressor()})
+search = DesignMatrixSearchCV(estimator, matrix, cv=cv, baselines={"arx": ARXRegressor()})
 search.fit(office.X, office.y)
 results = search.results_
 print(results.sort_values("rmse")[["name", "n_layers", "hidden_size", "rmse"]].head(8).to_string())

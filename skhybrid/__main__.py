@@ -1,4 +1,4 @@
-"""``python -m skhybrid``."""
+"""The command line as ``python -m skhybrid``."""
 
 import sys
 

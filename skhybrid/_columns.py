@@ -1,4 +1,4 @@
-"""Columns of a table: the role of each, and the checks of its values."""
+"""Columns of a table: their roles, and the checks of their values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from .exceptions import RoleWarning, UnitWarning, warn_user
 
-#: role (a pattern), unit and meaning of every column that an estimator may read.
+#: role (or its pattern), unit and meaning of every column that an estimator can read
 ROLES: tuple[tuple[str, str, str], ...] = (
     ("T_oa", "degC", "outdoor air temperature"),
     ("q_sol", "kW/m2", "solar irradiance on the window, or global horizontal"),
@@ -23,12 +23,14 @@ ROLES: tuple[tuple[str, str, str], ...] = (
     ("zeta", "kW or degC", "the estimated disturbance, as history"),
 )
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
-#: roles that hold the past only: read up to a forecast origin, NaN allowed.
+#: no temperature of a building is further from 0 [degC]
+_MOST_DEGREES = 1e3
+#: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
 
 
 def role_of(name: object) -> str | None:
-    """The role that a column bears by its name, or None."""
+    """The role of a column by its name, or None."""
     return name if isinstance(name, str) and _ROLE.match(name) else None
 
 
@@ -41,6 +43,7 @@ def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
+    """The column of each role in a frame."""
     columns = _known_roles(columns)
     for role, column in columns.items():
         if column is not None and column not in X.columns:
@@ -50,22 +53,30 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
     found: dict[str, Any] = by_name | {role: c for role, c in columns.items() if c is not None}
     if not found and not columns and not isinstance(X.index, pd.DatetimeIndex):
         warn_user(
-            f"no column of X bears a role's name, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
+            f"no column of X has the name of a role, so they are taken by position ({X.columns[0]!r} as T_oa, ...); "
             "name them or pass columns={role: column}.",
             RoleWarning,
         )
         return {role: X.columns[j] for role, j in columns_by_position(X.shape[1], None).items()}
-    absent = [r for r in required if r not in found and columns.get(r, r) is not None]
-    absent = [r for r in absent if not (r == "q_sol" and any(f.startswith("q_sol_") for f in found))]
+    absent = missing_roles(required, columns, found)
     if absent:
         raise ValueError(
             f"role {absent[0]!r} is missing: X has {listed(X.columns)}; name a column {absent[0]!r}, pass "
-            f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without."
+            f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without it."
         )
     return found
 
 
+def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: Iterable[str]) -> list[str]:
+    """Required roles that are neither present nor left out on purpose; a facade's irradiance stands for ``q_sol``."""
+    given = {*present, *(role for role, column in columns.items() if column is None)}
+    if any(role.startswith("q_sol_") for role in present):
+        given.add("q_sol")
+    return [role for role in required if role not in given]
+
+
 def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
+    """The position of each role in an array."""
     roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
     for role, j in _known_roles(columns).items():
         if j is None:
@@ -80,6 +91,7 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
 
 
 def numeric(column: pd.Series, name: object) -> np.ndarray:
+    """A column as float64, NaN where missing."""
     try:
         if pd.api.types.is_complex_dtype(column):
             raise ValueError("Complex data not supported")
@@ -89,9 +101,10 @@ def numeric(column: pd.Series, name: object) -> np.ndarray:
 
 
 def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
+    """Refuse a frame with duplicate columns, without columns or with too few rows."""
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]
-        raise ValueError(f"column {twice!r} stands twice in X; keep one of them.")
+        raise ValueError(f"column {twice!r} appears twice in X; keep one of them.")
     if X.shape[1] == 0:
         raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
     if len(X) < min_rows:
@@ -99,6 +112,7 @@ def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
 
 
 def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
+    """Check that an input is finite."""
     bad = ~np.isfinite(v)
     if bad.any():
         kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
@@ -109,7 +123,19 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     return np.ascontiguousarray(v, dtype=np.float64)
 
 
+def refuse_impossible(v: np.ndarray, role: str, name: str, index: pd.Index) -> None:
+    """Refuse temperatures that no sensor can have measured."""
+    bad = np.abs(v) > _MOST_DEGREES
+    if role.startswith("T_") and bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"{name} holds {v[row]:.3g} degC in {int(bad.sum())} rows (first at {index[row]}), which is no "
+            "temperature: likely a fill value of the file; set it to NaN."
+        )
+
+
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
+    """Check that history, which may be missing, is not infinite; return a copy."""
     bad = np.isinf(v)
     if bad.any():
         raise ValueError(
@@ -119,31 +145,35 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     return np.array(v, dtype=np.float64)
 
 
+def _likely_unit(role: str, known: np.ndarray) -> str | None:
+    """The unit that values of a role seem to have, if it is not the unit of the role."""
+    if role.startswith("T_") and known.max() > 200:
+        return "K rather than degC"
+    if role.startswith("T_") and (known.max() > 55 or np.median(known) > 42):
+        return "degF rather than degC"
+    if role.startswith("q_sol") and known.max() > 2.0:
+        return "W/m2 rather than kW/m2"
+    if role.startswith("u_") and known.max() > 4.0:
+        return "percent rather than a fraction or stage"
+    if role.startswith("Q_") and np.abs(known).max() > 5000.0:
+        return "W rather than kW"
+    return None
+
+
 def warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
+    """Warn of columns whose range suggests another unit."""
     for role, v in values.items():
         known = v[np.isfinite(v)]
-        if not len(known):
-            continue
-        low, high = float(known.min()), float(known.max())
-        likely = None
-        if role.startswith("T_") and (high > 200):
-            likely = "K rather than degC"
-        elif role.startswith("T_") and (high > 55 or float(np.median(known)) > 42):
-            likely = "degF rather than degC"
-        elif role.startswith("q_sol") and high > 2.0:
-            likely = "W/m2 rather than kW/m2"
-        elif role.startswith("u_") and high > 4.0:
-            likely = "percent rather than a fraction or stage"
-        elif role.startswith("Q_") and max(abs(low), abs(high)) > 5000.0:
-            likely = "W rather than kW"
+        likely = _likely_unit(role, known) if len(known) else None
         if likely:
             warn_user(
-                f"column {names[role]} (role {role}) ranges from {low:.4g} to {high:.4g}: likely {likely}; "
-                "convert it with skhybrid.preprocessing.UnitConverter.",
+                f"column {names[role]} (role {role}) ranges from {known.min():.4g} to {known.max():.4g}: "
+                f"likely {likely}; convert it with skhybrid.preprocessing.UnitConverter.",
                 UnitWarning,
             )
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:
+    """Names as text; only the first ``most`` of them."""
     shown = [repr(str(n)) for n in names]
     return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

@@ -1,13 +1,13 @@
-"""The data contract: a validated table of consecutive time steps, and the functions that read one.
+"""The data contract: validated tables of consecutive time steps, and the functions that read them.
 
-A row is a time step, a column has a role (see :data:`ROLES`).  This is the only module that validates tables; every
-estimator reads its input through :func:`read_table` and :func:`read_target`.  A table is read once per public call and
-travels on as a :class:`ZoneTable`.
+A row is a time step, a column has a role (see :data:`ROLES`).  This is the only module that validates tables: every
+estimator reads its input through :func:`read_table` and :func:`read_target`.  A table is parsed once per public call
+and passed on as a :class:`ZoneTable`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -22,9 +22,11 @@ from ._columns import (
     columns_by_position,
     columns_by_role,
     listed,
+    missing_roles,
     numeric,
     read_history,
     read_input,
+    refuse_impossible,
     refuse_shape,
     role_of,
     warn_units,
@@ -36,9 +38,12 @@ __all__ = [
     "ROLES",
     "ZoneTable",
     "append_tables",
+    "concatenate_tables",
+    "last_rows",
     "read_table",
     "read_target",
     "read_targets",
+    "refuse_gap",
     "role_of",
 ]
 
@@ -53,7 +58,7 @@ class ZoneTable:
     time: pd.DatetimeIndex  # local wall-clock time, without zone; assumed where the table has no stamps
     utc: pd.DatetimeIndex | None  # stamps in UTC; None where the table has no stamps
     step: pd.Timedelta  # the sampling time
-    n_history: int = 0  # rows at the front that are the end of a training table
+    n_history: int = 0  # first rows, which are the end of a training table
     breaks: tuple[int, ...] = (0,)  # first rows of the segments of consecutive rows
     order: tuple[str, ...] = ()  # roles in the order of the caller's columns
 
@@ -76,11 +81,11 @@ class ZoneTable:
         return self.history.get("T_za")
 
     def replace(self, **changes: Any) -> ZoneTable:
-        """The same table with other inputs, history or stamps."""
+        """A copy with some fields replaced."""
         return replace(self, **changes)
 
     def rows(self, chosen: slice) -> ZoneTable:
-        """The table's rows ``chosen``, as views."""
+        """The chosen rows, as views."""
         return ZoneTable(
             {role: v[chosen] for role, v in self.inputs.items()},
             {role: v[chosen] for role, v in self.history.items()},
@@ -93,7 +98,7 @@ class ZoneTable:
 
     @property
     def segments(self) -> tuple[ZoneTable, ...]:
-        """The segments of consecutive rows, each a table of its own."""
+        """The segments of consecutive rows, one table per segment."""
         if len(self.breaks) == 1:
             return (self,)
         ends = (*self.breaks[1:], self.n_rows)
@@ -106,24 +111,70 @@ class ZoneTable:
         return self.utc[0] == earlier.utc[-1] + self.step
 
 
-def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
-    """Append ``second`` to ``first``; inputs that either lacks are dropped, missing history is NaN."""
-    shared = [role for role in second.inputs if role in first.inputs]
-    kept = {role for table in (first, second) for role in table.history}
+def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
+    """Join tables that follow each other.
 
-    def past(table: ZoneTable, role: str) -> np.ndarray:
-        return table.history.get(role, np.full(table.n_rows, np.nan))
+    Inputs that one of them lacks are dropped, and history that one of them lacks is NaN in its rows.
+
+    Parameters
+    ----------
+    tables : sequence of ZoneTable
+        At least one.
+
+    Returns
+    -------
+    ZoneTable
+    """
+    first, last = tables[0], tables[-1]
+    shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
+    kept = {role for table in tables for role in table.history}
+
+    def history(role: str) -> np.ndarray:
+        return np.concatenate([table.history.get(role, np.full(table.n_rows, np.nan)) for table in tables])
+
+    def stamps(name: str) -> pd.DatetimeIndex:
+        return pd.DatetimeIndex(getattr(first, name).append([getattr(table, name) for table in tables[1:]]))
 
     return ZoneTable(
-        {role: np.concatenate([first.inputs[role], second.inputs[role]]) for role in shared},
-        {role: np.concatenate([past(first, role), past(second, role)]) for role in sorted(kept)},
-        first.index.append(second.index),
-        pd.DatetimeIndex(first.time.append(second.time)),
-        None if first.utc is None or second.utc is None else pd.DatetimeIndex(first.utc.append(second.utc)),
-        second.step,
-        n_history=first.n_rows,
-        order=second.order,
+        {role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
+        {role: history(role) for role in sorted(kept)},
+        first.index.append([table.index for table in tables[1:]]),
+        stamps("time"),
+        None if any(table.utc is None for table in tables) else stamps("utc"),
+        last.step,
+        order=last.order,
     )
+
+
+def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
+    """Join two tables (:func:`concatenate_tables`); the rows of ``first`` count as history."""
+    return concatenate_tables([first, second]).replace(n_history=first.n_rows)
+
+
+def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
+    """The last ``n_rows`` rows of tables that follow each other; all rows where there are fewer."""
+    chosen: list[ZoneTable] = []
+    for table in reversed(tables):
+        if chosen and n_rows <= 0:
+            break
+        chosen.insert(0, table.rows(slice(max(0, table.n_rows - n_rows), None)))
+        n_rows -= table.n_rows
+    return concatenate_tables(chosen)
+
+
+def refuse_gap(table: ZoneTable) -> None:
+    """Refuse a table of several segments.
+
+    Raises
+    ------
+    ValueError
+        Naming the stamps around the first gap.
+    """
+    if len(table.breaks) > 1:
+        row = table.breaks[1]
+        raise ValueError(
+            f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one segment at a time."
+        )
 
 
 # --------------------------------------------------------------------------------------------------- reading tables
@@ -142,38 +193,44 @@ def read_table(
     gaps: bool = False,
     history_roles: Iterable[str] = HISTORY_ROLES,
 ) -> ZoneTable:
-    """Validate ``X`` by the data contract and return it by roles.
+    """Read ``X`` by the data contract.
 
     Parameters
     ----------
     estimator : estimator
-        Gets ``n_features_in_`` and ``feature_names_in_`` where ``reset``, and is checked against them otherwise.
+        With ``reset`` it gets ``n_features_in_`` and ``feature_names_in_``; otherwise X is checked against them.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
-        A frame's columns are found by role, an array's by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3`` ...).  A
-        ZoneTable was read before: its roles are selected and nothing is parsed again.
+        Columns of a frame are found by role, those of an array by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3``
+        ...).  A ZoneTable is already parsed: its roles are only selected.
     columns : mapping of role to column, optional
-        Overrides the names; None as a column says that the role is absent on purpose.
+        Overrides the names; with None as its column a role is left out on purpose.
     required : iterable of str
-        Roles without which a *named* table is refused.
+        Roles that a table with names must have.
     needed : callable of a role, optional
-        Inputs for whose role it is not true are left unread (and so may hold anything).
+        Inputs whose role it rejects are not read, and so may hold anything.
     sampling_time : timedelta-like, optional
-        The step of a table without time stamps.
+        Step of a table without time stamps.
+    default_step : timedelta-like
+        Step of such a table where ``sampling_time`` is None.
     reset : bool
         True in ``fit``.
     min_rows : int
-        Fewer rows are refused.
+        Fewest rows that are accepted.
     expected_step : Timedelta, optional
-        The step seen in ``fit``; another one is refused.
+        Step of the training table; another one is refused.
     gaps : bool
-        Whether the rows may come in segments with three hours or more between them.
+        Whether gaps of three hours or more are accepted.
     history_roles : iterable of str
-        Roles that hold the past only.
+        Roles that are known in the past only, where values may be missing.
+
+    Returns
+    -------
+    ZoneTable
 
     Raises
     ------
     ValueError
-        In one sentence that names the column, the stamp or the step and says what to do.
+        Naming the column, the stamp or the step, and what to do.
     """
     wanted = _Request(columns, required, needed, gaps, frozenset(history_roles), reset, min_rows)
     if isinstance(X, ZoneTable):
@@ -189,7 +246,7 @@ def read_table(
 
 
 class _Request(NamedTuple):
-    """The arguments of :func:`read_table` that say which roles are read."""
+    """The arguments of :func:`read_table` that select what is read."""
 
     columns: Mapping[str, Any] | None
     required: Iterable[str]
@@ -204,7 +261,7 @@ class _Request(NamedTuple):
 
 
 def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.Timedelta | None]) -> ZoneTable:
-    """Parse a caller's frame or array; this happens once per public call."""
+    """Parse the frame or array of a caller; once per public call."""
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
         validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
@@ -231,44 +288,57 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.T
     inputs = {
         role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
     }
+    for role, v in {**inputs, **history}.items():
+        refuse_impossible(v, role, f"column {names[role]}", index)
     if wanted.reset:
         warn_units({**inputs, **history}, names)
-    return ZoneTable(inputs, history, index, time, utc, step, order=tuple(values), breaks=breaks)
+    return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values))
 
 
 def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
-    """Select the roles that an estimator reads from a table that was parsed before."""
-    without = {role for role, column in (wanted.columns or {}).items() if column is None}
-    sunny = any(role.startswith("q_sol_") for role in table.inputs)
-    given = {*table.inputs, *without, *(["q_sol"] if sunny else [])}
-    absent = [role for role in wanted.required if role not in given]
+    """Select what an estimator reads from a table that is already parsed."""
+    columns = wanted.columns or {}
+    absent = missing_roles(wanted.required, columns, table.roles)
     if absent:
         raise ValueError(f"role {absent[0]!r} is missing: the table has {listed(table.roles)}.")
     if table.n_rows < wanted.min_rows:
-        raise ValueError(f"Found a table of {table.n_rows} row(s) while {wanted.min_rows} are required.")
-    if len(table.breaks) > 1 and not wanted.gaps:
-        raise ValueError(f"X has a gap before {table.index[table.breaks[1]]}; give one segment at a time.")
+        raise ValueError(f"the table has {table.n_rows} row(s), but at least {wanted.min_rows} are required.")
+    if not wanted.gaps:
+        refuse_gap(table)
     if wanted.reset:
         estimator.feature_names_in_ = np.array(table.roles, dtype=object)
         estimator.n_features_in_ = len(table.roles)
     values = {**table.inputs, **table.history}
-    past = wanted.history_roles | without
-    return table.replace(
-        inputs={role: v for role, v in values.items() if role not in past and wanted.reads(role)},
-        history={role: v for role, v in values.items() if role in wanted.history_roles},
-    )
+    values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
+    history = {role: v for role, v in values.items() if role in wanted.history_roles}
+    inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
+    for role in set(inputs) & set(table.history):  # may hold NaN, which an input may not
+        read_input(inputs[role], repr(role), table.index)
+    return table.replace(inputs=inputs, history=history)
 
 
 def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
-    """Validate the target: shape (n_samples,) float64, NaN where missing, never infinite.
+    """Read a target.
 
-    With ``role`` its range is held against that role's unit, unless the table holds the same as history.
+    Parameters
+    ----------
+    y : array-like of shape (n_samples,)
+    table : ZoneTable
+        The table that it belongs to.
+    max_missing : float
+        Largest share of missing values.
+    role : str, optional
+        Warn where the values do not look like the unit of this role, unless the table has it as history.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,), float64
+        NaN where missing, never infinite.
 
     Raises
     ------
     ValueError
-        If it is None, infinite somewhere, of another length or index than the table, or missing for more than
-        ``max_missing`` of the rows.
+        If it is None, infinite, of another length or with other stamps than the table, or too much of it is missing.
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
@@ -281,14 +351,9 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
         raise ValueError(
             f"Found input variables with inconsistent numbers of samples: X has {table.n_rows} rows, y {len(target)}."
         )
-    if (
-        stamps is not None
-        and isinstance(stamps, pd.DatetimeIndex)
-        and table.utc is not None
-        and not stamps.equals(table.index)
-    ):
+    if isinstance(stamps, pd.DatetimeIndex) and table.utc is not None and not stamps.equals(table.index):
         raise ValueError(
-            f"X and y bear different time stamps (X from {table.index[0]}, y from {stamps[0]}); align them first."
+            f"X and y have different time stamps (X from {table.index[0]}, y from {stamps[0]}); align them first."
         )
     if np.isinf(target).any():
         row = int(np.flatnonzero(np.isinf(target))[0])
@@ -302,18 +367,35 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
             f"Input y contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
             "choose a span with more measurements."
         )
-    if role is not None and role not in table.history:
-        warn_units({role: target}, {role: "y"})
+    if role is not None:
+        refuse_impossible(target, role, "y", table.index)
+        if role not in table.history:
+            warn_units({role: target}, {role: "y"})
     return target
 
 
 def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:
-    """Validate the targets of the given roles: (n_samples,) of one, (n_samples, n_roles) of several.
+    """Read one target per role.
+
+    Parameters
+    ----------
+    y : array-like of shape (n_samples,) or (n_samples, n_roles)
+        A frame's columns are found by role, otherwise they are in the order of ``roles``.
+    table : ZoneTable
+    roles : tuple of str
+        Of the measured temperatures.
+    max_missing : float
+        Largest share of missing values in each.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,) or (n_samples, n_roles), float64
+        One column per role where there are several.
 
     Raises
     ------
     ValueError
-        As :func:`read_target`, and if y has another number of columns, or names others.
+        As :func:`read_target`, and if the number of columns is not that of the roles.
     """
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])

@@ -1,4 +1,4 @@
-"""How many threads linear algebra takes while an estimator works."""
+"""A decorator that limits BLAS to one thread."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def _controller() -> ThreadpoolController:
 
 
 def one_blas_thread(method: _Method) -> _Method:
-    """Run a method with one BLAS thread; what was set before comes back after it.
+    """Run a method with one BLAS thread, and restore the previous number after it.
 
-    Matrices here have a few dozen columns, where a second thread costs more in waiting than it saves in work.  And the
-    last bits of a product depend on how many threads share it, so that a worker process would differ from the main one.
+    Matrices here have a few dozen columns, where a second thread costs more time than it saves.  Also, the last bits
+    of a product depend on the number of threads, so that a worker process would differ from the main one.
     """
 
     @wraps(method)

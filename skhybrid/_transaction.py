@@ -1,4 +1,4 @@
-"""Methods that leave an estimator as it was when they fail."""
+"""A decorator for methods that leave an estimator unchanged when they fail."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 def unchanged_on_failure(method: _Method) -> _Method:
-    """Restore the estimator's attributes if the method raises.
+    """Restore the attributes of the estimator if the method raises.
 
-    The method may replace attributes but must not change the objects that they hold.
+    The method may replace attributes, but must not modify the objects that they hold.
     """
 
     @wraps(method)
@@ -20,7 +20,7 @@ def unchanged_on_failure(method: _Method) -> _Method:
         before = dict(vars(self))
         try:
             return method(self, *args, **kwargs)
-        except BaseException:  # an interrupted fit leaves nothing half-fitted either
+        except BaseException:  # an interrupted fit must not leave half a fit either
             vars(self).clear()
             vars(self).update(before)
             raise

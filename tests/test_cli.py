@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid import PeriodicDisturbanceID
+from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid.cli import main
+from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model
 from skhybrid.preprocessing import FacadeIrradiance
 from skhybrid.schedule import ScheduledNetwork
@@ -28,9 +29,11 @@ from skhybrid.study import (
     propose_settings,
     read_log,
     read_settings,
+    run_study,
     settings_from,
     split_log,
 )
+from skhybrid.study.run import INTERVAL
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
@@ -103,7 +106,13 @@ def test_a_log_is_run_end_to_end(files, capsys):
     assert "ARX" in out
     assert "[1/" in err
     metrics = json.loads((files / "out" / "metrics.json").read_text())
-    assert set(metrics["models"]) >= {"hybrid", "conventional OD", "ARX", "yesterday", "hybrid, persistence"}
+    assert set(metrics["models"]) >= {
+        "hybrid",
+        "conventional OD",
+        "ARX",
+        "yesterday",
+        "hybrid, two-stage (persistence)",
+    }
     assert metrics["models"]["hybrid"]["rmse"] < metrics["models"]["yesterday"]["rmse"]
     assert metrics["verdict"] in out
     assert next(iter(metrics["models"])) == metrics["best"]
@@ -153,13 +162,18 @@ def test_two_temperatures_are_enough(files, capsys):
     assert "needed that day" not in (files / "out" / "report.html").read_text()
 
 
-def test_the_default_scheme_stands_beside_the_published_one(files, capsys):
+def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""))
     assert _run(files, "-q") == 0
     out = files / "out"
     metrics = json.loads((out / "metrics.json").read_text())
-    assert set(metrics["models"]) >= {"hybrid", "hybrid, published (ridge)", "hybrid, profile", "ARX re-fitted"}
-    assert metrics["settings"]["forecaster"] == {"model": "linear"}
+    assert set(metrics["models"]) >= {
+        "hybrid",
+        "hybrid, two-stage (ridge)",
+        "hybrid, two-stage (profile)",
+        "ARX re-fitted",
+    }
+    assert metrics["settings"]["forecaster"] == {"model": "schedule"}
     forecast = pd.read_csv(out / "forecast.csv")
     assert (forecast["q_0.1"] < forecast["q_0.9"]).all()
     model = load_model(out / "model.skops")
@@ -169,11 +183,11 @@ def test_the_default_scheme_stands_beside_the_published_one(files, capsys):
     parameters = pd.read_csv(out / "parameters.csv", index_col="parameter")
     assert parameters.loc["C_za", "value"] == pytest.approx(4.0, rel=0.3)
     backtest = pd.read_csv(out / "backtest.csv")
-    assert {"hybrid", "hybrid, published (ridge)"} <= set(backtest)
+    assert {"hybrid", "hybrid, two-stage (ridge)"} <= set(backtest)
     page = (out / "report.html").read_text()
-    assert "identification of its own (InputDisturbanceID)" in page
-    assert "What the forecast has learned" in page
-    assert f"held {metrics['interval_80_coverage']:.0%} of the" in page
+    assert "separate identification (InputDisturbanceID)" in page
+    assert "Learned schedules" in page
+    assert f"contained {metrics['interval_80_coverage']:.0%} of the" in page
 
 
 def test_loads_of_stages_are_in_kw_of_the_identification(files):
@@ -192,22 +206,22 @@ def test_loads_of_stages_are_in_kw_of_the_identification(files):
 def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     (files / "zone.toml").write_text(CONFIG + "[site]\nlatitude = 52.4\nlongitude = 4.9\n")
     settings = read_settings(files / "zone.toml")
-    settings = replace(settings, forecaster={"model": "linear"}, timezone="UTC")
+    settings = replace(settings, forecaster={"model": "schedule"}, timezone="UTC")
     data = split_log(read_log(files / "log.csv", settings)[0], settings)
     facades = {"q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"}
     for table in (data.train, data.later, data.history, data.future):
         assert facades < set(table)
     expected = FacadeIrradiance(52.4, 4.9).fit_transform(data.train[["q_sol"]])
     pd.testing.assert_frame_equal(data.train[sorted(facades)], expected[sorted(facades)])
-    rivals = {rival.label: rival.estimator for rival in make_models(settings)}
-    fitted = {name: rivals[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "conventional CONV")}
+    models = {one.label: one.estimator for one in make_models(settings)}
+    fitted = {name: models[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "conventional CONV")}
     assert "q_sol_south->za" in fitted["hybrid"].gray_box_.coef_
     assert [name for name in fitted["conventional CONV"].theta_.index if name.startswith("A_win")] == ["A_win"]
 
 
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     (files / "zone.toml").write_text(
-        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"linear"')
+        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"schedule"')
     )
     assert _run(files) == 0
     assert "no intervals are given" in capsys.readouterr().err
@@ -219,7 +233,7 @@ def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
     out, _ = capsys.readouterr()
     assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
-    for row in ("hybrid", "conventional OD", "ARX", "hybrid, published (ridge)", "hybrid, profile"):
+    for row in ("hybrid", "conventional OD", "ARX", "hybrid, two-stage (ridge)", "hybrid, two-stage (profile)"):
         assert row in out
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
@@ -240,6 +254,7 @@ def test_the_module_runs_and_tells_its_version():
         ('step = "1h"', 'stepp = "1h"', "zone.toml: unknown key 'stepp'; did you mean 'step'?"),
         ("n_starts", "n_startz", "unknown key 'n_startz' in [estimator]"),
         ('model = "profile"', 'modl = "profile"', "unknown key 'modl' in [forecaster]"),
+        ('model = "profile"', "patience = 3", "[forecaster] patience has no effect with model = 'schedule'"),
         ("end = 2024-01-10", "ende = 2024-01-10", "unknown key 'ende' in [train]"),
         ('"room_temp"', '"temperature"', "'temperature'"),
         ('T_oa = "outdoor_temp"', "", "does not say which column is T_oa"),
@@ -316,7 +331,7 @@ def test_a_sensor_that_stands_still_is_told(files, capsys):
     log.iloc[-60:, 0] = 21.0
     log.to_csv(files / "log.csv")
     assert _run(files) == 0
-    assert "T_za stands at 21 from 2024-01-12 12:00:00" in capsys.readouterr().err
+    assert "T_za is 21 from 2024-01-12 12:00:00" in capsys.readouterr().err
     log.iloc[:, 0] = 21.0
     log.to_csv(files / "log.csv")
     assert _run(files, "-q") == 1
@@ -403,7 +418,7 @@ def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
         "T_za": "room_temp", "T_oa": "outdoor_temp", "q_sol": "solar_W_m2", "Q_hvac": "hvac_kW",
     }  # fmt: skip
     assert proposed["units"] == {"q_sol": "W/m2"}
-    assert proposed["forecaster"] == {"model": "linear"}
+    assert proposed["forecaster"] == {"model": "schedule"}
     assert proposed["network"] == {}
     assert tomllib.loads(text.replace("# [site]", "[site]").replace("# l", "l"))["site"]["latitude"] == 52.4
     data = split_log(read_log(files / "log.csv", settings_from(proposed))[0], settings_from(proposed))
@@ -461,8 +476,8 @@ def test_a_declared_network_is_understood():
             "capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"]}, "solar": {"za": "rest"},
         }
     )  # fmt: skip
-    for rival in make_models(settings)[:2]:  # the default scheme's, and an identification's
-        network = getattr(rival.estimator, "gray_box", rival.estimator).network
+    for one in make_models(settings)[:2]:  # the schedule model, and an identification
+        network = getattr(one.estimator, "gray_box", one.estimator).network
         assert network.states == ("T_za",)
         assert network.resistors["R_zo"] == ("za", "T_oa")
 
@@ -470,13 +485,56 @@ def test_a_declared_network_is_understood():
 def test_the_hybrid_is_the_predictors_default_unless_more_is_said():
     hybrid = make_models(Settings())[0].estimator
     assert hybrid.gray_box is None
-    assert hybrid.forecaster.model == "linear"
+    assert hybrid.forecaster is None
     known = make_models(Settings(estimator={"known": {"Q_h": 8.0}}))[0].estimator.gray_box
     assert (known.network, known.known) == ("4R3C", {"Q_h": 8.0})
-    published = make_models(Settings(forecaster={"model": "profile"}))
-    assert isinstance(published[0].estimator.gray_box, PeriodicDisturbanceID)
-    assert published[0].estimator.gray_box.network.name == "2R2C"
-    assert "hybrid, profile" not in [rival.label for rival in published]
+    two_stage = make_models(Settings(forecaster={"model": "profile"}))
+    assert isinstance(two_stage[0].estimator.gray_box, PeriodicDisturbanceID)
+    assert two_stage[0].estimator.gray_box.network.name == "2R2C"
+    assert "hybrid, two-stage (profile)" not in [one.label for one in two_stage]
+
+
+@pytest.fixture
+def profile_study(files):
+    settings = read_settings(files / "zone.toml")
+    return settings, split_log(read_log(files / "log.csv", settings)[0], settings)
+
+
+@pytest.mark.xfail(strict=False, reason="the two-stage scheme hands frames to its own parts; forecast takes frames")
+def test_a_study_reads_each_span_once(profile_study, monkeypatch):
+    settings, data = profile_study
+    spans, parse = [], _table._parse
+
+    def counted(estimator, X, *args):
+        spans.append((X.index[0], X.index[-1]))
+        return parse(estimator, X, *args)
+
+    monkeypatch.setattr(_table, "_parse", counted)
+    run_study(settings, data)
+    frames = (data.train, data.later)
+    expected = [
+        *((frame.index[0], frame.index[-1]) for frame in frames),
+        (data.history.index[0], data.future.index[-1]),
+    ]
+    assert sorted(spans) == sorted(expected)
+
+
+def test_a_study_fits_and_back_tests_every_model_once_on_shared_tables(profile_study, monkeypatch):
+    settings, data = profile_study
+    fitted, tested = [], []
+
+    def backtested(model, X, y, **given):
+        tested.append((id(model), type(X), given["quantiles"]))
+        return backtest(model, X, y, **given)
+
+    fit = HybridPredictor.fit
+    monkeypatch.setattr(HybridPredictor, "fit", lambda self, X, y: fitted.append(type(X)) or fit(self, X, y))
+    monkeypatch.setattr("skhybrid.study.run.backtest", backtested)
+    result = run_study(settings, data)
+    assert fitted == [_table.ZoneTable] * 4  # the hybrid and three baselines
+    assert len({model for model, *_ in tested}) == len(tested) == len(result.table)
+    assert [quantiles for *_, quantiles in tested] == [INTERVAL] + [None] * (len(tested) - 1)
+    assert sum(kind is pd.DataFrame for _, kind, _ in tested) == 1  # yesterday, which is not an estimator of tables
 
 
 def test_spans_that_are_not_given_are_two_thirds_and_one():
@@ -499,11 +557,11 @@ def test_yesterday_is_what_was_measured_a_day_before_and_knows_nothing_later():
     np.testing.assert_array_equal(model.predict_from(frame, [47], "2D")[0, 24:], paths[0])
 
 
-def test_the_table_marks_the_best_and_names_a_simple_rival_that_wins():
+def test_the_table_marks_the_best_and_names_another_model_that_wins():
     table = pd.DataFrame(
         {"rmse": [0.3, 0.5], "mae": [0.2, 0.4], "load_rmse": [np.nan, 1.0], "seconds": 1.0}, index=["ARX", "hybrid"]
     )
     lines = format_table(table).splitlines()
     assert lines[2].startswith("* ARX")
     assert lines[2].split()[-2] == "-"
-    assert "A rival forecasts better here: ARX" in lines[-1]
+    assert "Another model forecasts better here: the error of ARX" in lines[-1]

@@ -12,7 +12,7 @@ from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, Periodi
 from skhybrid.datasets import make_office
 from skhybrid.identification import make_state_space
 from skhybrid.model_selection import RollingOriginSplit, compare_models
-from skhybrid.model_selection.compare import _hold_out, log_density
+from skhybrid.model_selection.assessment import hold_out, log_density
 from skhybrid.model_selection.nested import likelihood_ratio, nesting
 from skhybrid.model_selection.splitters import default_blocks
 
@@ -118,12 +118,12 @@ def test_the_result_does_not_depend_on_the_number_of_jobs(office):
 def test_nothing_after_an_origin_is_read(office):
     estimator = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=2, random_state=0)
     train, test = np.arange(5 * 96), np.arange(5 * 96, 8 * 96)
-    score, frame = _hold_out(estimator, office.X, office.y, train, test, "1D", "6h")
+    score, frame = hold_out(estimator, office.X, office.y, train, test, "1D", "6h")
     row = 6 * 96 + 24  # the sixth origin
     X, y = office.X.copy(), office.y.copy()
     X.iloc[row + 1 :, X.columns.get_loc("T_za")] += 5.0
     y.iloc[row + 1 :] += 5.0
-    score_after, frame_after = _hold_out(estimator, X, y, train, test, "1D", "6h")
+    score_after, frame_after = hold_out(estimator, X, y, train, test, "1D", "6h")
     early = frame["origin"] <= office.X.index[row]
     assert early.any()
     assert not early.all()
@@ -219,7 +219,7 @@ def test_test_blocks_are_a_sixth_in_whole_days(office):
 def test_wrong_settings_are_refused(office):
     with pytest.raises(ValueError, match="there is no estimator"):
         compare_models({}, office.X, office.y)
-    with pytest.raises(ValueError, match="two estimators are a GrayBoxRC 2R2C"):
+    with pytest.raises(ValueError, match="two estimators are called GrayBoxRC 2R2C"):
         compare_models([GrayBoxRC(), GrayBoxRC()], office.X, office.y)
     with pytest.raises(ValueError, match="purpose='fun' is neither"):
         compare_models([GrayBoxRC()], office.X, office.y, purpose="fun")

@@ -164,7 +164,7 @@ def test_frame_without_roles_is_taken_by_position(office):
 def test_columns_that_cannot_be_read():
     with pytest.raises(ValueError, match=r"column 'T_oa' is not numeric .*convert it to float"):
         read(stamped(3).assign(T_oa=["a", "b", "c"]))
-    with pytest.raises(ValueError, match="column 'T_oa' stands twice in X"):
+    with pytest.raises(ValueError, match="column 'T_oa' appears twice in X"):
         read(pd.concat([stamped(3), stamped(3)], axis=1))
     with pytest.raises(ValueError, match=r"0 feature\(s\)"):
         read(stamped(3)[[]])

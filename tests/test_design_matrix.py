@@ -115,7 +115,7 @@ def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
         ({"frameworks": [Ridge()]}, "has no name"),
         ({"cases": ["case99"]}, "'case99' belongs to none"),
         ({"frameworks": ["lstm"], "cases": ["case18"]}, "'case18' belongs to none"),
-        ({"cases": {"ridge": ["case01"]}}, "no network"),
+        ({"cases": {"ridge": ["case01"]}}, "not a network"),
         ({"disturbance": "sideways"}, "'sideways'"),
         ({"size": "huge"}, "'huge'"),
         ({"size": {"mlp": {"wide": [1]}}}, "'wide' of 'mlp'"),

@@ -192,7 +192,7 @@ def test_id_filters_with_covariances_in_the_ratio_of_its_errors(fitted, office, 
     np.testing.assert_allclose(scale, scale.iloc[0], rtol=1e-6)
     steady = found["std"].iloc[140]  # many rows after the start, before the first gap
     assert steady == pytest.approx(model.noise_std_, rel=1e-3)
-    assert found["std"].iloc[170] > 1.5 * steady  # behind twenty missing rows
+    assert found["std"].iloc[170] > 1.5 * steady  # after twenty missing rows
 
 
 def test_rows_after_the_training_table_begin_where_it_ended(office):
@@ -207,7 +207,7 @@ def test_rows_after_the_training_table_begin_where_it_ended(office):
         GrayBoxRC(known=office.theta).fit(bare, office.y).innovations(bare)
 
 
-def test_the_variance_behind_a_gap_is_that_of_the_predictor():
+def test_the_variance_after_a_gap_is_that_of_the_predictor():
     """Both the process and the predictor are linear in white noise: their matrices give the variance."""
     rho_1, rho_2, n = 0.95, 0.7, 12
     seen = np.ones(n, dtype=bool)

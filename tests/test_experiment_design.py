@@ -14,17 +14,9 @@ from skhybrid import OutputDisturbanceID
 from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
 from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
-from skhybrid.identification.experiment_design.information import (
-    Calendar,
-    FilterInformation,
-    Zone,
-    cyclic_walk_root,
-    draw_gain,
-    mean_over,
-    relative_errors,
-    run_thermostat,
-)
+from skhybrid.identification.experiment_design.information import FilterInformation, relative_errors, walk_root
 from skhybrid.identification.experiment_design.plan import _Case, _make_plan
+from skhybrid.identification.experiment_design.zone import Calendar, Zone, draw_gain, mean_over, run_thermostat
 from skhybrid.thermal import get_network
 
 THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -5.0}
@@ -59,7 +51,7 @@ def drawn_log(seed=0, n=N):
 
 def root_of(covariance):
     """(24, 23) root by eigenvectors, in the order and with the signs that ``numpy.linalg.eigh`` gives a cyclic walk."""
-    root = cyclic_walk_root()
+    root = walk_root()
     np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
     return root
 

@@ -275,6 +275,43 @@ print([name for name in ("torch", "skorch", "matplotlib") if name in sys.modules
     assert done.stdout.strip() == "[]", done.stderr
 
 
+WITHOUT_TORCH = """
+import sys
+class Blocked:  # None in sys.modules would stop scipy, which looks there for torch
+    def find_spec(self, name, *_):
+        if name.split(".")[0] in ("torch", "skorch"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Blocked())
+import numpy as np
+from sklearn.linear_model import Ridge
+from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster, fit_many, list_cases, list_sizes
+from skhybrid.forecasting.extras import networks_available, require_networks
+from skhybrid.model_selection.search.fingerprint import settings_of
+assert not networks_available()
+X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X[:, 0]
+models = [DisturbanceForecaster(m) for m in ("ridge", "profile", "last_week", "persistence", Ridge())]
+for model in [*fit_many(models, X, y), ARXRegressor().fit(X, y)]:
+    assert np.isfinite(model.predict(X)).all()
+list_cases("lstm"), list_sizes("lstm"), settings_of(models[0], X, y, [], None)
+require_networks("ridge"), require_networks(Ridge())
+for model in ("mlp", "cnn", "rnn", "lstm"):
+    for ask in (lambda: DisturbanceForecaster(model).fit("no table", None), lambda: require_networks(model)):
+        try:
+            ask()
+        except ImportError as error:
+            print(error)
+"""
+
+
+def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once():
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_TORCH], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    wanted = 'model={!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'
+    assert done.stdout.splitlines() == [wanted.format(model) for model in NETWORKS for _ in range(2)]
+
+
 # -------------------------------------------------------------------------------------------------------------- errors
 @pytest.mark.parametrize(
     ("settings", "message"),

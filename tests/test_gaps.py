@@ -68,9 +68,9 @@ def problems(monkeypatch):
 
     seen, plain = [], LeastSquaresIdentifier._minima
 
-    def spy(self, problem):
+    def spy(self, problem, begin):
         seen.append(problem)
-        return plain(self, problem)
+        return plain(self, problem, begin)
 
     monkeypatch.setattr(LeastSquaresIdentifier, "_minima", spy)
     return seen

@@ -8,11 +8,16 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from skhybrid.datasets.office import TRUE_THETA
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
-from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
+from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
+from skhybrid._table import ZoneTable
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from skhybrid.identification import diagnose
+from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 
 ALL = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID]
 KNOWN = {"Q_h": 6.0}
@@ -428,3 +433,86 @@ def test_warnings_point_at_the_caller(office):
     kinds = {w.category.__name__: w.filename for w in caught if issubclass(w.category, UserWarning)}
     assert set(kinds) >= {"ScaleNotIdentifiableWarning", "ExcitationWarning"}
     assert set(kinds.values()) == {__file__}
+
+
+# ----------------------------------------------------------------------------------------------- failures, tables
+BROKEN = {
+    "a missing role": lambda X: X.drop(columns="q_sol"),
+    "a missing value": lambda X: X.assign(T_oa=X["T_oa"].mask(X.index == X.index[40])),
+    "uneven rows": lambda X: X.drop(index=X.index[40]),
+}
+
+
+def answers(model, X):
+    """What a fitted identification says of a table."""
+    return model.predict(X), model.estimate_disturbance(X).to_numpy(), model.theta_interval().to_numpy()
+
+
+@pytest.mark.parametrize("failure", [*BROKEN, "an error after the search"])
+@pytest.mark.parametrize("kind", ALL)
+def test_a_failed_fit_leaves_the_estimator_as_it_was(kind, failure, fitted, office, monkeypatch):
+    model, X, y = clone(fitted[kind]).set_params(known=office.theta), office.X[:192], office.y[:192]
+    unfitted = dict(vars(model))
+    given = BROKEN[failure](X) if failure in BROKEN else X.rename(columns={"u_cool": "u_other"})
+
+    def refused():
+        raise RuntimeError("stopped")
+
+    def fails():
+        with monkeypatch.context() as patch:
+            if failure not in BROKEN:
+                patch.setattr("skhybrid.identification.base.filter_training", lambda *_: refused())
+            with pytest.raises((ValueError, RuntimeError)):
+                model.fit(given, y.reindex(given.index))
+
+    fails()
+    assert vars(model) == unfitted
+    with pytest.raises(NotFittedError):
+        model.predict(X)
+    model.fit(X, y)
+    kept, said = dict(vars(model)), answers(model, office.X[:288])
+    fails()
+    assert list(vars(model)) == list(kept)
+    assert all(vars(model)[name] is value for name, value in kept.items())
+    for found, before in zip(answers(model, office.X[:288]), said, strict=True):
+        np.testing.assert_array_equal(found, before)
+
+
+READS = {
+    "fit": lambda m, X, y: clone(m).set_params(known=TRUE_THETA).fit(X, y).theta_.to_numpy(),
+    "predict": lambda m, X, y: m.predict(X),
+    "predict_from": lambda m, X, y: m.predict_from(X, [3]),
+    "score": lambda m, X, y: m.score(X, y),
+    "simulate": lambda m, X, y: m.simulate(X),
+    "simulate_states": lambda m, X, y: m.simulate_states(X).to_numpy(),
+    "estimate_disturbance": lambda m, X, y: m.estimate_disturbance(X, kind="output").to_numpy(),
+    "transform": lambda m, X, y: _zeta(m.transform(X)),
+    "innovations": lambda m, X, y: m.innovations(X).to_numpy(),
+    "drive": lambda m, X, y: m.drive(X, [0], np.zeros((1, 9))),
+    "predict_load": lambda m, X, y: m.predict_load(X, 21.0).to_numpy(),
+    "required_heat": lambda m, X, y: m.required_heat(X, 21.0, [0], np.zeros((1, len(y)))).to_numpy(),
+    "diagnose": lambda m, X, y: diagnose(m, X).tests.to_numpy(dtype=float),
+    "a problem with a parameter held": lambda m, X, y: (
+        ConstrainedProblem.of(m, X, y).problem({"C_za": 1.0}).experiment.inputs
+    ),
+}
+
+
+def _zeta(transformed):
+    if isinstance(transformed, ZoneTable):
+        return transformed.history["zeta"]
+    return transformed["zeta"].to_numpy()
+
+
+@pytest.mark.parametrize("call", READS)
+@pytest.mark.parametrize("kind", [GrayBoxRC, PeriodicDisturbanceID])
+def test_a_table_is_read_once_and_may_have_been_read_before(kind, call, fitted, office, monkeypatch):
+    reads, parse = [], _table._parse
+    monkeypatch.setattr(_table, "_parse", lambda *a: reads.append(1) or parse(*a))
+    model, X, y = fitted[kind], office.X[:384], office.y[:384]
+    of_frame = READS[call](model, X, y)
+    assert len(reads) == 1
+    table = _table.read_table(GrayBoxRC(), X, reset=True)
+    assert len(reads) == 2
+    np.testing.assert_array_equal(READS[call](model, table, y), of_frame)
+    assert len(reads) == 2

@@ -186,7 +186,7 @@ def test_with_missing_rows_the_sum_of_squares_is_the_likelihood(kind, experiment
 def test_where_no_row_is_missing_between_others_errors_count_as_they_are(kind, experiment):
     name, e = experiment
     whole = pd.Series(e.y).interpolate().to_numpy(copy=True)
-    whole[[0, 1, -1]] = np.nan  # before the first measured row, and behind the last
+    whole[[0, 1, -1]] = np.nan  # before the first measured row, and after the last
     problem, x = problem_of(kind, name, e._replace(y=whole))
     assert not problem.weighted
     assert problem.mean_variance(x) == 1.0
@@ -248,7 +248,7 @@ def test_periodic_gradient_is_exact_over_stretches():
 
 
 def test_stretches_forget_each_other():
-    """What is behind a gap starts anew: with all else known, the objective of two segments is the sum of theirs."""
+    """Rows after a gap start anew: with all else known, the objective of two segments is the sum of theirs."""
     e = drawn_experiment("2R2C", 144, "30min", start="2023-07-06")  # three days, cut at a midnight
     split = e._replace(breaks=(0, 48))
     # hardly any profile, so that nothing but the searched parameters is shared
@@ -301,7 +301,7 @@ def test_periodic_gradient_is_exact_where_a_sign_binds(name):
     inputs[:, j] *= -1.0
     problem, x = periodic_problem(name, e._replace(inputs=inputs), "all inside")
     _, found, linear = problem.evaluate(x)
-    place = [c.name for c in problem.channels].index("Q_c")
+    place = [c.name for c in problem.layout.channels].index("Q_c")
     assert linear.beta[place] == 0.0
     expected = differences(lambda v: problem.evaluate(v)[0], x)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
@@ -399,7 +399,7 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
     problem, x = periodic_problem(name, e, setting)
     loss, _, linear = problem.evaluate(x)
     expected, beta, covariance, profile = dense_objective(name, e, problem.values(x), problem.inner, 1.3)
-    signs = np.array([c.sign for c in problem.channels[: problem.n_plain]])
+    signs = np.array([c.sign for c in problem.layout.channels[: problem.layout.n_plain]])
     assert (beta * signs >= 0).all()  # else the two would solve different problems
     # a normal prior of the logarithms holds what the data do not: in the middle of the bounds, or a stated one
     prior = 0.0
@@ -413,7 +413,7 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
             continue
         prior += ((v - middle) / sd) ** 2 / 2
     assert loss == pytest.approx(expected + prior, rel=1e-9)
-    k = problem.n_plain
+    k = problem.layout.n_plain
     np.testing.assert_allclose(linear.beta[:k], beta, rtol=1e-6)
     rounding = 1e-6 * np.abs(covariance).max(initial=0)
     np.testing.assert_allclose(linear.covariance[:k, :k], covariance, rtol=1e-5, atol=rounding)

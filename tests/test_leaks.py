@@ -1,4 +1,4 @@
-"""No forecast may know what came after its origin: the past behind it is replaced by noise, bit for bit."""
+"""No forecast may know what came after its origin: the temperature after it is replaced by noise, bit for bit."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ MODELS = {f"{i}-{type(model).__name__}": model for i, model in enumerate(tempera
 
 
 def noisy_after(X, row, columns, seed=0):
-    """A copy whose history columns are noise behind a row."""
+    """A copy whose history columns are noise after a row."""
     rng = np.random.default_rng(seed)
     out = X.copy()
     for column in columns:
@@ -59,7 +59,7 @@ def noisy_after(X, row, columns, seed=0):
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @pytest.mark.parametrize("following", [True, False], ids=["after-training", "elsewhere"])
-def test_temperature_behind_an_origin_is_not_read(model, following, office):
+def test_temperature_after_an_origin_is_not_read(model, following, office):
     """Every origin of nine days, so that weekly re-fits happen too."""
     train = slice(0, 14 * DAY)
     test = slice(14 * DAY if following else 14 * DAY + 37, None)
@@ -87,7 +87,7 @@ QUANTILE_MODELS = {name: model for name, model in MODELS.items() if name[0] in "
 
 
 @pytest.mark.parametrize("model", QUANTILE_MODELS.values(), ids=QUANTILE_MODELS)
-def test_quantiles_do_not_read_the_temperature_behind_an_origin(model, office):
+def test_quantiles_do_not_read_the_temperature_after_an_origin(model, office):
     """Nor do the errors of the last days that they follow."""
     fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
     X = office.X[14 * DAY :]
@@ -104,7 +104,7 @@ def test_quantiles_do_not_read_the_temperature_behind_an_origin(model, office):
 
 
 @pytest.mark.parametrize("model", temperature_models()[6:10], ids=["default", "input", "output", "lstm"])
-def test_load_does_not_read_the_temperature_behind_its_origin(model, office):
+def test_load_does_not_read_the_temperature_after_its_origin(model, office):
     fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
     X = office.X[14 * DAY : 16 * DAY]
     noisy = noisy_after(X, 0, ["T_za"])
@@ -123,7 +123,7 @@ def test_the_guard_would_see_a_leak(office):
 
 
 def test_whether_the_sensor_wakes_up_later_is_not_known(office):
-    """A history without a measurement is forecast alike, whether or not measurements come behind the origin."""
+    """A history without a measurement is forecast alike, whether or not measurements come after the origin."""
     gray_box = PeriodicDisturbanceID(known=KNOWN, n_starts=1)
     fitted = HybridPredictor(gray_box, random_state=0).fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
     for begin in (14 * DAY, 14 * DAY + 37):

@@ -46,7 +46,7 @@ def measured_heat(office):
 
 
 def simulate(X, heat):
-    """Room temperature at every row's stamp and behind the last: the TRUE network by a matrix exponential."""
+    """Room temperature at every row's stamp and after the last: the TRUE network by a matrix exponential."""
     p = TRUE
     rate = np.zeros((5, 5))  # T_w, T_za, T_oa, q_sol, heat
     rate[0, :2] = np.array([-1.0, 1.0]) / (p["C_w"] * p["R_zw"])
@@ -220,7 +220,7 @@ def test_the_ramp_at_a_step_of_the_set_point(plain, office):
     assert full[0] == at
     assert (np.diff(full) == 1).all()
     room = simulate(X, load["Q_hvac"])
-    arrived = full[-1] + 2  # stamp behind the row in which it gets there
+    arrived = full[-1] + 2  # stamp after the row in which it gets there
     assert len(full) > 2
     assert (room[at:arrived] < 17.0).all()
     assert (np.diff(room[at:arrived]) > 0).all()

@@ -22,7 +22,7 @@ from skhybrid.model_selection import (
     select_case,
 )
 from skhybrid.model_selection.choice import pattern_expressiveness, robustness_comparison
-from skhybrid.model_selection.choice.case_rules import _narrowed, _overview, _rivals, _with_helpful_ingredients
+from skhybrid.model_selection.choice.case_rules import _baselines, _narrowed, _overview, _with_helpful_ingredients
 from skhybrid.model_selection.choice.regression_terms import build_terms
 from skhybrid.model_selection.choice.results_table import finished, ingredients
 from skhybrid.persistence import load_model, save_model
@@ -177,9 +177,9 @@ def test_ingredients_are_those_of_the_paper():
     assert own.history == 3
 
 
-def test_simple_rivals_and_what_does_not_vary_stay_out(results):
-    rival = results.iloc[[0]].assign(framework="ridge", case=None, name="ridge", rmse=0.1)
-    table = pd.concat([results[results["disturbance"] == "input"], rival], ignore_index=True)
+def test_baselines_and_what_does_not_vary_stay_out(results):
+    baseline = results.iloc[[0]].assign(framework="ridge", case=None, name="ridge", rmse=0.1)
+    table = pd.concat([results[results["disturbance"] == "input"], baseline], ignore_index=True)
     terms = _terms(table)
     assert len(terms.columns) == 32
     assert "ID" not in terms.columns
@@ -187,10 +187,10 @@ def test_simple_rivals_and_what_does_not_vary_stay_out(results):
 
 
 def test_terms_that_always_go_together_are_named(results):
-    with pytest.warns(SkhybridWarning, match="cannot tell future-w from past-w"):
+    with pytest.warns(SkhybridWarning, match="cannot separate future-w from past-w"):
         terms = _terms(results[results["framework"] == "lstm"])
     assert list(terms.columns) == ["time", "pattern", "past-w", "ID"]
-    assert terms.left_out["future-w"] == "it cannot be told from past-w."
+    assert terms.left_out["future-w"] == "it cannot be separated from past-w."
 
 
 def test_interactions_are_products_of_centred_terms(results):
@@ -224,7 +224,7 @@ def test_the_best_sizes_of_each_case(results):
     [
         ({"terms": "all"}, {}, "terms='all' is neither"),
         ({"terms": ["depth"]}, {}, "term 'depth' is neither an ingredient"),
-        ({"interactions": [("time", "depth")]}, {}, "no pair of two of the terms"),
+        ({"interactions": [("time", "depth")]}, {}, "not a pair of two of the terms"),
         ({"level": 1.5}, {}, "level=1.5 is not between"),
         ({"chains": 1}, {}, "chains=1 is less than 2"),
         ({"best_sizes": 0}, {}, "best_sizes=0 is less than 1"),
@@ -300,7 +300,7 @@ def test_probabilities_agree_with_quadrature_to_a_hundredth(errors, comparison):
     assert list(comparison.probability_.index) == list(medians.sort_values().index)
 
 
-def test_the_set_that_cannot_be_told_from_the_best(comparison):
+def test_the_cases_indistinguishable_from_the_best(comparison):
     below = comparison.probability_ < 0.95
     assert comparison.indistinguishable_ == list(below.index[below])
     assert comparison.indistinguishable_[0] == comparison.best_
@@ -365,7 +365,7 @@ def test_bad_input_of_a_comparison_is_named(settings, rows, message):
 
 def test_cases_of_several_frameworks_are_not_lumped(results):
     with pytest.raises(
-        ValueError, match=r"'case01' holds candidates of 2 values of .*pass by=\('name', 'disturbance'\)"
+        ValueError, match=r"'case01' contains candidates with 2 values of .*pass by=\('name', 'disturbance'\)"
     ):
         RobustnessComparison().fit(results)
 
@@ -445,7 +445,7 @@ def test_cases_without_what_helps_drop_out(overview):
         f"{_name(*c)} input"
         for c in [("mlp", "case01"), ("mlp", "case03"), ("mlp", "case10"), ("lstm", "case01"), ("lstm", "case09")]
     )
-    assert reasons[0].startswith("Reduce the error, with the probability behind each: time features (0.990)")
+    assert reasons[0].startswith("These reduce the error (with their probabilities): time features (0.990)")
 
 
 def test_od_is_asked_for_where_it_is_better_and_the_impossible_is_waived(overview):
@@ -455,11 +455,11 @@ def test_od_is_asked_for_where_it_is_better_and_the_impossible_is_waived(overvie
     poor = overview[overview["time"] == 0]
     kept, wanted, reasons = _with_helpful_ingredients(poor, _fake_regression(time=0.96, ID=0.99), 0.95)
     assert wanted == {"ID": 1}
-    assert reasons[1] == "No case has all of these; time features is waived."
+    assert reasons[1] == "No case has all of these, so time features is not required."
     assert len(kept) == len(poor) / 2
     kept, wanted, reasons = _with_helpful_ingredients(overview, _fake_regression(time=0.6), 0.95)
     assert (len(kept), wanted) == (16, {})
-    assert "No ingredient is shown" in reasons[0]
+    assert "No ingredient reduces the error" in reasons[0]
 
 
 def _fake_comparison(overview, keys):
@@ -470,11 +470,19 @@ def _fake_comparison(overview, keys):
 @pytest.mark.parametrize(
     ("left", "chosen", "said"),
     [
-        (["mlp case10 input", "lstm case09 output", "mlp case03 output"], "mlp case03 output", "least history is 4 d"),
-        (["lstm case01 input", "lstm case01 output"], "lstm case01 input", "ID it is"),
+        (
+            ["mlp case10 input", "lstm case09 output", "mlp case03 output"],
+            "mlp case03 output",
+            "history among these is 4 d",
+        ),
+        (["lstm case01 input", "lstm case01 output"], "lstm case01 input", "ID is as good as OD"),
         (["lstm case01 output", "mlp case10 input"], "lstm case01 output", "Only OD is left"),
         (["lstm case01 input", "mlp case01 input"], "lstm case01 input", "lstm has the best effect"),
-        (["mlp case02 input", "mlp case03 input"], "mlp case03 input", "lowest median of the 2 cases"),
+        (
+            ["mlp case02 input", "mlp case03 input"],
+            "mlp case03 input",
+            "2 cases, the one with the lowest median",
+        ),
         (["mlp case10 input"], "mlp case10 input", "0 of the"),
     ],
 )
@@ -488,21 +496,21 @@ def test_history_then_kind_then_framework_then_median_decide(overview, left, cho
     assert any(said in reason for reason in reasons), reasons
 
 
-def test_rivals_are_ranked_by_their_error(results):
+def test_baselines_are_ranked_by_their_error(results):
     rows = results.iloc[:3].assign(
         framework=["arx", "ridge", "profile"], name=["arx", "ridge", "profile"], case=None, rmse=[0.5, 0.3, 0.9]
     )
     rows["disturbance"] = [None, "input", "input"]
     robust = SimpleNamespace(probability_below=lambda chosen, error: error)
-    rivals = _rivals(rows, robust, "x", 0.95)
-    assert list(rivals.index) == ["ridge input", "arx", "profile input"]
-    assert _rivals(rows, robust, "x", 0.6)["enough"].tolist() == [True, True, False]
+    baselines = _baselines(rows, robust, "x", 0.95)
+    assert list(baselines.index) == ["ridge input", "arx", "profile input"]
+    assert _baselines(rows, robust, "x", 0.6)["sufficient"].tolist() == [True, True, False]
 
 
 def test_a_choice_from_beginning_to_end(results):
-    rivals = pd.DataFrame({"framework": ["ridge", "profile"], "name": ["ridge", "profile"], "rmse": [0.32, 1.2]})
-    rivals = rivals.assign(case=None, disturbance="input")
-    table = pd.concat([results, rivals], ignore_index=True)
+    baselines = pd.DataFrame({"framework": ["ridge", "profile"], "name": ["ridge", "profile"], "rmse": [0.32, 1.2]})
+    baselines = baselines.assign(case=None, disturbance="input")
+    table = pd.concat([results, baselines], ignore_index=True)
     choice = select_case(table, draws=200, tune=200, chains=2, random_state=0)
     assert (choice.name, choice.disturbance) == ("DEEP_AR_LSTM_FORECAST-case01", "input")
     assert (
@@ -511,7 +519,7 @@ def test_a_choice_from_beginning_to_end(results):
     )
     assert set(choice.size) == {"hidden_size"}
     assert isinstance(choice.size["hidden_size"], int)
-    assert choice.enough == "ridge input"
+    assert choice.sufficient_baseline == "ridge input"
     assert choice.expressiveness.n_candidates_ == 16 * 3  # the three best sizes of each case
     assert choice.expressiveness.draws_["sigma_group"].between(0.0, 0.05).mean() > 0.9  # the cases have no other cause
     assert choice.table["median"].is_monotonic_increasing
@@ -519,12 +527,12 @@ def test_a_choice_from_beginning_to_end(results):
     assert choice.table.loc["profile input", "verdict"] == "worse than the choice"
     assert choice.table.loc["DEEP_MLP_FORECAST-case02 output", "verdict"] == "lacks time features, ID"
     assert str(choice).startswith("DEEP_AR_LSTM_FORECAST-case01 (ID), median error 0.4")
-    assert "A simple rival is enough: ridge input, with 0.320 K, is better than the choice" in str(choice)
+    assert "A baseline is sufficient: ridge input, with 0.320 K, is better than the choice" in str(choice)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"case": None}, "nothing but simple rivals"), ({"only": 1}, "every case of results has one size")],
+    [({"case": None}, "nothing but baselines"), ({"only": 1}, "every case of results has one size")],
 )
 def test_a_choice_needs_cases_and_sizes(results, change, message):
     table = results.drop_duplicates(["name", "disturbance"]) if "only" in change else results.assign(**change)

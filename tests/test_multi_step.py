@@ -59,7 +59,7 @@ def case(request):
 
 
 def plain_forecasts(m, b, inputs, y, filtered):
-    """(O, L, o): filter up to every origin with joint updates, then simulate; NaN behind the last row."""
+    """(O, L, o): filter up to every origin with joint updates, then simulate; NaN after the last row."""
     out = np.full((len(ORIGINS), len(LEADS), y.shape[1]), np.nan)
     for a, origin in enumerate(ORIGINS):
         s, cov = m.s0[b].copy(), m.P0.copy()
@@ -254,7 +254,7 @@ def split():
 
 
 def test_forecasts_are_better_and_parameters_worse(split):
-    """One seed of benchmarks/objectives.py: forecasts of a day, made every hour of the week behind the training."""
+    """One seed of benchmarks/objectives.py: forecasts of a day, made every hour of the week after the training."""
     (X, y), (X2, y2) = split
     origins = np.arange(0, len(X2) - 96, 4)
     truth = y2.to_numpy()[origins[:, None] + np.arange(1, 97)]
@@ -308,8 +308,8 @@ def test_what_cannot_be_is_refused(office):
         GrayBoxRC(objective="day").fit(X, y)
     with pytest.raises(ValueError, match="horizon='50min' is not a positive multiple of the sampling time of 30 min"):
         InputDisturbanceID(objective="multi_step", horizon="50min").fit(X, y)
-    lonely = y.iloc[:10].where(np.arange(10) < 2)  # the first origin lies behind the last measurement
-    with pytest.raises(ValueError, match="finds no measurement of y behind another one"):
+    lonely = y.iloc[:10].where(np.arange(10) < 2)  # the first origin lies after the last measurement
+    with pytest.raises(ValueError, match="finds no measurement of y after another one"):
         InputDisturbanceID(known=KNOWN, objective="multi_step", max_missing=0.9).fit(X.iloc[:10], lonely)
     with pytest.raises(TypeError, match="objective"):
         PeriodicDisturbanceID(objective="multi_step")

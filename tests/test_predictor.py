@@ -114,7 +114,7 @@ def arma_case(case):
     return m._replace(A=A, dA=dA, B=B, dB=dB, K=K, dK=dK, C=C, s0=s0, ds0=ds0), inputs, y
 
 
-def test_behind_a_missing_row_the_gain_is_that_of_the_process(arma_case):
+def test_after_a_missing_row_the_gain_is_that_of_the_process(arma_case):
     """Against a filter of the network and ``z[k+1] = a z[k] + b e[k]`` by the joint covariance of all measurements."""
     m, inputs, y = arma_case
     found = one_step_sensitivities(m, inputs, y, 0, True)

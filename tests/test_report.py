@@ -127,8 +127,8 @@ def test_it_tells_the_numbers(page):
         "last day of the log",
         "first twelfth",
         "75%",
-        "held 81% of the",
-        "identification of its own (PeriodicDisturbanceID)",
+        "it contained 81% of the",
+        "separate identification (PeriodicDisturbanceID)",
     ):
         assert wanted in text
     assert "timezone" not in text
@@ -156,9 +156,9 @@ def test_it_does_without_what_is_not_there(tmp_path):
     write_report(tmp_path / "r.html", **study)
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "kWh" not in text.replace("kWh/K", "")
-    for absent in ("Warnings", "has learned", "interval", "identification of its own"):
+    for absent in ("Warnings", "Learned schedules", "contained", "separate identification"):
         assert absent not in text
-    assert "behind the end of the measurements" in text
+    assert "the day after the last measurement" in text
 
 
 def test_the_same_study_gives_the_same_file(tmp_path):
@@ -178,11 +178,11 @@ def test_one_picture_of_a_study(tmp_path, columns):
 @pytest.mark.parametrize(
     ("own", "other", "words"),
     [
-        (0.4, 0.5, "forecasts best: 0.40 K, 20% less than the next, ARX"),
-        (0.5, 0.4, "A rival forecasts better here: ARX misses by 0.40 K"),
-        (0.4, 0.405, "equally well within the noise"),
-        (0.4, 0.415, "equally well within the noise"),
-        (0.4, np.nan, "misses the day-ahead temperature by 0.40 K"),
+        (0.4, 0.5, "forecasts best: its error is 0.40 K, 20% less than the next best, ARX"),
+        (0.5, 0.4, "Another model forecasts better here: the error of ARX is 0.40 K"),
+        (0.4, 0.405, "equally well, within the noise"),
+        (0.4, 0.415, "equally well, within the noise"),
+        (0.4, np.nan, "day-ahead temperature error of the hybrid model is 0.40 K"),
     ],
 )
 def test_the_verdict_is_what_the_table_says(own, other, words):

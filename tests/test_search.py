@@ -14,11 +14,11 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID, _table
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
-from skhybrid.model_selection.search import candidates, workers
+from skhybrid.model_selection.search import candidates, shared, tasks, workers
 from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
@@ -51,7 +51,7 @@ def count(monkeypatch):
 
     monkeypatch.setattr(workers, "identify", counted("identify", workers.identify, lambda *args: 1))
     monkeypatch.setattr(
-        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, base, tasks, *rest: len(tasks))
+        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, network, given, *rest: len(given))
     )
     fit = counted("networks", OutputDisturbanceID.fit, lambda *args: 1)
     monkeypatch.setattr(OutputDisturbanceID, "fit", fit)
@@ -338,7 +338,7 @@ def test_the_linear_scheme_shares_no_network(estimator):
 
 def test_what_trains_as_one_stack_is_handed_over_together():
     matrix = design_matrix(["lstm"], disturbance="input")
-    order = sorted(matrix.candidates(), key=candidates.stack_of)
+    order = sorted(matrix.candidates(), key=candidates.stack_key)
     shapes = [(list_cases("lstm").set_index("name")["pattern_days"][c["forecaster__case"]],) for c in order]
     shapes = [
         (*days, c["forecaster__n_layers"], c["forecaster__hidden_size"]) for days, c in zip(shapes, order, strict=True)
@@ -350,9 +350,9 @@ def test_what_trains_as_one_stack_is_handed_over_together():
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
     begun = []
 
-    def noted(problem, base, tasks, split, careful=True):
-        begun.append(sorted(params["forecaster__hidden_size"] for params in tasks.values()))
-        return candidates.evaluate(problem, base, tasks, split, careful)
+    def noted(problem, network, given, split, catch_errors=True):
+        begun.append(sorted(params["forecaster__hidden_size"] for params in given.values()))
+        return tasks.evaluate(problem, network, given, split, catch_errors)
 
     monkeypatch.setattr("skhybrid.model_selection.search.workers.evaluate", noted)
     matrix = design_matrix(["mlp"], ["case01"], disturbance="input", size={"mlp": SIZE | {"hidden_size": [2, 5, 3, 4]}})
@@ -362,12 +362,12 @@ def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
     assert candidates.effort_of(week) > candidates.effort_of(day) > candidates.effort_of({"model": "ridge"})
 
 
-def test_rivals_of_one_s_own_stand_beside_the_matrix_on_the_same_splits(office, estimator, tmp_path):
+def test_baselines_are_scored_on_the_same_splits_as_the_matrix(office, estimator, tmp_path):
     matrix = design_matrix(["ridge", "profile"], disturbance="input")
-    rivals = {"arx": ARXRegressor(), "broken": Breaks()}
+    baselines = {"arx": ARXRegressor(), "broken": Breaks()}
     settings = {"cv": CV, "verbose": 0, "store": tmp_path / "store.sqlite"}
     with pytest.warns(FitFailedWarning, match="1 of 4 candidates failed"):
-        search = DesignMatrixSearchCV(estimator, matrix, rivals=rivals, **settings).fit(office.X, office.y)
+        search = DesignMatrixSearchCV(estimator, matrix, baselines=baselines, **settings).fit(office.X, office.y)
     results = search.results_
     assert results["framework"].tolist() == results["name"].tolist() == ["ridge", "profile", "arx", "broken"]
     assert results["disturbance"].tolist() == ["input", "input", None, None]
@@ -395,6 +395,84 @@ def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):
 
 
 def test_something_shared_tells_its_size_and_travels_as_its_key():
-    shared = candidates.Shared({"table": np.zeros(10_000)})
-    assert shared.__sizeof__() > 80_000
-    assert shared.get()["table"].shape == (10_000,)
+    large = shared.Shared({"table": np.zeros(10_000)})
+    assert large.__sizeof__() > 80_000
+    assert large.get()["table"].shape == (10_000,)
+
+
+# --------------------------------------------------------------------------------------------------- reads of a table
+@pytest.fixture
+def reads(monkeypatch):
+    """Lengths of the frames that are parsed."""
+    lengths, parse = [], _table._parse
+
+    def counted(estimator, X, *args):
+        lengths.append(len(X))
+        return parse(estimator, X, *args)
+
+    monkeypatch.setattr(_table, "_parse", counted)
+    return lengths
+
+
+SPLIT, WHOLE = 10 * 24, 12 * 24
+SIX = {"frameworks": ["mlp", "ridge", "profile"], "cases": ["case01"]}
+
+
+def test_a_search_over_forecasters_reads_each_split_once_and_the_table_for_the_refit(office, reads):
+    matrix = design_matrix(**SIX, size={"hidden_size": [3, 4], "dropout": [0.0, 0.1]})
+    forecaster, X = DisturbanceForecaster(max_epochs=2, random_state=0), office.X.drop(columns="T_za")
+    DesignMatrixSearchCV(forecaster, matrix, cv=CV, verbose=0).fit(X, office.heat_gain)
+    assert len(matrix.candidates("")) == 6
+    assert reads == [SPLIT, SPLIT, WHOLE]
+
+
+@pytest.mark.xfail(strict=False, reason="the two-stage scheme hands frames to its own parts")
+def test_a_search_over_hybrids_reads_each_split_once_and_the_table_for_the_refit(office, estimator, reads):
+    matrix = design_matrix(**SIX, size={"hidden_size": [3]})
+    DesignMatrixSearchCV(estimator, matrix, cv=CV, verbose=0).fit(office.X, office.y)
+    assert len(matrix) == 6
+    assert reads == [SPLIT, SPLIT, WHOLE]
+
+
+def test_baselines_share_the_reading_of_a_split(office, reads):
+    grid, baselines = {"alpha": [1.0, 10.0]}, {"arx": ARXRegressor()}
+    search = DesignMatrixSearchCV(ARXRegressor(), grid, cv=CV, baselines=baselines, refit=False, verbose=0)
+    search.fit(office.X, office.y)
+    assert reads == [SPLIT, SPLIT]
+
+
+def test_what_is_not_ours_gets_frames(office):
+    seen = []
+
+    def scoring(estimator, X, y):
+        seen.append(type(X))
+        return -float(np.sqrt(np.nanmean((estimator.predict(X) - y) ** 2)))
+
+    given = {"cv": CV, "refit": False, "verbose": 0}
+    own = DesignMatrixSearchCV(ARXRegressor(), {"horizon": ["1D"]}, scoring=scoring, **given).fit(office.X, office.y)
+    assert set(seen) == {pd.DataFrame}
+    ours = DesignMatrixSearchCV(ARXRegressor(), {"horizon": ["1D"]}, scoring=RMSE, **given).fit(office.X, office.y)
+    np.testing.assert_array_equal(own.cv_results_["mean_test_score"], ours.cv_results_["mean_test_score"])
+
+
+def test_a_column_that_no_candidate_reads_may_hold_anything(office):
+    X, y = office.X.drop(columns="T_za"), office.heat_gain
+    search = DesignMatrixSearchCV(DisturbanceForecaster(), {"model": ["ridge"]}, cv=CV, refit=False, verbose=0)
+    expected = clone(search).fit(X, y).cv_results_["mean_test_score"]
+    found = search.fit(X.assign(u_heat=np.nan), y).cv_results_["mean_test_score"]
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_network_without_its_libraries_is_refused_before_anything_is_fitted(office, estimator, count, monkeypatch):
+    monkeypatch.setattr("skhybrid.forecasting.extras.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"model='mlp' needs torch and skorch; .*skhybrid\[networks\]"):
+        DesignMatrixSearchCV(estimator, design_matrix(**SIX), cv=CV, verbose=0).fit(office.X, office.y)
+    assert count == {"identify": 0, "tasks": 0, "networks": 0}
+    search = DesignMatrixSearchCV(estimator, design_matrix(["ridge"]), cv=CV, refit=False, verbose=0)
+    assert search.fit(office.X, office.y).results_["rmse"].notna().all()
+
+
+def test_kinds_of_disturbance_are_told_apart_where_parts_are_the_defaults(office):
+    grid = {"disturbance": ["output", "input"]}  # the first identifies a network, the second is the schedule model
+    search = DesignMatrixSearchCV(HybridPredictor(), grid, cv=CV, refit=False, verbose=0).fit(office.X, office.y)
+    assert search.results_["error"].isna().all()

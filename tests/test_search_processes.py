@@ -18,7 +18,7 @@ import pytest
 
 from skhybrid.model_selection import DesignMatrixSearchCV
 from skhybrid.model_selection.search import workers
-from skhybrid.model_selection.search.candidates import Shared
+from skhybrid.model_selection.search.shared import Shared
 
 #: what every process of this file searches, and how it reports how much of it was its own work
 PROGRAM = """

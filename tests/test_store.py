@@ -1,4 +1,4 @@
-"""The store of a search: claims, signs of life, refusal of what is not its own."""
+"""The store of a search: claims, heartbeats, refusal of other data."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_claims_of_a_process_that_died_are_free_at_once(path):
         assert store.claim(TASKS) == TASKS
 
 
-def test_claims_without_a_sign_of_life_lapse(path):
+def test_claims_without_a_heartbeat_lapse(path):
     with ResultStore(path, {}) as silent, ResultStore(path, {}, lease=60.0) as other:
         assert silent.claim(TASKS) == TASKS
         assert other.claim(TASKS) == []
@@ -77,7 +77,7 @@ def test_claims_without_a_sign_of_life_lapse(path):
         assert other.claim(TASKS) == TASKS
 
 
-def test_signs_of_life_are_given(path):
+def test_heartbeats_keep_claims_alive(path):
     with ResultStore(path, {}, lease=0.2) as one, ResultStore(path, {}, lease=0.2) as other:
         one.claim(TASKS)
         for _ in range(8):

@@ -15,15 +15,12 @@ from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanc
 from skhybrid.datasets import make_office
 from skhybrid.identification import profile_likelihood, sample_posterior
 from skhybrid.identification.fitting.priors import normal_priors
-from skhybrid.identification.periodic import physical
-from skhybrid.identification.uncertainty import posterior, standard_errors
+from skhybrid.identification.uncertainty import periodic_errors, posterior
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem, free_point
 from skhybrid.identification.uncertainty.identifiability import assess
-from skhybrid.identification.uncertainty.standard_errors import (
-    jackknife_covariance,
-    least_squares_doubt,
-    periodic_doubt,
-)
+from skhybrid.identification.uncertainty.least_squares_errors import least_squares_uncertainty
+from skhybrid.identification.uncertainty.periodic_errors import periodic_uncertainty
+from skhybrid.identification.uncertainty.standard_errors import jackknife_covariance
 from skhybrid.thermal import Parameter
 
 KNOWN = {"Q_h": 6.0}
@@ -113,31 +110,33 @@ class _Line:
 def test_jackknife_by_one_step_is_the_regression_without_each_day():
     line = _Line()
     best = np.linalg.lstsq(line.design, line.target, rcond=None)[0]
-    doubt = least_squares_doubt(line, best, 0.7, ["A", "B"])
+    uncertainty = least_squares_uncertainty(line, best, 0.7, ["A", "B"])
     moves = []
     for d in range(6):
         keep = np.arange(24) // 4 != d
         moves.append(np.linalg.lstsq(line.design[keep], line.target[keep], rcond=None)[0] - best)
     by_hand = 5 / 6 * np.array(moves).T @ np.array(moves)
-    np.testing.assert_allclose(doubt.jackknife, by_hand[:2, :2], rtol=1e-6)
-    np.testing.assert_allclose(doubt.model, 0.7 * np.linalg.inv(line.design.T @ line.design)[:2, :2], rtol=1e-6)
+    np.testing.assert_allclose(uncertainty.jackknife, by_hand[:2, :2], rtol=1e-6)
+    np.testing.assert_allclose(uncertainty.model, 0.7 * np.linalg.inv(line.design.T @ line.design)[:2, :2], rtol=1e-6)
     # what is left of the sensitivity when C follows freely is the inverse of the marginal covariance
-    np.testing.assert_allclose(np.linalg.inv(doubt.sensitivity.T @ doubt.sensitivity), doubt.model, rtol=1e-6)
-    assert (np.diag(doubt.covariance) >= np.diag(doubt.jackknife) * (1 - 1e-12)).all()
-    assert (np.diag(doubt.covariance) >= np.diag(doubt.model) * (1 - 1e-12)).all()
-    assert np.linalg.eigvalsh(doubt.covariance)[0] > 0
+    np.testing.assert_allclose(
+        np.linalg.inv(uncertainty.sensitivity.T @ uncertainty.sensitivity), uncertainty.model, rtol=1e-6
+    )
+    assert (np.diag(uncertainty.covariance) >= np.diag(uncertainty.jackknife) * (1 - 1e-12)).all()
+    assert (np.diag(uncertainty.covariance) >= np.diag(uncertainty.model) * (1 - 1e-12)).all()
+    assert np.linalg.eigvalsh(uncertainty.covariance)[0] > 0
 
 
 def test_two_days_have_no_scatter():
     assert not jackknife_covariance(np.ones((2, 3))).any()
-    assert least_squares_doubt(_Line(2), np.zeros(3), 1.0, ["A"]).n_days == 2
+    assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"]).n_days == 2
 
 
 def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     """One Newton step stands for a fit without some hours of a day."""
-    posed = ConstrainedProblem(periodic, office.X, office.y)
-    problem = posed.problem()
-    free = problem.minimise(free_point(problem, posed.values())).free
+    constrained = ConstrainedProblem(periodic, office.X, office.y)
+    problem = constrained.problem()
+    free = problem.minimise(free_point(problem, constrained.values())).free
     y = problem.experiment.y.copy()
     y[3 * 96 : 3 * 96 + 32] = np.nan
     without = replace(problem, experiment=problem.experiment._replace(y=y))
@@ -152,16 +151,16 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
 
 def test_long_logs_are_left_without_several_days_at_once(office, periodic, monkeypatch):
     """So that a year costs as many evaluations as two months."""
-    posed = ConstrainedProblem(periodic, office.X, office.y)
-    problem = posed.problem()
-    free = problem.minimise(free_point(problem, posed.values())).free
-    theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
-    made, plain = [], standard_errors._moves_without_days
-    monkeypatch.setattr(standard_errors, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
+    constrained = ConstrainedProblem(periodic, office.X, office.y)
+    problem = constrained.problem()
+    free = problem.minimise(free_point(problem, constrained.values())).free
+    theta, turn = problem.theta(free, problem.evaluate(free)[2])
+    made, plain = [], periodic_errors._moves_without_days
+    monkeypatch.setattr(periodic_errors, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
     stds = []
     for most in (56, 4):
-        monkeypatch.setattr(standard_errors, "MOST_PARTS", most)
-        stds.append(np.sqrt(np.diag(periodic_doubt(problem, free, theta, turn, periodic.parameters_).jackknife)))
+        monkeypatch.setattr(periodic_errors, "MOST_PARTS", most)
+        stds.append(np.sqrt(np.diag(periodic_uncertainty(problem, free, theta, turn, periodic.parameters_).jackknife)))
     n_days = made[0].shape[0]
     assert made[1].shape[0] == -(-n_days // -(-n_days // 4))
     assert 0.2 < np.median(stds[1] / stds[0]) < 5.0  # the same thing, from fewer parts
@@ -169,15 +168,15 @@ def test_long_logs_are_left_without_several_days_at_once(office, periodic, monke
 
 def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(office, periodic):
     """Two ways to the same: Schur complements of the joint information, and the chain rule of the covariance."""
-    posed = ConstrainedProblem(periodic, office.X, office.y)
-    problem = posed.problem()
-    free = problem.minimise(free_point(problem, posed.values())).free
-    theta, turn = physical(problem, problem.values(free), problem.evaluate(free)[2].beta)
-    doubt = periodic_doubt(problem, free, theta, turn, periodic.parameters_)
-    assert [p.name for p in doubt.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]
-    inverse = np.linalg.inv(doubt.sensitivity.T @ doubt.sensitivity)
+    constrained = ConstrainedProblem(periodic, office.X, office.y)
+    problem = constrained.problem()
+    free = problem.minimise(free_point(problem, constrained.values())).free
+    theta, turn = problem.theta(free, problem.evaluate(free)[2])
+    uncertainty = periodic_uncertainty(problem, free, theta, turn, periodic.parameters_)
+    assert [p.name for p in uncertainty.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]
+    inverse = np.linalg.inv(uncertainty.sensitivity.T @ uncertainty.sensitivity)
     # the weak priors, which the information leaves out, are all that lies between them
-    np.testing.assert_allclose(np.diag(inverse), np.diag(doubt.model), rtol=0.25)
+    np.testing.assert_allclose(np.diag(inverse), np.diag(uncertainty.model), rtol=0.25)
 
 
 def test_intervals_are_factors_with_the_quantile_of_the_days(output):
@@ -286,9 +285,9 @@ def test_the_fit_under_priors_is_the_mode_of_the_posterior(office):
     """Sum of squares with the noise profiled, plus the prior, by plain finite differences of the errors."""
     priors = {"A_win": (3.0, 1.05), "C_za": (1.3, 1.02)}
     model = OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=10, random_state=0).fit(office.X, office.y)
-    posed = ConstrainedProblem(model, office.X, office.y)
-    problem = posed.problem()
-    best = free_point(problem, posed.values())
+    constrained = ConstrainedProblem(model, office.X, office.y)
+    problem = constrained.problem()
+    best = free_point(problem, constrained.values())
     names = [p.name for p in problem.searched]
 
     def objective(free):
@@ -322,10 +321,10 @@ def test_a_prior_on_a_capacity_fixes_the_scale_as_well_as_it_is_known(kind, offi
 
 # -------------------------------------------------------------------------------------------------------- posteriors
 def test_posterior_gradient_is_exact(office, periodic):
-    posed = ConstrainedProblem(periodic, office.X, office.y)
-    problem = posed.problem(search_all=True)
+    constrained = ConstrainedProblem(periodic, office.X, office.y)
+    problem = constrained.problem(search_all=True)
     assert {"A_win", "f", "Q_c"} <= {p.name for p in problem.searched}
-    density = posterior._Density(problem, free_point(problem, posed.values()))
+    density = posterior._Density(problem, free_point(problem, constrained.values()))
     z = 0.3 * np.random.default_rng(0).normal(size=len(problem.searched))
     _, gradient = density(z)
     for q in range(len(z)):

@@ -1,12 +1,14 @@
-"""Set-points, limits and plants: the parts of load prediction that know matrices and states, but no estimator."""
+"""Set-points, limits, plants and the heat that they require: plain matrices and states, no estimator."""
 
 from .hold import MOST_AHEAD, steps_ahead
 from .plant import Plant, is_plant, load_frame, make_plant
+from .required_heat import HeatedZone, required_heat
 from .setpoints import Band, Limits, read_limits, read_setpoint
 
 __all__ = [
     "MOST_AHEAD",
     "Band",
+    "HeatedZone",
     "Limits",
     "Plant",
     "is_plant",
@@ -14,5 +16,6 @@ __all__ = [
     "make_plant",
     "read_limits",
     "read_setpoint",
+    "required_heat",
     "steps_ahead",
 ]

@@ -1,4 +1,4 @@
-"""How long a load is held when the heat that meets a set-point is sought (paper Eq. inverseQ2)."""
+"""Number of steps for which a load is held when the heat that meets a set-point is sought (paper Eq. inverseQ2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_AHEAD = 24
 
 
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
-    """For how many steps a load is taken as held when it is sought (1: paper Eq. inverseQ2 as it stands).
+    """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
 
     The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  Heat that reaches
     the sensor through another node gives that a negative eigenvalue: each step's load overshoots, the next one takes

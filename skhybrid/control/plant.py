@@ -12,7 +12,7 @@ from .setpoints import Limits
 
 
 class Plant(NamedTuple):
-    """What heats and cools the zone, and how much of it there is."""
+    """Stages that heat and cool the zone, and their capacities."""
 
     heating: tuple[tuple[str, float], ...]  # (role, capacity [kW]) of the stages that heat
     cooling: tuple[tuple[str, float], ...]  # the same of those that cool, capacity < 0

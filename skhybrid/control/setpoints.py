@@ -1,4 +1,4 @@
-"""What is wanted of a zone and what its plant can do, row by row: set-points, bands of two set-points, limits."""
+"""Set-points and limits by row: a temperature, a band of two set-points, what a plant can do."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .._table import ZoneTable
 
 
 class Band(NamedTuple):
-    """Within what the temperature is kept at the end of every row's step; one temperature where both are equal."""
+    """Band in which the temperature is kept at the end of every row's step; one temperature where both are equal."""
 
     heating: np.ndarray  # (N,) lowest [degC]; -inf where it is not held
     cooling: np.ndarray  # (N,) highest [degC]; inf where it is not held
 
 
 class Limits(NamedTuple):
-    """What a plant can do over every row's step."""
+    """Least and most heat of a plant over every row's step."""
 
     lower: np.ndarray  # (N,) [kW], cooling negative; -inf where nothing is known
     upper: np.ndarray  # (N,) [kW]
@@ -28,16 +28,16 @@ class Limits(NamedTuple):
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.
 
-    By the data contract a temperature is the value at a row's stamp, and what is set acts over the row's step.  So one
-    set-point is a temperature that is wanted at the stamp, met by the row before it; a band is a thermostat's setting,
-    kept to by the end of the row itself.
+    By the data contract a temperature is the value at a row's stamp, and an input acts over the row's step.  So one
+    set-point is a temperature wanted at the stamp, which the row before must reach; a band is a thermostat's setting,
+    which the row itself must reach by its end.
 
     Parameters
     ----------
     setpoint : float, array-like of shape (n_samples,) or (n_samples, 2), DataFrame of two columns, or pair
         One value or column: the temperature that is held [degC].  Two: the heating and the cooling set-point, in this
         order; of a DataFrame by name where one name holds "heat" and the other "cool".  Of a pair ``(heat, cool)``
-        each is a number, one value a row, or None where that side is not held.
+        each is a number, one value per row, or None where that side is not held.
     table : ZoneTable
 
     Returns
@@ -83,7 +83,7 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
     Parameters
     ----------
     limits : tuple of (lowest, highest), or None
-        [kW], cooling negative; each a number, one value a row, or None where nothing is known.
+        [kW], cooling negative; each a number, one value per row, or None where nothing is known.
     table : ZoneTable
 
     Returns
@@ -98,7 +98,7 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
     """
     given = (None, None) if limits is None else limits
     if not isinstance(given, tuple | list) or len(given) != 2:
-        raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value a row.")
+        raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value per row.")
     out = Limits(
         _by_row(given[0], table, "the lower limit", -np.inf), _by_row(given[1], table, "the upper limit", np.inf)
     )
@@ -117,7 +117,7 @@ def _columns(frame: pd.DataFrame) -> list[pd.Series]:
 
 
 def _by_row(given: Any, table: ZoneTable, name: str, absent: float) -> np.ndarray:
-    """(N,) float64 of a number, one value a row, or None."""
+    """(N,) float64 of a number, one value per row, or None."""
     if isinstance(given, pd.Series) and isinstance(table.index, pd.DatetimeIndex):
         if not given.index.equals(table.index):
             raise ValueError(f"{name} bears other time stamps than X; align it with .reindex(X.index).")
@@ -126,7 +126,7 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float) -> np.ndarra
     if values.ndim == 0:
         return np.full(table.n_rows, float(values))
     if values.shape != (table.n_rows,):
-        raise ValueError(f"{name} has shape {values.shape}, but X has {table.n_rows} rows; give one value a row.")
+        raise ValueError(f"{name} has shape {values.shape}, but X has {table.n_rows} rows; give one value per row.")
     return values
 
 

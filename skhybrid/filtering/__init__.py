@@ -2,11 +2,8 @@
 
 from .autoregression import iterate_lags
 from .channel_filter import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
-from .convolution import ConvShape, conv_epoch, conv_forecasts
-from .dense import ACTIVATIONS, AdamStep, DenseShape, DenseWindows, dense_epoch, dense_forecasts
 from .discretization import Discrete, discretize, divided_difference
 from .forecast_sample import ForecastSample, hourly_sample
-from .gates import tanh32
 from .horizon_errors import (
     LeadSensitivity,
     filter_gains,
@@ -28,30 +25,18 @@ from .innovations import (
 from .kalman import Smoothed, kalman_filter, smooth_states
 from .lq_path import solve_lq_path
 from .multi_step_errors import LeadErrors, multi_step_sensitivities
-from .recurrent import RecurrentShape, RecurrentWindows, recurrent_epoch, recurrent_forecasts, recurrent_room
 
 __all__ = [
-    "ACTIVATIONS",
-    "AdamStep",
     "ChannelAdjoint",
     "ChannelFilter",
-    "ConvShape",
-    "DenseShape",
-    "DenseWindows",
     "Discrete",
     "ForecastSample",
     "LeadErrors",
     "LeadSensitivity",
     "Model",
     "Prediction",
-    "RecurrentShape",
-    "RecurrentWindows",
     "Sensitivity",
     "Smoothed",
-    "conv_epoch",
-    "conv_forecasts",
-    "dense_epoch",
-    "dense_forecasts",
     "discretize",
     "divided_difference",
     "filter_channels",
@@ -67,13 +52,9 @@ __all__ = [
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
-    "recurrent_epoch",
-    "recurrent_forecasts",
-    "recurrent_room",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",
     "smooth_states",
     "solve_lq_path",
-    "tanh32",
 ]

@@ -9,6 +9,3 @@ from numba import njit
 compiled = njit(cache=True)
 #: the same where sums may be taken in any order, so that they run on several numbers at once; NaN stays NaN
 compiled_sums = njit(cache=True, fastmath={"reassoc", "contract"})
-#: the same for one number after another of a run of memory: contracted multiply-adds, and a division without a test for
-#: zero, so that the loop becomes vector instructions; NaN stays NaN
-compiled_elements = njit(cache=True, fastmath={"contract"}, error_model="numpy")

@@ -4,8 +4,8 @@ Importing this loads neither torch nor skorch; a network loads them when it is f
 """
 
 from .arx import ARXRegressor
-from .batch import fit_many
 from .cases import ModelCase, list_cases, list_sizes
 from .forecaster import DisturbanceForecaster
+from .joint_fit import fit_many
 
 __all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "fit_many", "list_cases", "list_sizes"]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -12,28 +11,17 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, append_tables, read_table, read_target
+from .._table import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
 from .._time import rows_of
-from .cases import NETWORKS, ModelCase, resolve_case
-from .features import TIME_ENCODINGS, plant_roles, rows_per_day, zeta_of
-from .linear import FlatRegressor, LinearForecaster
-from .rivals import LastWeek, LinearSchedule, Persistence, WeeklyProfile
-
-if TYPE_CHECKING:
-    from .trained import TrainedNetwork
-    from .training import TrainedJob, TrainingJob
-
-BASELINES: dict[str, Any] = {
-    "profile": WeeklyProfile,
-    "last_week": LastWeek,
-    "persistence": Persistence,
-    "ridge": LinearForecaster,
-    "linear": LinearSchedule,
-}
-ACTIVATIONS = ("relu", "selu", "gelu")
-_INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
-_WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
+from .._transaction import unchanged_on_failure
+from .cases import ModelCase, resolve_case
+from .extras import require_networks
+from .features import rows_per_day, zeta_of
+from .models import check_parameters, fit_baseline, is_network
+from .pair_regressor import PairRegressor
+from .tables import as_fitted, read_weather
+from .training_job import JobResult, TrainingJob, chronological_split, draw_seed, repeat_seeds
 
 
 class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator):
@@ -47,10 +35,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     model : str or regressor, default "lstm"
         A network (paper Eqs. MLP, CNN, RNN, LSTM): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
-        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"linear"`` in hours and in hours
-        times the outdoor temperature, which :class:`~skhybrid.HybridPredictor` fits through the network; ``"profile"``
-        the mean by hour of week; ``"last_week"`` the value seven days before, else the last known one of that time of
-        day; ``"persistence"`` the last known value.
+        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
+        week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
+        ``"persistence"`` the last known value.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
@@ -67,7 +54,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Width of a convolution (CNN) [rows].
     pool_size : int, default 0
         Width of max-pooling (CNN) [rows]; 0 pools nothing.
-    residual_of : {"ridge", "linear", "profile", "last_week", "persistence"} or None, default "ridge"
+    residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
         The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
         adds error on the validation block.  None: the network stands alone.
     horizon : timedelta-like or None, default "1D"
@@ -228,6 +215,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return cls(model, case, **settings | changes)
 
     # ------------------------------------------------------------------------------------------------------------ fit
+    @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
         """Learn the disturbance.
@@ -251,7 +239,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         """
         job = self._begin(X, y, {})
         if job is not None:
-            from .training import train_networks  # torch loads here
+            from .networks.jobs import train_networks  # torch loads here
 
             self._take(train_networks([job], self.verbose)[0])
         return self
@@ -261,8 +249,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
         ``shared`` keeps what other forecasters of the same X and y need as well: the table and fitted baselines.
         """
-        self._check_parameters()
-        self.case_ = resolve_case(self.case, self.model) if self._is_network else None
+        check_parameters(self)
+        require_networks(self.model)
+        self.case_ = resolve_case(self.case, self.model) if is_network(self.model) else None
         table, target = self._training_rows(X, y, shared)
         self._check_spans(table.step)
         self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
@@ -270,14 +259,14 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
         self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "used"])
-        self._network: TrainedNetwork | None = None
+        self._network: Any = None  # FittedNetwork
         seed, job = draw_seed(self.random_state), None
-        if self._is_network:
+        if is_network(self.model):
             job = self._begin_network(table, target, seed, shared)
         elif isinstance(self.model, str):
-            self._base = self._fit_baseline(self.model, table, target)
+            self._base = fit_baseline(self.model, table, target, self._n_leads)
         else:
-            self._base = FlatRegressor(self.model, seed).fit(table, target, self._n_leads)
+            self._base = PairRegressor(self.model, seed).fit(table, target, self._n_leads)
             self.regressor_ = self._base.regressor_
         self._level = float(np.nanmean(target))
         days = max(8, self.case_.pattern_days + 1 if self.case_ is not None else 0)
@@ -293,74 +282,27 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         key = ("rows", repr(self.columns), repr(self.sampling_time), tuple(table.inputs))
         return shared.setdefault(key, (table, target))
 
-    @property
-    def _is_network(self) -> bool:
-        return isinstance(self.model, str) and self.model in NETWORKS
-
-    def _check_parameters(self) -> None:
-        names = (*NETWORKS, *BASELINES)
-        if isinstance(self.model, type) or not (isinstance(self.model, str) or hasattr(self.model, "fit")):
-            raise ValueError(f"model={self.model!r} is neither one of {', '.join(names)} nor a regressor instance.")
-        if isinstance(self.model, str) and self.model not in names:
-            raise ValueError(f"model={self.model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
-        if not self._is_network:
-            return
-        for name, choices in (
-            ("activation", ACTIVATIONS),
-            ("time_encoding", TIME_ENCODINGS),
-            ("residual_of", (None, *BASELINES)),
-            ("repeats", ("best", "mean")),
-        ):
-            if getattr(self, name) not in choices:
-                shown = ", ".join(map(repr, choices))
-                raise ValueError(f"{name}={getattr(self, name)!r} is not known; use one of {shown}.")
-        self._check_numbers()
-
-    def _check_numbers(self) -> None:
-        least = {"n_layers": 1, "hidden_size": 1, "n_channels": 1, "filter_size": 1, "pool_size": 0}
-        least |= {"max_epochs": 1, "patience": 1, "batch_size": 1, "n_repeats": 1}
-        for name, low in least.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
-                raise ValueError(f"{name}={value!r} is not a whole number from {low}.")
-        for name, inside in (
-            ("dropout", 0.0 <= self.dropout < 1.0),
-            ("validation_fraction", 0.0 <= self.validation_fraction < 1.0),
-            ("learning_rate", 0.0 < self.learning_rate < np.inf),
-        ):
-            if not inside:
-                span = "(0, inf)" if name == "learning_rate" else "[0, 1)"
-                raise ValueError(f"{name}={getattr(self, name)!r} is outside {span}.")
-
-    def _fit_baseline(self, name: str, table: ZoneTable, target: np.ndarray) -> Any:
-        if name == "ridge":
-            return LinearForecaster().fit(table, target, self._n_leads)
-        return BASELINES[name]().fit(table, target)
-
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """A network is trained on what a baseline of the earlier rows leaves over; it forecasts on that of all rows."""
-        from .training import TrainingJob as Job
-        from .training import chronological_split  # torch loads here
-
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
             base = self._shared_baseline(table, target, split.train_end, shared)
         self._base = base if self.residual_of is None else self._shared_baseline(table, target, table.n_rows, shared)
-        return Job(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
+        return TrainingJob(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
 
     def _shared_baseline(self, table: ZoneTable, target: np.ndarray, n_rows: int, shared: dict[Any, Any]) -> Any:
         """The baseline of the first ``n_rows``, which ``shared`` may have."""
         key = ("baseline", id(table), self.residual_of, self._n_leads, n_rows)
         if key not in shared:
             rows = slice(0, n_rows)
-            shared[key] = self._fit_baseline(str(self.residual_of), table.rows(rows), target[rows])
+            shared[key] = fit_baseline(str(self.residual_of), table.rows(rows), target[rows], self._n_leads)
         return shared[key]
 
-    def _take(self, trained: TrainedJob) -> None:
-        self._network, self.network_weight_ = trained.network, trained.weight
-        self.history_, self.n_epochs_ = trained.history, len(trained.history)
-        self.repeats_ = trained.repeats
+    def _take(self, result: JobResult) -> None:
+        self._network, self.network_weight_ = result.network, result.weight
+        self.history_, self.n_epochs_ = result.history, len(result.history)
+        self.repeats_ = result.repeats
 
     # ----------------------------------------------------------------------------------------------------- prediction
     def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.Series:
@@ -408,41 +350,10 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return append_tables(self._tail, table) if table.follows(self._tail) else table
 
     def _as_fitted(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The columns of the training table; history that a frame lacks is NaN."""
-        names = getattr(self, "feature_names_in_", None)
-        if not isinstance(frame, pd.DataFrame):
-            raise ValueError(f"history and future must be DataFrames, but one is a {type(frame).__name__}.")
-        if names is None:
-            return frame
-        mapped = self.columns or {}
-        optional = {mapped.get(role, role) for role in ("zeta", "T_za")}
-        frame = frame.assign(**{name: np.nan for name in names if name in optional and name not in frame})
-        absent = [name for name in names if name not in frame]
-        if absent:
-            raise ValueError(f"column {absent[0]!r} of the training table is missing; add it to history and future.")
-        return frame[list(names)]
+        return as_fitted(frame, getattr(self, "feature_names_in_", None), self.columns)
 
     def _read(self, X: Any, reset: bool) -> ZoneTable:
-        wanted = set(self.case_.features) if self.case_ is not None else set()
-        modes = bool(wanted & {"i_heat", "i_cool"})
-        table = read_table(
-            self,
-            X,
-            columns=self.columns,
-            required=[role for role in ("T_oa", "q_sol") if role in wanted],
-            needed=(_INPUTS if modes else _WEATHER).match,
-            sampling_time=self.sampling_time,
-            default_step="1h",
-            reset=reset,
-            min_rows=2 if reset else 1,
-            expected_step=None if reset else self.sampling_time_,
-        )
-        if modes and reset and isinstance(X, pd.DataFrame) and not plant_roles(table.inputs):
-            raise ValueError(
-                f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "
-                f"{', '.join(map(repr, X.columns))}."
-            )
-        return table
+        return read_weather(self, X, reset)
 
     def _read_X(self, X: Any) -> ZoneTable:
         return self._read(X, reset=False)
@@ -461,18 +372,3 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             return self._network.forecast(table, origins, n_leads)
         whole = self._network.forecast(table, origins, n_leads, base, self._base.expected(table))
         return base + self.network_weight_ * (whole - base)
-
-
-def draw_seed(random_state: int | np.random.RandomState | None) -> int:
-    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
-    if random_state is None:
-        return int(np.random.default_rng().integers(2**31 - 1))
-    if isinstance(random_state, int | np.integer):
-        return int(random_state)
-    return int(random_state.randint(2**31 - 1))
-
-
-def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:
-    """A seed for each of several networks: the first is ``seed`` itself, so that one network is the first of ten."""
-    later = np.random.SeedSequence(seed).generate_state(n_repeats)
-    return (seed, *(int(value) for value in later[: n_repeats - 1]))

@@ -1,8 +1,9 @@
-"""``predict_quantiles`` for every forecaster that rolls, and errors that its training did not see."""
+"""``predict_quantiles`` for rolling forecasters, and errors on data that a forecaster was not fitted on."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -17,16 +18,16 @@ from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 
-#: 80 % between the outer two
+#: the outer two hold 80 %
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)
-_DAYS_A_BLOCK = 7
-_LEAST_BLOCKS = 3
-#: distance of the origins whose errors are learned from: every lead then meets every third hour [1/day]
-_ORIGINS_A_DAY = 8
+_DAYS_PER_BLOCK = 7
+_MIN_BLOCKS = 3
+#: origins per day whose errors are learned from: each lead then meets every third hour of the day
+_ORIGINS_PER_DAY = 8
 
 
 class LeftOut(NamedTuple):
-    """Errors of forecasts in blocks of a training table that the forecaster was not fitted on."""
+    """Errors of forecasts in blocks of a training table, each by a fit without that block."""
 
     errors: np.ndarray  # (n_origins, n_leads) measured - forecast; NaN where unknown
     origins: np.ndarray  # (n_origins,) rows of the training table
@@ -35,22 +36,23 @@ class LeftOut(NamedTuple):
 class QuantileForecastMixin(RollingForecastMixin):
     """``predict_quantiles`` beside ``predict``.
 
-    A subclass sets ``_intervals`` in ``fit``: what it learned already, or None and gives the hook ``_learn_intervals``,
-    which is called when intervals are first asked for.
+    A subclass sets ``_intervals`` in ``fit``: what it learned, or None where the training table was too short.
     """
 
     _intervals: LeadIntervals | None
 
     def _learn_intervals(self) -> LeadIntervals:
-        raise NotImplementedError
+        raise ValueError(
+            "the training table was too short to learn intervals from; fit on two days or more, with T_za measured."
+        )
 
     def _first_past(self, table: ZoneTable) -> int:
-        """The first row of a table from which forecasts tell about the present: none that the training has seen."""
+        """The first row of a table whose forecasts tell about the present: the first one after the training."""
         return table.n_history
 
     @property
     def intervals_(self) -> LeadIntervals:
-        """What was learned of the errors on left-out training data."""
+        """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
             self._intervals = self._learn_intervals()
@@ -58,19 +60,19 @@ class QuantileForecastMixin(RollingForecastMixin):
 
     @one_blas_thread
     def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
-        """Quantiles of what will be measured at every row, forecast from the last origin before it.
+        """Forecast quantiles of every row from the last origin before it.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            As in :meth:`predict`.  Forecasts of the rows before an origin tell how wide its intervals are now.
+            As in :meth:`predict`.  Errors of forecasts before an origin set how wide its intervals are.
         quantiles : sequence of float, default (0.1, 0.5, 0.9)
             In (0, 1), increasing.
 
         Returns
         -------
         ndarray of shape (n_samples, n_quantiles), float64
-            Increasing along each row.  The median is the forecast shifted by what it missed lately.
+            Increasing along each row.  The median is the forecast, shifted by its recent errors.
 
         Raises
         ------
@@ -79,22 +81,11 @@ class QuantileForecastMixin(RollingForecastMixin):
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
-        return np.concatenate([self._quantiles_of_piece(segment, levels) for segment in self._read_X(X).segments])
-
-    def _quantiles_of_piece(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
-        table, n_tail = self._after_tail(segment)
-        origins, leads = self._rolled_origins(table, n_tail)
-        out = np.empty((segment.n_rows, len(levels)))
-        if not n_tail:
-            out[0] = self._first_quantiles(segment, levels)
-        if leads.max():
-            paths = self._quantile_paths(table, origins, int(leads.max()), levels)
-            for origin, count, path in zip(origins - n_tail, leads, paths, strict=True):
-                out[origin + 1 : origin + 1 + count] = path[:count]
-        return out
+        paths_of, first_of = partial(self._quantile_paths, levels=levels), partial(self._first_quantiles, levels=levels)
+        return np.concatenate([self._roll(segment, paths_of, first_of) for segment in self._read_X(X).segments])
 
     def _first_quantiles(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
-        """Of the first row of a table without history: what is known, or the error long after a measurement."""
+        """Quantiles of the first row of a segment without history: its measured value, or a wide interval."""
         value = self._cold_value(segment)
         if segment.T_za is not None and np.isfinite(segment.T_za[0]):
             return np.full(len(levels), value)
@@ -108,71 +99,64 @@ class QuantileForecastMixin(RollingForecastMixin):
         quantiles: Sequence[float] = DEFAULT_QUANTILES,
         horizon: Any = None,
     ) -> np.ndarray:
-        """Quantiles of the rows after each of the given origins.
+        """Forecast quantiles of the rows after each of the given origins.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows; history is read only up to each origin.
+            As in :meth:`predict_quantiles`.
         origins : sequence of int
             Row numbers of X.
         quantiles : sequence of float, default (0.1, 0.5, 0.9)
             In (0, 1), increasing.
         horizon : timedelta-like, optional
-            How far ahead; default is the estimator's own, or one day.
+            As in :meth:`predict_from`.
 
         Returns
         -------
         ndarray of shape (n_origins, n_leads, n_quantiles), float64
-            Of the rows ``origin + 1, origin + 2, ...``; NaN where X has ended.
+            Quantiles of the rows ``origin + 1, origin + 2, ...``; NaN after the last row of X.
 
         Raises
         ------
         ValueError
             As :meth:`predict_quantiles`, and if an origin is no row of X.
         """
-        check_is_fitted(self)
         levels = read_quantiles(quantiles)
-        table, n_tail = self._with_history(X)
-        rows, n_leads = self._checked_origins(table, n_tail, origins, horizon)
-        if not len(rows):
-            return np.empty((0, n_leads, len(levels)))
-        paths = self._quantile_paths(table, rows + n_tail, n_leads, levels)
-        paths[target_rows(rows, n_leads) >= table.n_rows - n_tail] = np.nan
-        return paths
+        return self._paths_from(X, origins, horizon, partial(self._quantile_paths, levels=levels), levels.shape)
 
     def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
-        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table behind its tail."""
+        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history."""
         intervals, per_day = self.intervals_, rows_per_day(table.step)
-        # what was forecast whole days before an origin has the same hour at the same lead
+        # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
         first = self._first_past(table) if intervals.follow else table.n_rows
         past = np.unique(earlier[earlier >= first])
         paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         errors = measured_ahead(table, past, per_day) - past_paths
-        ahead, behind = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
+        clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
-            recent = (errors[own], behind.rows(own))
-            out[i] = paths[i][:, None] + intervals.offsets(ahead.rows(slice(i, i + 1)), levels, recent, now)
+            recent = (errors[own], past_clock.rows(own))
+            out[i] = paths[i][:, None] + intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now)
         return out
 
     def _both_paths(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Paths from the origins and from earlier ones, in one go where that is not longer."""
-        earlier, tail = np.empty((len(past), n_past)), past < table.n_history
-        if tail.any():  # known rows that the estimator holds: forecast as those of a table of its own
-            earlier[tail] = self._forecast(table.replace(n_history=0), past[tail], n_past)
-        if n_leads > n_past or tail.all():
-            if not tail.all():
-                earlier[~tail] = self._forecast(table, past[~tail], n_past)
+        """Paths from the origins and from earlier rows, in one call where both have the same leads."""
+        earlier, in_history = np.empty((len(past), n_past)), past < table.n_history
+        if in_history.any():  # rows that the estimator keeps: forecast as in a table of their own
+            earlier[in_history] = self._forecast(table.replace(n_history=0), past[in_history], n_past)
+        if n_leads > n_past or in_history.all():
+            if not in_history.all():
+                earlier[~in_history] = self._forecast(table, past[~in_history], n_past)
             return np.asarray(self._forecast(table, origins, n_leads)), earlier
-        every, where = np.unique(np.concatenate([origins, past[~tail]]), return_inverse=True)
+        every, where = np.unique(np.concatenate([origins, past[~in_history]]), return_inverse=True)
         paths = np.asarray(self._forecast(table, every, n_past))[where]
-        earlier[~tail] = paths[len(origins) :]
+        earlier[~in_history] = paths[len(origins) :]
         return paths[: len(origins), :n_leads], earlier
 
 
@@ -196,14 +180,18 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
 
 
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
-    """Leads, hours and days of the rows after each origin; a lead counts from the last measurement before it.
+    """Leads, hours and days of the rows after each origin; leads count from the last measurement up to the origin.
 
     Parameters
     ----------
     table : ZoneTable
     origins : ndarray of int, shape (n_origins,)
-        Rows; -1 for one before the first.
+        Rows; -1 is the row before the first one.
     n_leads : int
+
+    Returns
+    -------
+    PathClock
     """
     measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
     last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
@@ -222,7 +210,7 @@ def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.nd
 
 
 def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
-    """Intervals learned from errors on left-out parts of a training table, whose history is its target.
+    """Intervals learned from errors on left-out parts of a training table, which has its target as history.
 
     Raises
     ------
@@ -233,28 +221,28 @@ def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
 
 
 def left_out_blocks(n_rows: int, per_day: int) -> list[tuple[int, int]]:
-    """First and last-but-one rows of blocks to leave out in turn: weeks, or thirds of a table that has fewer."""
-    n_blocks = max(_LEAST_BLOCKS, round(n_rows / (_DAYS_A_BLOCK * per_day)))
+    """Blocks (begin, end) of rows to leave out in turn: weeks, or thirds of a table of less than three weeks."""
+    n_blocks = max(_MIN_BLOCKS, round(n_rows / (_DAYS_PER_BLOCK * per_day)))
     return list(pairwise(np.linspace(0, n_rows, n_blocks + 1).astype(int).tolist()))
 
 
 def block_origins(block: tuple[int, int], per_day: int) -> np.ndarray:
-    """Origins in a block, every third hour, at the same hours in every block."""
-    apart = max(1, per_day // _ORIGINS_A_DAY)
+    """Rows of a block that are origins: every third hour, at the same hours in every block."""
+    apart = max(1, per_day // _ORIGINS_PER_DAY)
     rows = np.arange(*block)
     return rows[(rows % apart == 0) & (rows < block[1] - 1)]
 
 
 def left_out_errors(estimator: RollingForecastMixin, X: Any, y: Any) -> LeftOut:
-    """Errors of any rolling forecaster on weeks of its training table, each forecast by a clone that has not seen it.
+    """Errors of any rolling forecaster in weeks of its training table that are left out in turn.
 
-    The clones are fitted with ``y`` missing in their week, so that this costs a fit a week; estimators that can leave
-    a week out at less give such errors themselves.
+    One clone per week is fitted with ``y`` missing in that week.  Estimators that can leave a week out at less cost
+    compute such errors themselves.
 
     Parameters
     ----------
     estimator : estimator
-        With ``predict_from``; need not be fitted.
+        Has ``predict_from``; need not be fitted.
     X : DataFrame of shape (n_samples, n_features)
         The training table, with ``T_za`` as history.
     y : array-like of shape (n_samples,)
@@ -263,11 +251,11 @@ def left_out_errors(estimator: RollingForecastMixin, X: Any, y: Any) -> LeftOut:
     Returns
     -------
     LeftOut
-        Leads reach over the horizon, or one day.
+        Over the leads of the horizon, or of one day.
     """
     target = np.array(y, dtype=np.float64)
     found = []
-    per_day = _rows_a_day(estimator, X)
+    per_day = _rows_per_day_of(estimator, X)
     for block in left_out_blocks(len(target), per_day):
         hidden = target.copy()
         hidden[slice(*block)] = np.nan
@@ -287,13 +275,13 @@ def joined(found: Sequence[LeftOut]) -> LeftOut:
 
 
 def errors_inside(target: np.ndarray, origins: np.ndarray, paths: np.ndarray, end: int) -> np.ndarray:
-    """Errors of paths, NaN behind the end of their block, whose rows the forecaster was fitted on."""
+    """Errors of paths, NaN from the end of their block on: the forecaster was fitted on those rows."""
     rows = target_rows(origins, paths.shape[1])
     return np.where(rows < end, target[np.minimum(rows, len(target) - 1)], np.nan) - paths
 
 
-def _rows_a_day(estimator: Any, X: Any) -> int:
-    """Steps of a day, from the time stamps of X or the estimator's ``sampling_time``."""
+def _rows_per_day_of(estimator: Any, X: Any) -> int:
+    """Steps per day, by the time stamps of X or the estimator's ``sampling_time``."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
         return rows_per_day(index[1] - index[0])

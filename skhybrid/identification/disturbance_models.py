@@ -1,7 +1,7 @@
-"""Disturbance models of the least-squares identifications: the states that they append and the gain (design 4).
+"""Disturbance models of the least-squares identifications: the states that they append, and the gain.
 
-Each turns discretised networks, one a start, into innovations-form predictors with exact derivatives by all parameters:
-those of the network first, then the disturbance's own.
+Each turns discretised networks, one per start, into innovations-form predictors with exact derivatives by all
+parameters: those of the network first, then the disturbance's own.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def measured_rows(network: RCNetwork) -> np.ndarray:
 
 
 def first_covariance(network: RCNetwork, zeta_sd: float | None = None) -> np.ndarray:
-    """Covariance of the first row's state, with the disturbances behind the nodes where ``zeta_sd`` is given."""
+    """Covariance of the first row's state, with the disturbances after the nodes where ``zeta_sd`` is given."""
     sd = np.full(len(network.nodes), HIDDEN_SD)
     sd[measured_rows(network)] = MEASURED_SD
-    behind = np.full(0 if zeta_sd is None else len(network.disturbed_nodes), zeta_sd, dtype=np.float64)
-    return np.diag(np.append(sd, behind) ** 2)
+    disturbances = np.full(0 if zeta_sd is None else len(network.disturbed_nodes), zeta_sd, dtype=np.float64)
+    return np.diag(np.append(sd, disturbances) ** 2)
 
 
 def first_state(network: RCNetwork, experiment: Experiment, appended: int = 0) -> np.ndarray:
@@ -61,10 +61,10 @@ def _outputs(network: RCNetwork, appended: int, on_output: bool) -> np.ndarray:
 
 
 def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Model:
-    """Model with states appended behind the nodes, (S,) of their own transitions, gain and noise still zero.
+    """Model with states appended to the nodes, (S,) of their own transitions, gain and noise still zero.
 
     ``decay``: (S, a) transition of the a appended states.  The last ``feed`` columns of B are heat gains [kW] that the
-    appended states feed; with 0 they act on the output only.  ``n_own``: parameters of the disturbance, behind the
+    appended states feed; with 0 they act on the output only.  ``n_own``: parameters of the disturbance, after the
     network's.
     """
     (S, n, m), p, a = d.B.shape, d.dA.shape[1], decay.shape[1]
@@ -110,16 +110,16 @@ class Conventional:
     warmup_rows: int
     process_sd: float = 0.05  # of each node over a step while the filter runs [K]
     own: tuple[Parameter, ...] = ()
-    weighted: ClassVar[bool] = False  # a simulation is no less certain behind a missing row
+    weighted: ClassVar[bool] = False  # a simulation is no less certain after a missing row
 
     def filtered(self, n_rows: int) -> int:
-        """Rows that the filter serves; errors count from there on."""
+        """Rows over which the filter runs; errors count from there on."""
         return min(self.warmup_rows, n_rows // 2)
 
     first_counted = filtered
 
     def noise(self, network: RCNetwork) -> np.ndarray:
-        """(1, s, s) process noise while the filter runs; gain states behind the nodes have none."""
+        """(1, s, s) process noise while the filter runs; gain states have none."""
         none = np.zeros(len(network.disturbed_nodes))
         return np.diag(np.append(np.full(len(network.nodes), self.process_sd**2), none))[None]
 
@@ -149,7 +149,7 @@ class InputRandomWalk:
     weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     def filtered(self, n_rows: int) -> int:
-        """Rows that the filter serves: all."""
+        """Rows over which the filter runs: all."""
         return n_rows
 
     def first_counted(self, n_rows: int) -> int:
@@ -200,7 +200,7 @@ class OutputARMA:
         return rho + start
 
     def filtered(self, n_rows: int) -> int:
-        """Rows that a Kalman filter serves: none."""
+        """Rows over which a Kalman filter runs: none."""
         return 0
 
     def first_counted(self, n_rows: int) -> int:
@@ -235,3 +235,10 @@ def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int
 def first_name(node: str, number: int) -> str:
     """Name of a hidden node's temperature at the first row of a segment: ``T0_w``, of further ones ``T0_w_2`` ...."""
     return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"
+
+
+def checked_kind(kind: str) -> str:
+    """Refuse what is neither ``"input"`` nor ``"output"``."""
+    if kind not in ("input", "output"):
+        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
+    return kind

@@ -1,4 +1,4 @@
-"""What an identification sees: measurements, inputs in the order of the network, and the calendar."""
+"""Data of an identification: measurements, inputs in the order of the network, and the calendar."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..thermal import RCNetwork
 
 
 class Experiment(NamedTuple):
-    """Segments of consecutive rows, one behind the other."""
+    """Segments of consecutive rows, one after the other."""
 
     y: np.ndarray  # (N,) measured temperature [degC], NaN where missing; (N, o) of o measured nodes
     inputs: np.ndarray  # (N, m) in the order of ``network.inputs(roles)``, then the heat gains (0)

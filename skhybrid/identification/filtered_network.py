@@ -1,148 +1,175 @@
-"""An identified network at work on a table: filtered states, and forecasts from them."""
+"""An identified network with its Kalman filter: states, disturbances and forecasts for the rows of a table."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_is_fitted
+import pandas as pd
 
-from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from ..filtering import simulate_path
+from ..thermal import RCNetwork
+from .disturbance_models import checked_kind
 from .experiment import Experiment, make_experiment
 from .gain_filter import FilteredStates, FilterStart, GainFilter
-from .gain_model import profile_cell
-from .one_step_errors import InnovationsMixin
+from .gain_model import week_cells
+from .rolling_state import RollingState, kept_end
 
 
 class ForecastStart(NamedTuple):
-    """What a model expects after each origin, apart from the known inputs."""
+    """States and expected disturbance from which forecasts are made."""
 
     states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
     heat: np.ndarray  # (n_origins, H, d) unmeasured heat of the rows origin, origin + 1, ... [kW]
     offset: np.ndarray  # (n_origins, H, o) added to the outputs of the rows origin + 1, ... [K]
 
 
-class FilteredNetwork(InnovationsMixin, RollingForecastMixin, RegressorMixin, BaseEstimator):
-    """What an identified network does with a table; a subclass identifies it and may give ``_forecast_start``."""
+@dataclass(frozen=True)
+class FilteredNetwork:
+    """A network, its Kalman filter, and what is kept of the training table.
 
-    def _experiment(self, table: ZoneTable) -> Experiment:
-        return make_experiment(self.network_, self._roles, table, self._measurements(table))
+    It is never changed: :meth:`advanced` returns another one.
+    """
 
-    def _measurements(self, table: ZoneTable) -> np.ndarray:
-        """What the table holds of the measured temperatures: (N,), or (N, o) of o nodes; NaN where it has none."""
-        missing = np.full(table.n_rows, np.nan)
-        columns = [table.history.get(role, missing) for role in self.network_.history_roles]
-        return columns[0] if len(columns) == 1 else np.column_stack(columns)
+    kalman: GainFilter
+    roles: tuple[str, ...]  # inputs of the training table
+    mean: float  # of the training measurements [degC]
+    training_start: FilterStart  # what the fit found of the first training row
+    training_first: pd.Timestamp | None  # UTC stamp of that row
+    rolling: RollingState  # the last known rows
 
     @property
-    def _roles(self) -> tuple[str, ...]:
-        return tuple(sorted(self._tail.inputs))
+    def network(self) -> RCNetwork:
+        return self.kalman.network
 
-    @staticmethod
-    def _cells(table: ZoneTable) -> np.ndarray:
-        return profile_cell(table.time.hour.to_numpy(np.int64), np.asarray(table.time.day_of_week >= 5))
+    # ------------------------------------------------------------------------------------------------------- tables
+    def experiment(self, table: ZoneTable) -> Experiment:
+        """The inputs and measurements of a table."""
+        return make_experiment(self.network, self.roles, table, self.measurements(table))
 
-    def _classes(self, table: ZoneTable) -> np.ndarray:
-        return self._filter.classes[self._cells(table)]
+    def measurements(self, table: ZoneTable) -> np.ndarray:
+        """The measured temperatures that a table holds: (N,), or (N, o) of o nodes; NaN where it has none."""
+        missing = np.full(table.n_rows, np.nan)
+        columns = [table.history.get(role, missing) for role in self.network.history_roles]
+        return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
-    def _cold_value(self, table: ZoneTable) -> Any:
-        first = self._measurements(table)[0]
-        return np.where(np.isfinite(first), first, self._mean)[()]
+    def cold_value(self, table: ZoneTable) -> Any:
+        """The first measured temperature of a table without history, or the training mean."""
+        first = self.measurements(table)[0]
+        return np.where(np.isfinite(first), first, self.mean)[()]
 
-    def _start(self, table: ZoneTable) -> FilterStart:
-        """What is known of the first row: the training's own start, its end, or no more than a temperature."""
-        if self._is_tail(table):
-            return self._tail_start
-        if self._is_training(table):
-            return self._train_start
-        return self._filter.cold(np.atleast_1d(self._cold_value(table)))
+    def is_tail(self, table: ZoneTable) -> bool:
+        """Whether a table begins with the kept end of the known rows."""
+        tail = self.rolling.tail
+        return table.utc is not None and tail.utc is not None and table.utc[0] == tail.utc[0]
 
-    def _is_tail(self, table: ZoneTable) -> bool:
-        return table.utc is not None and self._tail.utc is not None and table.utc[0] == self._tail.utc[0]
+    def is_training(self, table: ZoneTable) -> bool:
+        """Whether a table begins where the training table did."""
+        return table.utc is not None and self.training_first is not None and table.utc[0] == self.training_first
 
-    def _is_training(self, table: ZoneTable) -> bool:
-        return table.utc is not None and self._train_first is not None and table.utc[0] == self._train_first
+    # ------------------------------------------------------------------------------------------------------- states
+    def start(self, table: ZoneTable) -> FilterStart:
+        """Start at the first row: that of the training, that of its kept end, or from the first temperature alone."""
+        if self.is_tail(table):
+            return self.rolling.tail_start
+        if self.is_training(table):
+            return self.training_start
+        return self.kalman.cold(np.atleast_1d(self.cold_value(table)))
 
-    def _open_start(self, table: ZoneTable) -> np.ndarray:
-        return self._tail_open if self._is_tail(table) else self._start(table).mean[: self._filter.n]
+    def open_start(self, table: ZoneTable) -> np.ndarray:
+        """(n,) node temperatures of the open-loop run at the first row."""
+        return self.rolling.tail_open if self.is_tail(table) else self.start(table).mean[: self.kalman.n]
 
-    def _open_loop(self, experiment: Experiment, state: np.ndarray) -> np.ndarray:
+    def open_loop(self, experiment: Experiment, state: np.ndarray) -> np.ndarray:
         """(N + 1, n) node temperatures by the known inputs alone."""
-        return simulate_path(self._filter.A, experiment.inputs @ self._filter.B.T, state)
+        return simulate_path(self.kalman.A, experiment.inputs @ self.kalman.B.T, state)
 
-    def _track(self, table: ZoneTable, smooth: bool = False) -> FilteredStates:
-        experiment = self._experiment(table)
-        return self._filter.track(experiment, self._cells(table), self._classes(table), self._start(table), smooth)
+    def run(self, table: ZoneTable, smooth: bool = False) -> FilteredStates:
+        """Filter or smooth the states of one segment of rows."""
+        return self.kalman.run(self.experiment(table), self.start(table), smooth)
+
+    def disturbance(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
+        """(N, d) heat [kW] of one segment of rows, or (N, o) what the output has beyond the open loop [K]."""
+        if checked_kind(kind) == "input":
+            return self.run(table, smooth).gain
+        experiment = self.experiment(table)
+        path = self.open_loop(experiment, self.open_start(table))
+        return experiment.outputs - path[:-1, self.kalman.measured]
+
+    def advanced(self, table: ZoneTable) -> tuple[FilteredNetwork, FilteredStates, np.ndarray]:
+        """Take the rows after the last known one; the cost does not depend on how many came before.
+
+        Returns the network after them, their filtered states, and (N, o) what the output has beyond the open loop [K].
+        """
+        experiment, now = self.experiment(table), self.rolling
+        states, path = self.kalman.run(experiment, now.ahead), self.open_loop(experiment, now.open_ahead)
+        rolling = kept_end(self.network, table, experiment, states, path, 1)
+        return replace(self, rolling=rolling), states, experiment.outputs - path[:-1, self.kalman.measured]
 
     # ---------------------------------------------------------------------------------------------------- forecasts
-    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
-        """The filter's own expectation: the gain state decays towards the profile."""
-        track, cells = self._track(table), self._cells(table)
-        tracker: GainFilter = self._filter
-        g = track.gain[origins] - tracker.profile[cells[origins]]
+    def expected(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
+        """Forecasts of the filter itself: the gain state decays towards the profile."""
+        experiment, kalman = self.experiment(table), self.kalman
+        states, cells = kalman.run(experiment, self.start(table)), week_cells(experiment)
+        g = states.gain[origins] - kalman.profile[cells[origins]]
         rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
-        decay = tracker.phi ** np.arange(n)
-        heat = g[:, None] * decay[:, None] + tracker.profile[cells[rows]]
-        return ForecastStart(track.nodes[origins], heat, np.zeros((len(origins), n, len(tracker.measured))))
+        decay = kalman.phi ** np.arange(n)
+        heat = g[:, None] * decay[:, None] + kalman.profile[cells[rows]]
+        return ForecastStart(states.nodes[origins], heat, np.zeros((len(origins), n, len(kalman.measured))))
 
-    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        return self._run(table, origins, self._forecast_start(table, origins, n_leads))
-
-    def _run(self, table: ZoneTable, origins: np.ndarray, outlook: ForecastStart) -> np.ndarray:
-        experiment, tracker = self._experiment(table), self._filter
-        paths = [
-            tracker.drive(experiment, int(o), state, heat)[:, tracker.measured]
-            for o, state, heat in zip(origins, outlook.states, outlook.heat, strict=True)
-        ]
-        out = np.array(paths).reshape(outlook.offset.shape) + outlook.offset
-        return out[..., 0] if out.shape[2] == 1 else out
-
-    def _given(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> ForecastStart:
-        tracker, size = self._filter, disturbance.shape[:2]
-        wanted = tracker.n_gains if checked_kind(kind) == "input" else len(tracker.measured)
+    def under(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> ForecastStart:
+        """The start of forecasts under a given disturbance, (n_origins, H) or (n_origins, H, d)."""
+        kalman, size = self.kalman, disturbance.shape[:2]
+        wanted = kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
         if given.shape[2:] != (wanted,):
             raise ValueError(
-                f"disturbance has shape {disturbance.shape}, but network {self.network_.name} has {wanted} of kind "
+                f"disturbance has shape {disturbance.shape}, but network {self.network.name} has {wanted} of kind "
                 f"{kind!r}: give (n_origins, n_leads{f', {wanted}' if wanted > 1 else ''})."
             )
         if kind == "input":
-            return ForecastStart(self._track(table).nodes[origins], given, np.zeros((*size, len(tracker.measured))))
-        states = self._open_loop(self._experiment(table), self._open_start(table))[origins]
-        return ForecastStart(states, np.zeros((*size, tracker.n_gains)), given)
+            return ForecastStart(self.run(table).nodes[origins], given, np.zeros((*size, len(kalman.measured))))
+        states = self.open_loop(self.experiment(table), self.open_start(table))[origins]
+        return ForecastStart(states, np.zeros((*size, kalman.n_gains)), given)
 
-    def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
-        """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows; ``T_za`` is read up to each origin only.
-        origins : sequence of int
-            Row numbers of X.
-        disturbance : array-like of shape (n_origins, n_leads)
-            With a third axis where a network has several disturbed (measured) nodes.
-            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
-            ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
-        kind : {"input", "output"}
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_leads)
-            Temperature of the rows origin + 1, ... [degC], with a third axis where several nodes are measured; a row
-            beyond X repeats the last one.
-        """
-        check_is_fitted(self)
-        table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        given = np.asarray(disturbance, dtype=np.float64)
-        return self._run(table, rows, self._given(table, rows, given, kind))
+    def drive(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart) -> np.ndarray:
+        """(n_origins, H) temperatures after each origin [degC], with a third axis where several are measured."""
+        experiment, kalman = self.experiment(table), self.kalman
+        paths = [
+            kalman.drive(experiment, int(o), state, heat)[:, kalman.measured]
+            for o, state, heat in zip(origins, start.states, start.heat, strict=True)
+        ]
+        out = np.array(paths).reshape(start.offset.shape) + start.offset
+        return out[..., 0] if out.shape[2] == 1 else out
 
 
-def checked_kind(kind: str) -> str:
-    if kind not in ("input", "output"):
-        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
-    return kind
+def filter_training(
+    kalman: GainFilter,
+    table: ZoneTable,
+    experiment: Experiment,
+    first_state: Callable[[FilteredStates, int], np.ndarray],
+    keep: int,
+) -> FilteredNetwork:
+    """Run a filter over its training table, and keep the last rows.
+
+    ``first_state`` gives the (n,) node temperatures at the first row of a segment from its smoothed states and number.
+    """
+
+    def begin(number: int) -> FilterStart:
+        rows = experiment.segments[number]
+        cold = kalman.cold(rows.firsts)
+        smooth = kalman.run(rows, cold, smooth=True)
+        gain = smooth.gain[0] - kalman.profile[week_cells(rows)[0]]
+        return FilterStart(np.append(first_state(smooth, number), gain), cold.covariance)
+
+    last = len(table.segments) - 1
+    first, segment, rows = begin(0), table.segments[last], experiment.segments[last]
+    start = begin(last) if last else first
+    path = simulate_path(kalman.A, rows.inputs @ kalman.B.T, start.mean[: kalman.n])
+    rolling = kept_end(kalman.network, segment, rows, kalman.run(rows, start), path, min(segment.n_rows, keep))
+    mean = float(np.nanmean(experiment.y)) if np.isfinite(experiment.y).any() else 20.0
+    begins = None if table.utc is None else table.utc[0]
+    return FilteredNetwork(kalman, experiment.roles, mean, first, begins, rolling)

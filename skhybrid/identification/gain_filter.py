@@ -1,4 +1,4 @@
-"""States and disturbances from measurements: a Kalman filter around an identified network, and forecasts from it."""
+"""Kalman filter around a network: its node temperatures and the unmeasured heat, from measurements."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from ..filtering import kalman_filter, simulate_path, smooth_states
 from ..thermal import RCNetwork
 from .disturbance_models import ZETA_SD, Conventional, first_covariance, measured_rows, measurement_variance
 from .experiment import Experiment
+from .gain_model import week_cells
 
 
 class FilterStart(NamedTuple):
-    """What is known of the first row before its own measurement."""
+    """State and covariance at the first row, before its own measurement."""
 
     mean: np.ndarray  # (s,) nodes [degC], then the gain states [kW]
     covariance: np.ndarray  # (s, s)
@@ -26,7 +27,7 @@ class FilteredStates(NamedTuple):
 
     nodes: np.ndarray  # (N, n) [degC]
     gain: np.ndarray  # (N, d) the unmeasured heat of every disturbed node, profile included [kW]
-    end: FilterStart  # what is known of the row behind the last
+    end: FilterStart  # what is known of the row after the last
     starts: tuple[np.ndarray, np.ndarray]  # predicted means (N, s) and covariances (N, s, s)
 
 
@@ -45,7 +46,6 @@ class GainFilter:
     R: float
     g_sd: float = ZETA_SD
     profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
-
     classes: np.ndarray = field(default_factory=lambda: np.zeros(48, dtype=np.int64))  # of Q, by cell of the week
 
     @property
@@ -74,30 +74,24 @@ class GainFilter:
         return A, np.eye(n + d)[self.measured]
 
     def cold(self, temperatures: np.ndarray) -> FilterStart:
-        """A start about which nothing but (o,) temperatures is known."""
+        """The start of rows of which only the first (o,) measured temperatures are known."""
         nodes = np.full(self.n, float(np.mean(temperatures)))
         nodes[self.measured] = temperatures
         return FilterStart(np.append(nodes, np.zeros(self.n_gains)), first_covariance(self.network, self.g_sd))
 
-    def forcing(self, experiment: Experiment, cells: np.ndarray) -> np.ndarray:
-        """(N, n) effect of all known inputs and of the profile over each step."""
-        profile = np.broadcast_to(self.profile[cells], (len(cells), self.n_gains))
-        return experiment.inputs @ self.B.T + profile @ self.heat.T
-
-    def track(
-        self, experiment: Experiment, cells: np.ndarray, klass: np.ndarray, start: FilterStart, smooth: bool = False
-    ) -> FilteredStates:
+    def run(self, experiment: Experiment, start: FilterStart, smooth: bool = False) -> FilteredStates:
         """Filter (causal) or smooth (by all rows) the states of one segment of rows."""
         A, C = self.augmented()
-        forcing = np.zeros((len(experiment.y), len(A)))
-        forcing[:, : self.n] = self.forcing(experiment, cells)
+        cells = week_cells(experiment)
+        classes, profile = self.classes[cells], np.broadcast_to(self.profile[cells], (len(cells), self.n_gains))
+        forcing = np.zeros((len(cells), len(A)))
+        forcing[:, : self.n] = experiment.inputs @ self.B.T + profile @ self.heat.T
         R = np.full(len(C), self.R)
-        run = kalman_filter(A, forcing, self.Q, klass, C, R, experiment.outputs, start.mean, start.covariance)
-        filtered, covariances, predicted, before = run
+        found = kalman_filter(A, forcing, self.Q, classes, C, R, experiment.outputs, start.mean, start.covariance)
+        filtered, covariances, predicted, before = found
         states = smooth_states(A, filtered, covariances, predicted, before).states if smooth else filtered
-        end = FilterStart(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[klass[-1]])
-        gain = states[:, self.n :] + self.profile[cells]
-        return FilteredStates(states[:, : self.n].copy(), gain, end, (predicted, before))
+        end = FilterStart(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[classes[-1]])
+        return FilteredStates(states[:, : self.n].copy(), states[:, self.n :] + profile, end, (predicted, before))
 
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
         """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ...."""
@@ -107,27 +101,27 @@ class GainFilter:
         return np.vstack([path, np.repeat(path[-1:], short, axis=0)]) if short and len(path) else path
 
 
-def without_disturbance(tracker: GainFilter, hours: float) -> GainFilter:
-    """The filter by which CONV takes a state from measurements: nodes with noise of their own, no gain."""
-    noise = Conventional(0).noise(tracker.network)
-    return replace(tracker, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
+def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:
+    """The filter that gives CONV its states: noise on every node, no unmeasured heat."""
+    noise = Conventional(0).noise(kalman.network)
+    return replace(kalman, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
 
 
-def fit_walk_noise(tracker: GainFilter, experiment: Experiment) -> np.ndarray:
+def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> np.ndarray:
     """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter around a given network.
 
-    The identifications without a gain state need them to estimate the input disturbance.
+    CONV and OD have no gain state of their own and use it to estimate the input disturbance.
     """
-    A, C = tracker.augmented()
-    R, n = np.full(len(C), tracker.R), tracker.n
+    A, C = kalman.augmented()
+    R, n = np.full(len(C), kalman.R), kalman.n
     segments = []
     for segment in experiment.segments:
         forcing = np.zeros((len(segment.y), len(A)))
-        forcing[:, :n] = segment.inputs @ tracker.B.T
-        segments.append((forcing, segment.outputs, tracker.cold(segment.firsts)))
+        forcing[:, :n] = segment.inputs @ kalman.B.T
+        segments.append((forcing, segment.outputs, kalman.cold(segment.firsts)))
 
     def negative_log_likelihood(logs: np.ndarray) -> float:
-        Q, value = walk_noise(tracker.network, *np.exp(logs)), 0.0
+        Q, value = walk_noise(kalman.network, *np.exp(logs)), 0.0
         for forcing, y, start in segments:
             klass = np.zeros(len(y), np.int64)
             _, _, predicted, before = kalman_filter(A, forcing, Q, klass, C, R, y, start.mean, start.covariance)

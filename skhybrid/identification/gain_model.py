@@ -1,8 +1,8 @@
-"""What is assumed of the unmeasured heat: classes of variance, a smooth weekly profile, and air that is let in by day.
+"""Model of the unmeasured heat: classes of variance, a smooth weekly profile, and ventilation by day.
 
 The gain is ``p(t) + U(t) (T_oa - T_za) + g(t)`` [kW]: a profile by hour and day type, a conductance of the weekday's
-ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  Which hours
-and which days are quiet is thus learned, and the quiet ones carry most of the information about the building.
+ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  The
+quiet hours and days are thus learned, and they carry most of the information about the building.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from ..thermal import Parameter
 from .experiment import Experiment
 
 DAY_TYPES = ("weekday", "weekend")
-#: the weekday hours in which air may be let in
+#: weekday hours of ventilation
 DAY_HOURS = (6, 21)
 #: prior standard deviations, for a plant of 6 kW: of the profile's level [kW] and of the ventilation [kW/K]
 LEVEL_SD, VENTILATION_SD = 3.0, 0.03
-#: harmonics of the day that a profile is made of, out of twelve: the others do not earn what they cost
+#: harmonics of the day that a profile is made of, out of twelve; the others cost more time than they gain
 N_HARMONICS = 8
 #: prior of a standard deviation [6 kW plant], as mean and standard deviation of its logarithm; and of a day's factor
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
-#: most days that have a factor of their own; of longer logs two or more days in a row share one
+#: most days that have a factor of their own; in longer logs two or more days in a row share one
 MOST_DAYS = 56
 _HOURS = 24
 
@@ -33,6 +33,11 @@ _HOURS = 24
 def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
     """Cell of the weekly profile of every row: the hour on weekdays, 24 + the hour on weekends."""
     return hour + _HOURS * weekend
+
+
+def week_cells(experiment: Experiment) -> np.ndarray:
+    """Cell of the weekly profile of every row of an experiment, (N,)."""
+    return profile_cell(experiment.hour_of_day, experiment.weekend)
 
 
 class HourClasses(NamedTuple):
@@ -53,7 +58,7 @@ def _blocks(hours: int) -> HourClasses:
     return HourClasses(names, np.arange(len(DAY_TYPES) * _HOURS) // hours)
 
 
-def cyclic_walk_root() -> np.ndarray:
+def smooth_walk_root() -> np.ndarray:
     """(24, 2 N_HARMONICS) root of the covariance of a cyclic random walk with unit steps and zero mean, smoothed.
 
     The waves of a day diagonalise it; only the first :data:`N_HARMONICS` are kept.
@@ -65,13 +70,13 @@ def cyclic_walk_root() -> np.ndarray:
 
 def profile_basis() -> tuple[np.ndarray, tuple[float, ...], tuple[str | None, ...]]:
     """Columns (48, r) of the profile, the prior standard deviation of each, and the parameter that multiplies it."""
-    one = np.column_stack([np.ones(_HOURS), cyclic_walk_root()])
+    one = np.column_stack([np.ones(_HOURS), smooth_walk_root()])
     r = one.shape[1] - 1
     names = [name for kind in DAY_TYPES for name in (None, *[f"sigma_profile_{kind}"] * r)]
     return np.kron(np.eye(len(DAY_TYPES)), one), (LEVEL_SD, *[1.0] * r) * len(DAY_TYPES), tuple(names)
 
 
-#: ways to share the hours out: few classes bear a network that is too simple, many tell quiet hours apart
+#: few classes are robust to a network that is too simple; many tell quiet hours apart
 HOUR_CLASSES = {"day_night": _day_and_night(), "3h": _blocks(3)}
 
 
@@ -95,7 +100,7 @@ class VarianceModel:
         together = -(-count // MOST_DAYS)
         days = [day // together for day in days]
         n_days = int(days[-1][-1]) + 1
-        cells = [profile_cell(p.hour_of_day, p.weekend) for p in segments]
+        cells = [week_cells(p) for p in segments]
         keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
         variance = np.hstack([np.eye(size)[used % size], np.eye(n_days)[used // size]])

@@ -1,7 +1,8 @@
-"""What CONV, ID and OD share: a sum of squared errors over bounded parameters, from many random starts."""
+"""Base of CONV, ID and OD: a sum of squared errors over bounded parameters, from many random starts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,60 +14,33 @@ from sklearn.utils import check_random_state
 from .._table import ZoneTable
 from .._time import rows_covering, rows_of
 from ..thermal import Parameter, RCNetwork
-from .base import NetworkIdentifier
+from .base import NetworkIdentifier, SearchResult, store_arguments
 from .disturbance_models import measurement_variance
 from .experiment import Experiment
 from .fitting.forecast_errors import MultiStepProblem
 from .fitting.gauss_newton import Minimum
 from .fitting.prediction_errors import ROUGH, PredictionErrorProblem
 from .fitting.priors import normal_priors
-from .fitting.starts import random_starts, search, starts_table
+from .fitting.starts import random_starts, search, start_at, starts_table
 from .gain_filter import GainFilter, fit_walk_noise, walk_noise
 from .uncertainty.identifiability import at_bounds
-from .uncertainty.standard_errors import least_squares_doubt
+from .uncertainty.least_squares_errors import least_squares_uncertainty
 
 
 class LeastSquaresIdentifier(NetworkIdentifier):
     """Sum of squared errors over bounded parameters, from many random starts."""
 
+    objective: Any
+
     def __init__(
-        self,
-        network="2R2C",
-        *,
-        known=None,
-        bounds=None,
-        n_starts=50,
-        horizon=None,
-        warmup="1D",
-        columns=None,
-        sampling_time=None,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
-        origin_step=None,
-        max_missing=0.5,
-        priors=None,
+        self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
+        sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
         objective="one_step",
-    ):
-        super().__init__(
-            network,
-            known=known,
-            bounds=bounds,
-            n_starts=n_starts,
-            horizon=horizon,
-            warmup=warmup,
-            columns=columns,
-            sampling_time=sampling_time,
-            n_jobs=n_jobs,
-            random_state=random_state,
-            verbose=verbose,
-            origin_step=origin_step,
-            max_missing=max_missing,
-            priors=priors,
-        )
-        self.objective = objective
+    ):  # fmt: skip
+        store_arguments(self, locals())
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Any:
+        """The disturbance model: the states that it appends to the network, and their gain."""
         raise NotImplementedError
 
     def _make_problem(
@@ -78,14 +52,14 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         fixed = idle = self._excited(network, table, parameters, priors)
         fixed = fixed | {k: float(v) for k, v in known.items() if k in {p.name for p in (*parameters, *own)}}
         searched = tuple(p for p in (*parameters, *own) if p.name not in fixed)
-        problem = self._pose(table.step, network, experiment, disturbance, searched, fixed)
+        problem = self._problem(table.step, network, experiment, disturbance, searched, fixed)
         if priors:
             normal = np.array([priors.get(p.name, (0.0, np.inf)) for p in searched]).reshape(-1, 2)
             problem = replace(problem, centre=normal[:, 0], spread=normal[:, 1])
         return problem, tuple(idle)
 
-    def _pose(self, step: pd.Timedelta, *parts: Any) -> PredictionErrorProblem:
-        """The problem of the errors that ``objective`` names."""
+    def _problem(self, step: pd.Timedelta, *parts: Any) -> PredictionErrorProblem:
+        """The sum of squares of the errors that ``objective`` names."""
         if self.objective == "one_step":
             return PredictionErrorProblem(*parts)
         if self.objective != "multi_step":
@@ -93,14 +67,14 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         n_leads = rows_covering("1D", step) if self.horizon is None else rows_of(self.horizon, step)
         return MultiStepProblem(*parts, n_leads=n_leads, first=rows_covering(self.warmup, step))
 
-    def _minima(self, problem: PredictionErrorProblem) -> list[Minimum]:
+    def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
             return [Minimum(np.zeros(0), loss, 1, True)]
         starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
         return search(
             partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1]),
-            self._from_known(problem.searched, starts),
+            starts if begin is None else start_at(problem.searched, begin, starts[0]),
             problem.drop,
             polish=problem.minimise,
             n_jobs=self.n_jobs,
@@ -108,16 +82,9 @@ class LeastSquaresIdentifier(NetworkIdentifier):
             name=type(self).__name__,
         )
 
-    def _store(
-        self,
-        problem: PredictionErrorProblem,
-        best: Minimum,
-        minima: list[Minimum],
-        parameters: tuple[Parameter, ...],
-        idle: tuple[str, ...],
-    ) -> None:
-        values = problem.values(best.free)
-        names = [p.name for p in parameters]
+    def _store(self, found: SearchResult) -> GainFilter:
+        problem, best, minima, _, parameters, idle = found
+        values, names = problem.values(best.free), [p.name for p in parameters]
         self.network_ = problem.network
         self.parameters_ = parameters
         self.theta_ = pd.Series({n: values[n] for n in names}, name="theta")
@@ -125,13 +92,13 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         self.loss_ = best.loss
         self.starts_ = starts_table(minima, problem.searched, problem.drop)
         noise = problem.noise(best.free)
-        doubt = least_squares_doubt(problem, best.free, noise, names, problem.days, problem.overlap)
-        self._keep_doubt(doubt, at_bounds(best.free, problem.searched), idle)
-        self._filter = self._make_filter(problem)
+        uncertainty = least_squares_uncertainty(problem, best.free, noise, names, problem.days, problem.overlap)
+        self._store_uncertainty(uncertainty, at_bounds(best.free, problem.searched), idle)
         one_step = problem.one_step
         self.noise_std_ = float(np.sqrt(noise if one_step is problem else one_step.noise(best.free)))
         if one_step.weighted:  # the residuals are larger than errors that no missing row precedes
             self.noise_std_ /= float(np.sqrt(one_step.mean_variance(best.free)))
+        return self._make_filter(problem)
 
     def _make_filter(self, problem: PredictionErrorProblem) -> GainFilter:
         network, experiment = problem.network, problem.experiment
@@ -144,6 +111,6 @@ class LeastSquaresIdentifier(NetworkIdentifier):
     def _measurement_variance(self, hours: float) -> float:
         return measurement_variance(hours)
 
-    def _walk(self, tracker: GainFilter, experiment: Experiment) -> tuple[float, float]:
-        found = fit_walk_noise(tracker, experiment)
+    def _walk(self, kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
+        found = fit_walk_noise(kalman, experiment)
         return float(found[0]), float(found[1])

@@ -1,4 +1,4 @@
-"""Splitting and scoring in time order: cross-validation blocks and day-ahead back-tests, and the choice of a model."""
+"""Model selection in time order: splits, back-tests, comparisons, and the search over the design matrix."""
 
 from .backtest import backtest, score_backtest, score_intervals
 from .choice.case_rules import CaseChoice, select_case

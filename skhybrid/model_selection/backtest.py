@@ -1,4 +1,4 @@
-"""Day-ahead back-tests: what would have been forecast at every origin, beside what came."""
+"""Back-tests: forecasts from every origin of a table, with the measurements of the same rows."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
+from .._table import ZoneTable
 from .._time import ASSUMED_START, even_step, rows_of
 from ..forecasting.quantiles import quantile_columns
+from .tables import read_once, reading_of, takes_tables
 
 _DAY = pd.Timedelta("1D")
 _COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")
@@ -27,14 +29,14 @@ def backtest(
     start: Any = None,
     quantiles: Sequence[float] | None = None,
 ) -> pd.DataFrame:
-    """Forecast from every origin and set the forecasts beside the measurements.
+    """Forecast from every origin and put the measurements next to the forecasts.
 
     Parameters
     ----------
     estimator : fitted estimator
         With ``predict_from(X, origins, horizon)``; a Pipeline whose last step has it; a search that holds one as
-        ``best_estimator_``; or any regressor, whose ``predict(X)`` then stands at every origin and lead.
-    X : DataFrame or array-like of shape (n_samples, n_features)
+        ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin.
+    X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
     y : Series or array-like of shape (n_samples,)
         Measured zone temperature [degC]; NaN is kept as it is.
@@ -44,15 +46,15 @@ def backtest(
         Distance of the origins.  If it is a whole number of days or divides a day, origins are counted from the
         first local midnight, by the wall clock; any other step, such as ``"25h"``, is counted from the first row.
     start : timestamp or int, optional
-        No origin before it (a row number for an array): earlier rows are history only.  "First" above is then meant
-        from here on.
+        The earliest origin (a row number for an array): rows before it are history only, and "first" above counts
+        from here.
     quantiles : sequence of float, optional
-        Quantiles to forecast as well, in (0, 1), increasing; the estimator has ``predict_quantiles_from`` then.
+        Quantiles to forecast as well, in (0, 1), increasing; they need an estimator with ``predict_quantiles_from``.
 
     Returns
     -------
     DataFrame
-        One row an (origin, lead): ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
+        One row per origin and lead: ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
         (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.  Only origins whose
         whole horizon lies in X.
 
@@ -61,13 +63,13 @@ def backtest(
     sklearn.exceptions.NotFittedError
         If the estimator is not fitted.
     ValueError
-        If the lengths of X and y differ, a duration is no multiple of the sampling time, no origin fits, or quantiles
-        are asked of an estimator that forecasts none.
+        If the lengths of X and y differ, a duration is not a multiple of the sampling time, no origin fits, or the
+        estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
-    truth = np.asarray(y, dtype=np.float64)
-    if truth.shape != (_num_samples(X),):
-        raise ValueError(f"X has {_num_samples(X)} rows, but y has the shape {truth.shape}; pass one value a row.")
+    truth, n_rows = np.asarray(y, dtype=np.float64), _n_rows(X)
+    if truth.shape != (n_rows,):
+        raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
     stamps, wall, sampling = _clock(estimator, X)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
@@ -78,7 +80,10 @@ def backtest(
             "follow the first origin; pass a longer X."
         )
     rows = origins[:, None] + np.arange(1, n_leads + 1)
-    paths = _paths(estimator, X, origins, rows, pd.Timedelta(horizon))
+    forecaster, table = _unwrap(estimator, X)
+    if quantiles is not None and takes_tables(forecaster):
+        table = read_once(table, **reading_of(forecaster), fits=False)
+    paths = _paths(forecaster, table, origins, rows, pd.Timedelta(horizon))
     columns = (
         stamps[np.repeat(origins, n_leads)],
         pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
@@ -89,7 +94,7 @@ def backtest(
     frame = pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
     if quantiles is None:
         return frame
-    return frame.assign(**_quantiles(estimator, X, origins, quantiles, pd.Timedelta(horizon)))
+    return frame.assign(**_quantiles(forecaster, table, origins, quantiles, pd.Timedelta(horizon)))
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -100,12 +105,12 @@ def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd
     frame : DataFrame
         From :func:`backtest`; rows without a measurement or a forecast are left out.
     by : {None, "lead", "origin"}, default=None
-        One number over all, or one a lead or an origin.
+        What to group by; None gives one number for all forecasts.
 
     Returns
     -------
     Series or DataFrame
-        ``rmse`` and ``mae`` [degC], and the number ``n`` of forecasts compared; a row a lead or origin with ``by``.
+        ``rmse`` and ``mae`` [degC], and the number ``n`` of forecasts compared; with ``by`` one row per lead or origin.
     """
     if by not in (None, "lead", "origin"):
         raise ValueError(f"by={by!r} must be None, 'lead' or 'origin'.")
@@ -131,13 +136,13 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     frame : DataFrame
         From :func:`backtest` with ``quantiles``, at least two of them; rows without a measurement are left out.
     by : {None, "lead", "origin"} or array-like of shape (n_rows,), default=None
-        One number over all; one a lead or an origin; or one a value of a grouping of the caller's own.
+        What to group by, or a label for each row; None gives one number for all forecasts.
 
     Returns
     -------
     Series or DataFrame
         ``nominal``, the probability [-] between the lowest and the highest quantile; ``coverage``, the share of
-        measurements there [-]; ``width`` between the two [K]; ``pinball``, the mean loss over all quantiles [K]
+        measurements between them [-]; ``width``, their distance [K]; ``pinball``, the mean loss over all quantiles [K]
         (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
 
     Raises
@@ -147,7 +152,7 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     """
     levels = {c: float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_")}
     if len(levels) < 2:
-        raise ValueError("the back-test has no interval: pass backtest(..., quantiles=(0.1, 0.9)) or more of them.")
+        raise ValueError("the back-test has no interval; make it with backtest(..., quantiles=(0.1, 0.9)).")
     names = sorted(levels, key=lambda c: levels[c])
     known = frame["y_true"].notna() & frame[names].notna().all(axis=1)
     seen, lowest, highest = frame[known], names[0], names[-1]
@@ -175,19 +180,17 @@ def _errors(error: np.ndarray) -> dict[str, float]:
 
 
 # --------------------------------------------------------------------------------------------------------- forecasts
-def _paths(estimator: Any, X: Any, origins: np.ndarray, rows: np.ndarray, horizon: pd.Timedelta) -> np.ndarray:
+def _paths(forecaster: Any, table: Any, origins: np.ndarray, rows: np.ndarray, horizon: pd.Timedelta) -> np.ndarray:
     """(n_origins, n_leads) forecasts of the given rows."""
-    forecaster, table = _unwrap(estimator, X)
     if hasattr(forecaster, "predict_from"):
         return forecaster.predict_from(table, origins, horizon=horizon)
     return np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
 
 
 def _quantiles(
-    estimator: Any, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: pd.Timedelta
+    forecaster: Any, table: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: pd.Timedelta
 ) -> dict[str, np.ndarray]:
     """Columns ``q_...`` of the forecasts, by their names."""
-    forecaster, table = _unwrap(estimator, X)
     if not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
@@ -223,8 +226,12 @@ def _clock(estimator: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timed
     last = _innermost(estimator)
     given = getattr(last, "sampling_time_", None) or getattr(last, "sampling_time", None) or "15min"
     sampling = pd.Timedelta(given)
-    n_rows = _num_samples(X)
+    n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
+
+
+def _n_rows(X: Any) -> int:
+    return X.n_rows if isinstance(X, ZoneTable) else _num_samples(X)
 
 
 def _first_row(stamps: pd.Index, start: Any) -> int:

@@ -1,4 +1,4 @@
-"""Which of two identifications is a special case of the other, and the likelihood-ratio test between them."""
+"""Nested identifications and the likelihood-ratio test between them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from scipy import stats
 
 
 class Nesting(NamedTuple):
-    """What the larger model may choose and the smaller may not."""
+    """Parameters that are free in the larger model only."""
 
     at_edge: tuple[str, ...]  # resistances, infinite in the smaller
     inside: tuple[str, ...]  # parameters that the smaller takes as known
 
 
 def nesting(smaller: Any, larger: Any) -> Nesting | None:
-    """What two fitted identifications differ in, if the first is a special case of the second; else None."""
+    """The difference of two fitted identifications if the first is a special case of the second; else None."""
     if type(smaller) is not type(larger):
         return None
     first, second = (model.get_params(deep=False) for model in (smaller, larger))
@@ -36,7 +36,7 @@ def nesting(smaller: Any, larger: Any) -> Nesting | None:
 
 
 def _without_resistors(small: Any, large: Any) -> tuple[str, ...] | None:
-    """Resistors of the larger network that the smaller lacks, where they differ in nothing else."""
+    """Resistors of the larger network that the smaller one lacks; None where they differ in more than that."""
     same = ("capacitances", "solar", "measured", "disturbed", "heated")
     if any(getattr(small, name) != getattr(large, name) for name in same):
         return None
@@ -50,9 +50,10 @@ def _without_resistors(small: Any, large: Any) -> tuple[str, ...] | None:
 
 
 def likelihood_ratio(gain: float, n_edge: int, n_inside: int) -> tuple[float, str, float]:
-    """Statistic, its distribution in words, and p-value, of a gain in log-likelihood.
+    """Statistic, its distribution as text, and p-value of a gain in log-likelihood.
 
-    ``n_edge`` parameters of the larger model are at the edge of their range in the smaller, ``n_inside`` within it.
+    Of the additional parameters of the larger model, the smaller one fixes ``n_edge`` at the edge of their range and
+    ``n_inside`` within it.
     """
     statistic = max(2.0 * gain, 0.0)
     weights = {n_inside + j: float(stats.binom.pmf(j, n_edge, 0.5)) for j in range(n_edge + 1)}

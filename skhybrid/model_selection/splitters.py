@@ -16,22 +16,21 @@ from .._time import even_step, rows_of
 class RollingOriginSplit(BaseCrossValidator):
     """Contiguous training and test blocks that roll forward through time.
 
-    A split is a training block, a gap that is used by neither, and a test block behind it; the next split lies one
-    ``step`` later.  The first training block begins at the first row, so that blocks of whole days keep the time of
-    day at which the table begins.
+    A split is a training block, a gap, and a test block; the next split begins one ``step`` later.  The first training
+    block begins at the first row, so that blocks of whole days keep the time of day at which the table begins.
 
     Parameters
     ----------
     train, test : timedelta-like or int, default="28D" and "1D"
         Length of a block, as a duration or as a number of rows.
     gap : timedelta-like or int, default="0D"
-        Rows left out between them.
+        Rows left out between training and test block.
     step : timedelta-like or int, optional
-        Distance of one split from the next; default = ``test``, so that test blocks touch and never overlap.
+        Distance from one split to the next; default = ``test``, so that test blocks touch and never overlap.
     n_splits : int, optional
-        The newest so many splits; default is every split that fits.
+        Keep only this many splits, the newest; default is every split that fits.
     sampling_time : timedelta-like, default="15min"
-        The step of a table without time stamps; a ``DatetimeIndex`` tells its own.
+        The step of a table without time stamps; a ``DatetimeIndex`` has its own.
     expanding : bool, default=False
         Whether every training block begins at the first row and so grows.
 
@@ -80,7 +79,7 @@ class RollingOriginSplit(BaseCrossValidator):
         Raises
         ------
         ValueError
-            If X is too short, or a length is no positive multiple of the sampling time.
+            If X is too short, or a length is not a positive multiple of the sampling time.
         """
         n_train, n_test, n_gap, n_step = self._lengths(X)
         for first in self._first_rows(X) * n_step:
@@ -89,7 +88,7 @@ class RollingOriginSplit(BaseCrossValidator):
             yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """How many splits there are.
+        """The number of splits.
 
         Parameters
         ----------
@@ -109,7 +108,7 @@ class RollingOriginSplit(BaseCrossValidator):
         return int(self.n_splits)
 
     def _lengths(self, X: Any) -> tuple[int, int, int, int]:
-        """Rows of the training block, the test block, the gap, and from one split to the next."""
+        """Rows of the training block, the test block and the gap, and from one split to the next."""
         sampling = _sampling_time(X, self.sampling_time)
         n_test = _rows(self.test, sampling, "test")
         n_step = n_test if self.step is None else _rows(self.step, sampling, "step")
@@ -153,9 +152,9 @@ def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int
 
 
 def default_blocks(X: Any, horizon: Any) -> tuple[int, int] | None:
-    """Rows of a training and of each of two test blocks behind it: each a sixth of the table, in whole days.
+    """Rows of a training block and of each of the two test blocks after it: a sixth of the table, in whole days.
 
-    None where a test block would not hold a whole day and a horizon, or nothing of use is left to train on.
+    None where the table is too short for test blocks of a day and a horizon and two days of training.
     """
     sampling, n_rows = _sampling_time(X, "15min"), _num_samples(X)
     day = rows_of("1D", sampling, "a day")

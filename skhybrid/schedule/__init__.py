@@ -18,6 +18,7 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
+    "Part",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",

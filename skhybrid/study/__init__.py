@@ -1,7 +1,7 @@
-"""The whole path: from a log and its settings to identified models, a fair comparison, a forecast and a report."""
+"""A whole study: from a log and its settings to fitted models, a comparison, a forecast and a report."""
 
 from .data import StudyData, read_log, split_log
-from .models import Yesterday, make_models
+from .models import StudyModel, Yesterday, make_models
 from .outputs import format_table, write_outputs
 from .proposal import propose_settings
 from .report import study_picture, verdict, write_report
@@ -11,6 +11,7 @@ from .settings import Settings, read_settings, settings_from
 __all__ = [
     "Settings",
     "StudyData",
+    "StudyModel",
     "StudyResult",
     "Yesterday",
     "format_table",

@@ -1,4 +1,4 @@
-"""A log, cut into training rows, rows to test on, and the next day."""
+"""Reading a log, and splitting it into training rows, test rows and the next day."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from ..datasets import read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
 from .settings import Settings
 
-#: column of the log's own set-point, beside the roles.
+#: column of the set-point in a log, which has no role
 SETPOINT = "setpoint"
-#: facades of a site, and where they look [deg clockwise from north].
+#: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
-#: history that a forecast of the next day is given at least: the longest lag of any forecaster.
+#: least history for a forecast of the next day: the longest lag of any forecaster
 _HISTORY = pd.Timedelta("14D")
-#: an empty end of T_za shorter than this is a sensor's outage, not a future.
+#: missing T_za at the end of a log is a failed sensor if shorter than this, else the next day
 _SHORTEST_FUTURE = pd.Timedelta("1h")
-#: a temperature that is the same for longer comes from a sensor that is stuck.
+#: a temperature that does not change for this long comes from a stuck sensor
 _STANDSTILL = pd.Timedelta("1D")
 
 
 class StudyData(NamedTuple):
-    """What a study works on; every table has its roles as columns and ``T_za`` as history.
+    """The rows of a study; every frame has roles as columns and ``T_za`` as history.
 
     Parameters
     ----------
     train : DataFrame
         Rows to fit on.
     later : DataFrame
-        Rows from behind the training rows to the end of the test rows.
+        Rows after the training rows, to the end of the test rows.
     test_start : Timestamp
-        The first stamp of ``later`` that is tested.
+        First stamp of the test rows in ``later``.
     history : DataFrame
         Rows before the next day.
     future : DataFrame
-        The next day; ``T_za`` as far as it was measured.
+        The next day, with ``T_za`` as far as it was measured.
     setpoint : Series
         Temperature to hold [degC], over history and future.
     held_out : bool
-        Whether the next day is the last of the log, and so was measured.
+        Whether the next day is the last day of the log, and so was measured.
     """
 
     train: pd.DataFrame
@@ -58,7 +58,7 @@ class StudyData(NamedTuple):
 
 
 def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
-    """Read a log as its settings say.
+    """Read a log by its settings.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     Returns
     -------
     frame : DataFrame
-        One column a role, at an even step.
+        One column per role, at an even step.
     report : str
         What was sorted, dropped, filled and left missing.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        In one sentence if the file cannot be read as asked.
+        If the file does not exist or cannot be read with these settings.
     """
     columns = dict(settings.columns)
     wanted = settings.load.get("setpoint", "measured")
@@ -103,25 +103,25 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
 
 
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
-    """Cut a log into training rows, rows to test on, and the next day.
+    """Split a log into training rows, test rows and the next day.
 
     Parameters
     ----------
     frame : DataFrame
-        One column a role, at an even step; ``setpoint`` where the log has it.
+        One column per role, at an even step, and ``setpoint`` where the log has it.
     settings : Settings
         Spans, horizon and set-point.
 
     Returns
     -------
     StudyData
-        If the log ends in rows without ``T_za``, these are the next day; else its last whole local day is, and is
-        held out.  With a site, the irradiance on its facades stands beside ``q_sol``.
+        If the log ends with rows without ``T_za``, these are the next day; else the last whole local day is held out
+        as the next day.  With a site, there are columns for the irradiance on its facades.
 
     Raises
     ------
     ValueError
-        If a span holds no rows, or the test begins before the training ends.
+        If a span has no rows, or the test begins before the training ends.
     """
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
@@ -160,7 +160,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 
 
 def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest time that a measured temperature stands still, where a room would not.
+    """A remark on the longest time without any change in a measured temperature, if no room could do that.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def standstill(temperature: pd.Series) -> str | None:
     longest = known[spell == spell.mode().iloc[0]]
     if longest.index[-1] - longest.index[0] < _STANDSTILL:
         return None
-    return f"T_za stands at {longest.iloc[0]:g} from {longest.index[0]} to {longest.index[-1]}: is the sensor stuck?"
+    return f"T_za is {longest.iloc[0]:g} from {longest.index[0]} to {longest.index[-1]}: is the sensor stuck?"
 
 
 def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
@@ -184,7 +184,7 @@ def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Training rows and test rows; what is not given is what is left, or two thirds and one third."""
+    """Training rows and test rows; without settings, two thirds and one third of the days."""
     train, test = dict(settings.train), dict(settings.test)
     if "end" not in train and "start" not in test:
         days = pd.DatetimeIndex(frame.index).normalize().unique()
@@ -199,7 +199,7 @@ def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.Da
         second = second.loc[second.index > first.index[-1]]
     for name, rows in (("train", first), ("test", second)):
         if rows.empty:
-            raise ValueError(f"[{name}] holds no rows; the log spans {frame.index[0]} to {frame.index[-1]}.")
+            raise ValueError(f"[{name}] has no rows; the log spans {frame.index[0]} to {frame.index[-1]}.")
     if second.index[0] <= first.index[-1]:
         raise ValueError(f"[test] begins at {second.index[0]}, but [train] ends at {first.index[-1]}.")
     return first, second
@@ -213,7 +213,7 @@ def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFra
         raise ValueError(f"[{name}] start = {start!r}, end = {end!r} are not dates such as 2021-11-30.") from None
     if rows.empty:
         raise ValueError(
-            f"[{name}] from {start or 'the start'} to {end or 'the end'} holds no rows; the log spans "
+            f"[{name}] from {start or 'the start'} to {end or 'the end'} has no rows; the log spans "
             f"{frame.index[0]} to {frame.index[-1]}."
         )
     return rows
@@ -237,24 +237,24 @@ def _next_day(
     whole = midnights[midnights + horizon - step <= last_known]
     begin = whole[-1] if len(whole) and whole[-1] > index[0] + horizon else last_known - horizon + step
     if begin <= index[0]:
-        raise ValueError(f"the log spans {index[0]} to {index[-1]}, which leaves no history before a last day.")
+        raise ValueError(f"the log spans {index[0]} to {index[-1]}, which leaves no history before its last day.")
     return begin, begin + horizon - step, True
 
 
 def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows behind the last one that lacks an input."""
+    """The rows after the last one with a missing input."""
     broken = np.flatnonzero(_inputs(rows).isna().any(axis=1).to_numpy())
     return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
 
 
 def _from_gap(later: pd.DataFrame, test_start: pd.Timestamp) -> pd.DataFrame:
-    """Without the rows before the test that a gap of an input cuts off; a gap in the test itself is refused later."""
+    """The rows without those before a missing input; a missing input in the test itself is refused later."""
     before = later.loc[later.index < test_start]
     return later.iloc[len(before) - len(_unbroken(before)) :]
 
 
 def _setpoint(frame: pd.DataFrame, load: Mapping[str, Any], history: pd.DataFrame, future: pd.DataFrame) -> pd.Series:
-    """The temperature to hold: given, logged, or as measured (on the last day that was measured)."""
+    """The temperature to hold: given, logged, or measured (a day before, where it was not)."""
     index = history.index.append(future.index)
     wanted = load.get("setpoint", "measured")
     if not isinstance(wanted, str):

@@ -1,8 +1,8 @@
-"""The models that a study compares: the default hybrid, the published one, gray boxes, black boxes, simple rules."""
+"""The models that a study compares: the hybrid, two-stage models, gray boxes, black boxes and yesterday."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -15,29 +15,35 @@ from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor
-from ..hybrid.predictor import DEFAULT_NETWORK
-from ..identification import PeriodicDisturbanceID
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
-from .settings import ESTIMATORS, Settings
+from .settings import ESTIMATORS, SCHEDULE, Settings
 
-#: the row of the comparison that all others are rivals of.
+#: label of the model whose forecast is shown
 HYBRID = "hybrid"
-#: forecaster that stands for the default scheme.
-DEFAULT = "linear"
-#: forecasters of the published scheme that any claim must be measured against: label and what it is.
-_BASELINES = {
-    "ridge": ("hybrid, published (ridge)", "disturbance linear in calendar, weather and lags"),
-    "profile": ("hybrid, profile", "disturbance = its mean by hour of week"),
-    "last_week": ("hybrid, last_week", "disturbance = that of a week before"),
-    "persistence": ("hybrid, persistence", "disturbance stays as it is"),
+#: baselines of the disturbance in the two-stage scheme: label and note
+_TWO_STAGE = {
+    "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),
+    "profile": ("hybrid, two-stage (profile)", "disturbance = its mean by hour of the week"),
+    "last_week": ("hybrid, two-stage (last_week)", "disturbance = that of a week before"),
+    "persistence": ("hybrid, two-stage (persistence)", "disturbance stays as it is"),
 }
-#: where a study without a network of its own finds the identification's.
-_IDENTIFIED = "2R2C"
+#: network of the identifications where the settings name none
+_IDENTIFIED_NETWORK = "2R2C"
 
 
-class Rival(NamedTuple):
-    """One row of the comparison."""
+class StudyModel(NamedTuple):
+    """One row of the comparison.
+
+    Attributes
+    ----------
+    label : str
+        Its name in tables and pictures.
+    estimator : estimator
+        Not fitted.
+    note : str
+        What it is, in a few words.
+    """
 
     label: str
     estimator: Any
@@ -45,13 +51,13 @@ class Rival(NamedTuple):
 
 
 class Yesterday(RegressorMixin, BaseEstimator):
-    """Tomorrow's temperature is what was measured 24 hours before.
+    """Forecast the temperature that was measured 24 hours before.
 
     Nothing is learned; the last known day is repeated as far as the horizon reaches.
     """
 
     def fit(self, X: pd.DataFrame, y: Any = None) -> Yesterday:
-        """Note the mean temperature, which stands in where there is no yesterday.
+        """Keep the mean temperature, the forecast where there is no day before.
 
         Parameters
         ----------
@@ -91,7 +97,7 @@ class Yesterday(RegressorMixin, BaseEstimator):
         return known[np.maximum(np.asarray(origins)[:, None] + back, 0)]
 
 
-def make_models(settings: Settings, memory: Any = None) -> list[Rival]:
+def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     """The models of a study, unfitted; the hybrid comes first.
 
     Parameters
@@ -99,31 +105,30 @@ def make_models(settings: Settings, memory: Any = None) -> list[Rival]:
     settings : Settings
         Network, estimator and forecaster settings.
     memory : str or joblib.Memory, optional
-        Where the identification that the hybrids share is kept, so that it is run once.
+        Where the identification that the two-stage models share is kept, so that it is run once.
 
     Returns
     -------
-    list of Rival
+    list of StudyModel
     """
-    model = str(settings.forecaster.get("model", DEFAULT))
-
-    def published(**forecaster: Any) -> HybridPredictor:
-        parts = {"gray_box": make_gray_box(settings), "forecaster": make_forecaster(settings, **forecaster)}
-        return HybridPredictor(**parts, horizon=settings.horizon, memory=memory, random_state=settings.random_state)
-
-    found = [
-        _main_rival(settings, published),
-        Rival("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, none forecast"),
-        Rival("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
-        Rival("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
-        Rival("ARX re-fitted", ARXRegressor(horizon=settings.horizon, adapt="refit"), "at every origin"),
+    given = make_forecaster(settings)
+    made = [
+        _default_hybrid(settings) if given is None else _two_stage_hybrid(settings, given, memory),
+        StudyModel("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, not forecast"),
+        StudyModel("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
+        StudyModel("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
+        StudyModel("ARX re-fitted", ARXRegressor(horizon=settings.horizon, adapt="refit"), "fitted at every origin"),
     ]
-    found += [Rival(label, published(model=name), note) for name, (label, note) in _BASELINES.items() if name != model]
-    return [*found, Rival("yesterday", Yesterday(), "the temperature 24 h before")]
+    for name, (label, note) in _TWO_STAGE.items():
+        if given is None or name != given.model:
+            made.append(StudyModel(label, _two_stage(settings, DisturbanceForecaster(name), memory), note))
+    return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
 
 
-def identifies(settings: Settings) -> str:
-    """Label of the row whose identification tells of the building: the hybrid's own, but for the default scheme.
+def identified_by(settings: Settings) -> str:
+    """Label of the model whose identification describes the building.
+
+    It is the hybrid, or, since the schedule model identifies no building, the two-stage model with ridge.
 
     Parameters
     ----------
@@ -134,32 +139,44 @@ def identifies(settings: Settings) -> str:
     -------
     str
     """
-    return _BASELINES["ridge"][0] if settings.forecaster.get("model", DEFAULT) == DEFAULT else HYBRID
+    return _TWO_STAGE["ridge"][0] if make_forecaster(settings) is None else HYBRID
 
 
-def _main_rival(settings: Settings, published: Callable[..., HybridPredictor]) -> Rival:
-    """The default scheme, or the published one where the settings name a forecaster of it."""
-    forecaster = make_forecaster(settings)
-    if forecaster.model != DEFAULT:
-        own = settings.estimator.get("name", "periodic")
-        return Rival(HYBRID, published(), f"{own} identification, {forecaster.model} disturbance forecast")
-    made = HybridPredictor(forecaster=forecaster, horizon=settings.horizon, random_state=settings.random_state)
-    network, known = make_network(settings.network), dict(settings.estimator.get("known", {}))
-    if settings.network or known:  # only what the user has said; the rest is the predictor's own
-        carrier = PeriodicDisturbanceID(network if settings.network else DEFAULT_NETWORK, known=known)
-        made.set_params(gray_box=carrier)
-    return Rival(HYBRID, made, "network with learned schedules, blended with ARX, adapting at every origin")
+def _default_hybrid(settings: Settings) -> StudyModel:
+    """The schedule model, with what the settings say of its network and capacities."""
+    network = make_network(settings.network) if settings.network else None
+    capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
+    made = HybridPredictor(
+        network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
+    )
+    return StudyModel(HYBRID, made, "network with learned schedules, blended with ARX, updated at every origin")
+
+
+def _two_stage_hybrid(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> StudyModel:
+    own = settings.estimator.get("name", "periodic")
+    note = f"{own} identification, {forecaster.model} disturbance forecast"
+    return StudyModel(HYBRID, _two_stage(settings, forecaster, memory), note)
+
+
+def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> HybridPredictor:
+    return HybridPredictor(
+        make_gray_box(settings),
+        forecaster,
+        horizon=settings.horizon,
+        memory=memory,
+        random_state=settings.random_state,
+    )
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:
-    """The identification that the settings ask for, or the one of that name with what of the settings fits it.
+    """The identification of the settings, or another one with those of the settings that hold for it too.
 
     Parameters
     ----------
     settings : Settings
         Network and estimator settings.
     name : str, optional
-        One of conventional, input, output, periodic.
+        One of conventional, input, output, periodic; default is that of the settings.
 
     Returns
     -------
@@ -169,38 +186,46 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
     chosen = name or own
     made = getattr(identification, ESTIMATORS[chosen])()
     given = {k: v for k, v in settings.estimator.items() if k != "name"}
-    if chosen != own:  # what is known of the building holds for every identification
+    if chosen != own:  # what is known of the building holds for any identification
         given = {k: v for k, v in given.items() if k in ("known", "bounds", "warmup")}
-        given["n_starts"] = 12  # more found no better minimum on the logs tried, and cost time
+        given["n_starts"] = 12  # more starts found no better minimum on the logs tried
     network: str | RCNetwork = make_network(settings.network)
-    if not any(role.startswith("q_sol") for role in settings.columns):  # a log without sun: none enters the network
+    if not any(role.startswith("q_sol") for role in settings.columns):  # a log without sun
         network = replace(get_network(network), solar={})
     common: dict[str, Any] = {"network": network, "random_state": settings.random_state}
-    if settings.site:  # five window areas are more than an identification can tell apart
+    if settings.site:  # an identification cannot tell five window areas apart
         common["columns"] = {f"q_sol_{name}": None for name in FACADES}
     common |= {"horizon": settings.horizon} if name is not None else {}
     _refuse_unknown("estimator", given, made.get_params(deep=False))
     return made.set_params(**{**common, **{k: _tupled(v) for k, v in given.items()}})
 
 
-def make_forecaster(settings: Settings, **other: Any) -> DisturbanceForecaster:
-    """The disturbance forecaster of the settings.
+def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
+    """The disturbance forecaster of the settings; None for the schedule model, which needs none.
 
     Parameters
     ----------
     settings : Settings
         Forecaster settings.
-    **other
-        Settings that replace them all.
 
     Returns
     -------
-    DisturbanceForecaster
+    DisturbanceForecaster or None
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown, or has no effect on the schedule model.
     """
-    given = dict(other or settings.forecaster) or {"model": DEFAULT}
-    made = DisturbanceForecaster(model=DEFAULT)
+    given = {"model": SCHEDULE} | dict(settings.forecaster)
+    made = DisturbanceForecaster("ridge")
     _refuse_unknown("forecaster", given, made.get_params(deep=False))
-    return made.set_params(**given)
+    if given["model"] != SCHEDULE:
+        return made.set_params(**given)
+    unused = [key for key in given if key != "model"]
+    if unused:
+        raise ValueError(f"[forecaster] {unused[0]} has no effect with model = {SCHEDULE!r}; remove it.")
+    return None
 
 
 def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
@@ -209,7 +234,8 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
     Parameters
     ----------
     given : mapping
-        The ``[network]`` table; in its ``solar`` and ``heated``, ``"rest"`` is the node that gets what is left.
+        The ``[network]`` table; in its ``solar`` and ``heated``, ``"rest"`` marks the node that gets the remaining
+        share.
 
     Returns
     -------
@@ -218,20 +244,20 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
     if "capacitances" not in given:
         if set(given) - {"name"}:
             raise ValueError("[network] declares a network without capacitances; give them, or only a name.")
-        return str(given.get("name", _IDENTIFIED))
+        return str(given.get("name", _IDENTIFIED_NETWORK))
     declared = {k: _with_rest(_tupled(v)) if k in ("solar", "heated") else _tupled(v) for k, v in given.items()}
     return RCNetwork(**{"name": "declared", "resistors": {}, **declared})
 
 
 def _tupled(value: Any) -> Any:
-    """TOML's lists as the tuples that bounds and resistors are."""
+    """Lists of TOML as tuples, which bounds and resistors are."""
     if isinstance(value, list):
         return tuple(_tupled(v) for v in value)
     return {k: _tupled(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def _with_rest(declared: Any) -> Any:
-    """TOML has no None: ``"rest"`` among shares stands for it."""
+    """Shares with None for ``"rest"``, since TOML has no None."""
     if not isinstance(declared, dict):
         return declared
     return {key: None if value == "rest" else _with_rest(value) for key, value in declared.items()}

@@ -1,4 +1,4 @@
-"""Write what a study found: tables, numbers, the model and the report."""
+"""Writing the results of a study: tables, metrics, the model and the report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .run import StudyResult
 
 
 def format_table(table: pd.DataFrame) -> str:
-    """The comparison as text, the best first and marked, with a sentence on what it says.
+    """The comparison as text, the best model first and marked, and a verdict.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ def format_table(table: pd.DataFrame) -> str:
 
 
 def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd.Series | None = None) -> list[Path]:
-    """Write every result of a study, each file in one step.
+    """Write all results of a study; no file is ever half written.
 
     Parameters
     ----------
     result : StudyResult
         From :func:`skhybrid.study.run_study`.
     folder : path-like
-        Made if need be.
+        Created if it does not exist.
     truth : Series, optional
         True unmeasured heat [kW] at the stamps of the training rows, for the report.
 
@@ -99,7 +99,7 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
-    """What only the default scheme has, for the report."""
+    """What the report shows of the schedule model; nothing of other models."""
     model = result.model
     if model.gray_box_ is result.identification:
         return {}
@@ -118,7 +118,7 @@ def _write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
 
 
 def _wide(result: StudyResult) -> pd.DataFrame:
-    """All back-tests side by side: origin, lead [h], time, measured, one column a model."""
+    """All back-tests in one table: origin, lead [h], time, measured, and one column per model."""
     first = result.frames[HYBRID]
     shared = first[["origin", "lead", "time", "y_true"]].assign(lead=first["lead"].dt.total_seconds() / 3600)
     return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})

@@ -1,4 +1,4 @@
-"""Settings of a study, proposed from the columns of a log."""
+"""A proposal for the settings of a study, made from the columns of a log."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 
 from ..datasets import read_zone_csv
+from .settings import SCHEDULE
 
-#: role -> pattern of column names that suggest it, in order of trust.
+#: (role, pattern of column names that suggest it), the most certain first
 _HINTS: tuple[tuple[str, str], ...] = (
     ("T_za", r"^t_?(za|zone|in|indoor|room|air_in)\b|^t_in|^t_za|indoor|room|zone_?temp|inside|thermostat|binnen"),
     ("T_oa", r"^t_?(oa|out|outdoor|amb|ext)\b|^t_out|^t_oa|outdoor|outside|ambient|exterior|dry_?bulb|buiten"),
@@ -23,11 +24,11 @@ _HINTS: tuple[tuple[str, str], ...] = (
     ("u_heat", r"^u_heat|heat_?cmd|heat.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*heat|boiler|furnace"),
     ("u_cool", r"^u_cool|cool_?cmd|cool.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*cool|compressor"),
 )
-#: a proposal keeps its spans out of gaps of an input that are longer than what is filled.
+#: longest gap of an input inside the proposed spans; shorter ones are filled
 _LONGEST_GAP = pd.Timedelta("1h")
-#: days that a proposal needs to train and test on.
+#: fewest days to train and test on
 _SHORTEST_LOG = 4
-#: steps that a proposal chooses from; each divides a day.
+#: steps to choose from; each divides a day
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))
 _NEVER = re.compile(r"set|truth|humid|target|number|co2|occup|people", re.IGNORECASE)
 
@@ -43,7 +44,7 @@ def propose_settings(log: str | PathLike[str]) -> str:
     Returns
     -------
     str
-        TOML, with comments on what to check.
+        TOML with comments on what to check.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def propose_settings(log: str | PathLike[str]) -> str:
 
 
 def _guess_separators(file: Path) -> tuple[str, str]:
-    """The separator of cells and the decimal sign, as the first lines of a log show them."""
+    """The cell separator and the decimal sign, judged by the first lines of a log."""
     with open(file, encoding="utf-8-sig", errors="replace") as lines:
         head, *rows = list(islice(lines, 200)) or [""]
     sep = max((",", ";", "\t"), key=head.count)
@@ -89,14 +90,14 @@ def _guess_columns(table: pd.DataFrame) -> dict[str, str]:
             if column not in chosen.values() and re.search(pattern, column, re.IGNORECASE):
                 chosen[role] = column
                 break
-    if "Q_hvac" in chosen:  # measured heat makes the stages that delivered it superfluous
+    if "Q_hvac" in chosen:  # the stages add nothing to the heat that they delivered
         chosen.pop("u_heat", None)
         chosen.pop("u_cool", None)
     return chosen
 
 
 def _is_numeric(cells: pd.Series) -> bool:
-    """Whether cells are numbers but for some text, such as a logger's word for an outage, which is refused later."""
+    """Whether most cells are numbers; the others, such as a logger's "ERR", are refused later."""
     return bool(pd.to_numeric(cells, errors="coerce").notna().sum() >= 0.5 * cells.notna().sum())
 
 
@@ -114,13 +115,13 @@ def _guess_units(frame: pd.DataFrame, chosen: Mapping[str, str]) -> dict[str, st
 
 
 def _guess_scale(frame: pd.DataFrame) -> dict[str, float]:
-    """Factors that bring a command to a stage between 0 and 1."""
+    """Factors that scale commands to stages between 0 and 1."""
     top = {str(role): float(frame[role].max()) for role in frame if str(role).startswith("u_")}
     return {role: round(1.0 / highest, 6) for role, highest in top.items() if highest > 1.5}
 
 
 def _segment(frame: pd.DataFrame, name: str) -> pd.DatetimeIndex:
-    """Stamps of the longest segment in which no input is away for long, up to the last known temperature."""
+    """Stamps of the longest segment without a long gap in any input, up to the last known temperature."""
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     frame = frame.iloc[: known[-1] + 1 if len(known) else None]
     found = pd.DatetimeIndex(frame.index[frame.drop(columns="T_za").notna().all(axis=1)])
@@ -146,59 +147,82 @@ def _proposal(
     source = _usual(index)
     if not source > pd.Timedelta(0):
         raise ValueError(
-            f"most stamps of {file.name} stand twice, such as {index[0]}; give date and time in one column."
+            f"most stamps of {file.name} occur twice, such as {index[0]}; give date and time in one column."
         )
+    blocks = [
+        _log_lines(file, index, source, separators),
+        _column_lines(chosen),
+        *[_table_lines(title, table) for title, table in (("units", units), ("scale", scale)) if table],
+        *_model_lines(chosen),
+        *_span_lines(file, index),
+        ["[load]", 'setpoint = "measured"  # or a temperature [degC]'],
+    ]
+    if "q_sol" in chosen:
+        where = "# [site]  # where the building is, for the sun on its facades"
+        blocks.append([where, "# latitude = 52.4", "# longitude = 4.9"])
+    return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
+
+
+def _log_lines(file: Path, index: pd.DatetimeIndex, source: pd.Timedelta, separators: tuple[str, str]) -> list[str]:
+    """Format of the log: its clock, its separators and its step."""
     step = next((s for s in _STEPS if s >= 0.9 * source), _STEPS[-1])
-    last = index[-1].normalize()
-    days = (last - index[0].normalize()).days
-    if days < _SHORTEST_LOG:
-        raise ValueError(
-            f"{file.name} has no more than {index[0]} to {index[-1]} without a long gap; a study needs {_SHORTEST_LOG} "
-            "whole days to train and test on, and a last one to forecast."
-        )
     label = "right" if index[0] - index[0].normalize() == source else "left"  # a day that begins one step late
-    n_test = max(min(days // 3, 28), 2)  # the forecast of a day is scored by the first row of the next one too
-    n_train = min(days - n_test, 42)
-    test, train = last - pd.Timedelta(days=n_test), last - pd.Timedelta(days=n_test + n_train)
-    # pandas spells a fixed offset "UTC-06:00", and reads "-06:00"
+    # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
     twice = index[index.duplicated()] if index.tz is None else index[:0]
-    lines = [
+    return [
         f"# Proposed for {file.name}; check every line.",
         f"name = {_quoted(file.stem)}",
         f'timezone = "{zone}"  # better the local zone, such as "Europe/Amsterdam"',
-        *([f"# the stamp {twice[0]} stands twice: a local clock with daylight saving?"] if len(twice) else []),
-        f'label = "{label}"  # whether a row is stamped with the start (left) or end (right) of what its means cover',
+        *([f"# the stamp {twice[0]} occurs twice: a local clock with daylight saving?"] if len(twice) else []),
+        f'label = "{label}"  # whether a stamp marks the start (left) or the end (right) of the means in its row',
         *([f"sep = {_quoted(separators[0])}"] if separators[0] != "," else []),
         *([f"decimal = {_quoted(separators[1])}"] if separators[1] != "." else []),
         f'step = "{step.total_seconds() / 60:g}min"',
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
-        "",
-        "[columns]",
-        *[f"{role} = {_quoted(column)}" for role, column in chosen.items()],
     ]
-    if not any(r.startswith(("u_", "Q_")) for r in chosen):
+
+
+def _column_lines(chosen: Mapping[str, str]) -> list[str]:
+    lines = ["[columns]", *[f"{role} = {_quoted(column)}" for role, column in chosen.items()]]
+    if not any(role.startswith(("u_", "Q_")) for role in chosen):
         lines.append(
             '# u_heat = "..."  # no column looks like heating or cooling: add a stage (u_heat) or heat [kW] (Q_hvac)'
         )
-    for title, table in (("units", units), ("scale", scale)):
-        if table:
-            lines += ["", f"[{title}]", *[f"{k} = {_quoted(v)}" for k, v in table.items()]]
-    lines += ["", "[network]", '# name = "2R2C"  # of the catalogue, for hybrid and identification; best left to them']
-    lines += ["", "[estimator]", 'name = "periodic"  # the identification that tells the parameters']
-    for role, parameter in (("u_heat", "Q_h"), ("u_cool", "Q_c")):
-        if role in chosen:
-            lines.append(f"# known = {{ {parameter} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain")
-            break
-    lines += ["", "[forecaster]", 'model = "linear"  # the default scheme; with "ridge" the published one']
-    day = pd.Timedelta("1D")
-    lines += ["", "[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"]
-    lines += ["", "[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"]
-    lines += ["", "[load]", 'setpoint = "measured"  # or a temperature [degC]']
-    if "q_sol" in chosen:
-        lines += ["", "# [site]  # where the building stands, for the sun on its facades"]
-        lines += ["# latitude = 52.4", "# longitude = 4.9"]
-    return "\n".join(lines) + "\n"
+    return lines
+
+
+def _table_lines(title: str, table: Mapping[str, Any]) -> list[str]:
+    return [f"[{title}]", *[f"{key} = {_quoted(value)}" for key, value in table.items()]]
+
+
+def _model_lines(chosen: Mapping[str, str]) -> list[list[str]]:
+    network = ["[network]", '# name = "2R2C"  # of the catalogue, for all models; best left to them']
+    estimator = ["[estimator]", 'name = "periodic"  # the identification that gives the parameters']
+    capacities = [parameter for role, parameter in (("u_heat", "Q_h"), ("u_cool", "Q_c")) if role in chosen]
+    if capacities:
+        estimator.append(
+            f"# known = {{ {capacities[0]} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain"
+        )
+    return [network, estimator, ["[forecaster]", f'model = "{SCHEDULE}"  # the default; "ridge" is a two-stage model']]
+
+
+def _span_lines(file: Path, index: pd.DatetimeIndex) -> list[list[str]]:
+    """Training and test spans of whole days, before the last day of the log."""
+    day, last = pd.Timedelta("1D"), index[-1].normalize()
+    days = (last - index[0].normalize()).days
+    if days < _SHORTEST_LOG:
+        raise ValueError(
+            f"{file.name} has no more than {index[0]} to {index[-1]} without a long gap; a study needs {_SHORTEST_LOG} "
+            "whole days to train and test on, and one more to forecast."
+        )
+    n_test = max(min(days // 3, 28), 2)  # the first row of the next day belongs to the forecast of a day
+    n_train = min(days - n_test, 42)
+    test, train = last - n_test * day, last - (n_test + n_train) * day
+    return [
+        ["[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"],
+        ["[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"],
+    ]
 
 
 def _quoted(value: Any) -> str:

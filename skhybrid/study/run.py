@@ -5,38 +5,41 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from .._threads import one_blas_thread
 from ..model_selection import backtest
+from ..model_selection.tables import read_once, takes_tables
 from .data import StudyData, standstill
-from .models import HYBRID, Rival, identifies, make_models
+from .models import HYBRID, StudyModel, identified_by, make_models
 from .settings import Settings
 
-#: quantiles of the intervals that are shown: 80 % lie between them.
+#: quantiles of the intervals that are shown: 80 % lie between them
 INTERVAL = (0.1, 0.9)
-#: says what is being done: number of the step, number of steps, text.
+#: told before every step: number of the step, number of steps, text
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass
 class StudyResult:
-    """What a study found.
+    """Results of a study.
 
     Parameters
     ----------
     settings : Settings
-        What was asked for.
+        The settings it was run with.
     data : StudyData
-        The rows it was done on.
+        The rows it was run on.
     model : fitted HybridPredictor
-        The one whose forecast is shown.
+        The model whose forecast is shown.
     identification : fitted estimator
-        The one whose parameters tell of the building; the model's own, but for the default scheme.
+        The identification whose parameters describe the building: the model's own, or with the schedule model that of
+        the two-stage model next to it.
     frames : dict of label to DataFrame
         Back-tests; the hybrid's with the quantiles of :data:`INTERVAL` where there are intervals.
     table : DataFrame
@@ -48,7 +51,7 @@ class StudyResult:
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
     warnings : list of str
-        What was warned of.
+        All warnings, each once.
     seconds : float
         How long it took.
     """
@@ -72,14 +75,35 @@ class StudyResult:
 
     @property
     def coverage(self) -> float | None:
-        """Share of the test measurements that lay within the intervals; None where there are none."""
+        """Share of the test measurements inside the intervals; None without intervals."""
         frame = self.frames[HYBRID].dropna(subset="y_true")
         low, high = (f"q_{level:g}" for level in INTERVAL)
         return float(frame["y_true"].between(frame[low], frame[high]).mean()) if low in frame else None
 
 
+class _Span(NamedTuple):
+    """Rows of a study as a frame, and as the table that all models of this package share."""
+
+    frame: pd.DataFrame
+    table: Any
+
+    def given_to(self, model: Any) -> Any:
+        if takes_tables(model) and self.table is not self.frame:
+            return self.table
+        return self.frame[list(getattr(model, "feature_names_in_", self.frame))]
+
+
+class _Tested(NamedTuple):
+    """A model after its back-test."""
+
+    model: Any
+    frame: pd.DataFrame
+    load: pd.DataFrame | None  # that would have held the measured temperature; None where nothing heats or cools
+    seconds: float
+
+
 def run_study(settings: Settings, data: StudyData, progress: Progress | None = None) -> StudyResult:
-    """Fit the hybrid and its rivals, back-test them at the same origins, and forecast the next day.
+    """Fit the hybrid and the models it is compared with, back-test them at the same origins, forecast the next day.
 
     Parameters
     ----------
@@ -97,47 +121,31 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     Raises
     ------
     ValueError
-        If the hybrid or the identification cannot be fitted or tested; a rival that cannot is left out, with a
+        If the hybrid or the identification cannot be fitted or tested; any other model that fails is left out, with a
         warning.
     """
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        rivals = make_models(settings, memory=folder)
-        say = _counted(progress, len(rivals) + 1)
-        frames, rows, fitted, loads = {}, {}, {}, {}
+        models = make_models(settings, memory=folder)
+        say = _counted(progress, len(models) + 1)
         stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))
         remarks = [] if stuck is None else [stuck]
-        for rival in rivals:
-            say(f"{rival.label}: fit and back-test")
-            try:
-                fitted[rival.label], frames[rival.label], rows[rival.label] = _compete(rival, settings, data)
-                loads[rival.label] = _held_load(fitted[rival.label], data)
-            except ValueError as error:
-                if rival.label in (HYBRID, identifies(settings)):
-                    raise
-                remarks.append(f"{rival.label} was left out: {error}")
-        say("intervals, and forecast of the next day")
-        identification = fitted[identifies(settings)].gray_box_
-        for label in frames:
-            rows[label]["load_rmse"] = _load_error(loads[label], identification, data)
-        model = fitted[HYBRID].set_params(memory=None)  # the folder ends with this block
-        quantiles: tuple[float, float] | None = INTERVAL
-        try:
-            frames[HYBRID] = _backtest(model, settings, data, quantiles)
-        except ValueError as error:
-            remarks.append(f"no intervals are given: {error}")
-            quantiles = None
-        forecast = _next_day(model, identification, data, quantiles)
-        zeta = identification.estimate_disturbance(data.train[list(identification.feature_names_in_)], smooth=True)
+        train, later = _Span(data.train, read_once(data.train)), _Span(data.later, read_once(data.later, fits=False))
+        tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
+        say("forecast of the next day")
+        identification = tested[identified_by(settings)].model.gray_box_
+        model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
+        forecast = _next_day(model, identification, data, "q_0.1" in tested[HYBRID].frame)
+        zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
     texts = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return StudyResult(
         settings,
         data,
         model,
         identification,
-        frames,
-        _compared(frames, rows),
+        {label: one.frame for label, one in tested.items()},
+        _compared(models, tested, identification, data),
         forecast,
         zeta,
         _parameters(identification),
@@ -156,42 +164,91 @@ def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     return say
 
 
-def _compete(rival: Rival, settings: Settings, data: StudyData) -> tuple[Any, pd.DataFrame, dict[str, Any]]:
-    """Fit a rival on the training rows; its back-test, and its row of the table but for the scores."""
+# ------------------------------------------------------------------------------------------------------- back-tests
+def _test_all(
+    models: Sequence[StudyModel],
+    settings: Settings,
+    test_start: pd.Timestamp,
+    spans: tuple[_Span, _Span],
+    say: Callable[[str], None],
+    remarks: list[str],
+) -> dict[str, _Tested]:
+    """All models by label, without those that fail; what is worth a remark is added to ``remarks``."""
+    tested = {}
+    for one in models:
+        say(f"{one.label}: fit and back-test")
+        try:
+            tested[one.label] = _test(one, settings, test_start, spans, remarks)
+        except ValueError as error:
+            if one.label in (HYBRID, identified_by(settings)):
+                raise
+            remarks.append(f"{one.label} was left out: {error}")
+    return tested
+
+
+def _test(
+    one: StudyModel, settings: Settings, test_start: pd.Timestamp, spans: tuple[_Span, _Span], remarks: list[str]
+) -> _Tested:
+    """Fit a model on the training rows and back-test it on the rows after them."""
     begun = time.perf_counter()
-    model = rival.estimator.fit(data.train, data.train["T_za"])
-    frame = _backtest(model, settings, data)
-    seconds = time.perf_counter() - begun
-    return model, frame, {"load_rmse": np.nan, "seconds": seconds, "note": rival.note}
-
-
-def _backtest(
-    model: Any, settings: Settings, data: StudyData, quantiles: tuple[float, float] | None = None
-) -> pd.DataFrame:
-    return backtest(
+    train, later = spans
+    model = one.estimator.fit(train.given_to(one.estimator), train.frame["T_za"])
+    frame = backtest(
         model,
-        data.later,
-        data.later["T_za"],
+        later.given_to(model),
+        later.frame["T_za"],
         horizon=settings.horizon,
         origin_step=settings.origin_step,
-        start=data.test_start,
-        quantiles=quantiles,
+        start=test_start,
+        quantiles=INTERVAL if one.label == HYBRID and _has_intervals(model, remarks) else None,
     )
+    seconds = time.perf_counter() - begun
+    return _Tested(model, frame, _held_load(model, later), seconds)
 
 
-def _held_load(model: Any, data: StudyData) -> pd.DataFrame | None:
-    """What would have held the measured temperature; None where nothing heats or cools."""
-    if not hasattr(model, "predict_load") or not _plant_roles(data.later):
+@one_blas_thread
+def _has_intervals(model: Any, remarks: list[str]) -> bool:
+    """Whether the training was long enough to learn intervals; else a remark says why not."""
+    try:
+        return model.intervals_ is not None
+    except ValueError as error:
+        remarks.append(f"no intervals are given: {error}")
+        return False
+
+
+def _held_load(model: Any, later: _Span) -> pd.DataFrame | None:
+    """The load that would have held the measured temperature; None where nothing heats or cools."""
+    if not hasattr(model, "predict_load") or not _plant_roles(later.frame):
         return None
-    return model.predict_load(data.later, data.later["T_za"].interpolate(limit_direction="both"))
+    return model.predict_load(later.given_to(model), later.frame["T_za"].interpolate(limit_direction="both"))
 
 
 def _plant_roles(rows: pd.DataFrame) -> list[str]:
     return [str(role) for role in rows if str(role).startswith(("Q_", "u_"))]
 
 
+def _compared(
+    models: Sequence[StudyModel], tested: dict[str, _Tested], identification: Any, data: StudyData
+) -> pd.DataFrame:
+    """The table of results, over the forecasts that every model made, the best first."""
+    errors = pd.DataFrame({name: one.frame["y_pred"] - one.frame["y_true"] for name, one in tested.items()}).dropna()
+    if errors.empty:
+        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
+    table = pd.DataFrame(
+        {
+            "rmse": np.sqrt((errors**2).mean()),
+            "mae": errors.abs().mean(),
+            "load_rmse": {name: _load_error(one.load, identification, data) for name, one in tested.items()},
+            "seconds": {name: one.seconds for name, one in tested.items()},
+            "note": {one.label: one.note for one in models if one.label in tested},
+        }
+    )
+    return table.loc[list(tested)].sort_values("rmse").rename_axis("model")
+
+
+# ------------------------------------------------------------------------------------------------------------- loads
 def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
-    """RMSE [kW] of the heat that would have held the measured temperature, against the heat that was delivered."""
+    """RMSE [kW] between the load that would have held the measured temperature and the heat that was delivered."""
     rows = data.later
     delivered = delivered_heat(identification, rows)
     if load is None or delivered is None:
@@ -202,19 +259,18 @@ def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData)
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
-    """A load of stages alone in kW of the identification's capacities, which then are those of every model.
+    """A load of stages in kW by the identification's capacities, so that the loads of all models can be compared.
 
-    Temperatures do not tell the scale of a network, and a model may bend what a stage gives: the kW of two models could
-    not be compared.
+    Temperatures do not determine the scale of a network, and a model may bend the heat of a stage.
     """
     stages = _plant_roles(rows)
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
-    asked = {}
-    for end in ("", "_unclipped"):  # a stage whose capacity came out as 0 is not asked for anything
+    heat = {}
+    for end in ("", "_unclipped"):  # a stage whose capacity is 0 has no column
         by_role = load.reindex(columns=[role + end for role in stages], fill_value=0.0).set_axis(stages, axis=1)
-        asked["Q_hvac" + end] = delivered_heat(identification, by_role)
-    return load.assign(**asked)
+        heat["Q_hvac" + end] = delivered_heat(identification, by_role)
+    return load.assign(**heat)
 
 
 def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
@@ -225,7 +281,7 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     identification : fitted estimator
         With ``network_`` and ``theta_``.
     rows : DataFrame
-        One column a role.
+        One column per role.
 
     Returns
     -------
@@ -237,24 +293,13 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     return sum(parts[1:], parts[0]) if parts else None
 
 
-def _compared(frames: dict[str, pd.DataFrame], rows: dict[str, dict[str, Any]]) -> pd.DataFrame:
-    """The table of results, over the forecasts that every model made, the best first."""
-    errors = pd.DataFrame({label: frame["y_pred"] - frame["y_true"] for label, frame in frames.items()}).dropna()
-    if errors.empty:
-        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    table = pd.DataFrame.from_dict(rows, orient="index")
-    table.insert(0, "rmse", np.sqrt((errors**2).mean()))
-    table.insert(1, "mae", errors.abs().mean())
-    return table.sort_values("rmse").rename_axis("model")
-
-
-def _next_day(model: Any, identification: Any, data: StudyData, quantiles: tuple[float, float] | None) -> pd.DataFrame:
-    """Temperature under the known control with its interval, and the load that holds the set-point."""
-    out = model.forecast(data.history, data.future, quantiles=quantiles)
-    unknown = data.future.assign(T_za=np.nan)
-    whole = pd.concat([data.history, unknown])
+# ------------------------------------------------------------------------------------- the next day, and the building
+def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
+    """Temperature under the known control, with its interval, and the load that holds the set-point."""
+    out = model.forecast(data.history, data.future, quantiles=INTERVAL if has_intervals else None)
     heat = delivered_heat(identification, data.future)
     if heat is not None:
+        whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
         load = _in_kilowatts(load, identification, data.future)
         out = out.join(load.drop(columns=["zeta", "T_za"], errors="ignore"))

@@ -1,4 +1,4 @@
-"""Settings of a study: read from TOML and checked."""
+"""Settings of a study, read from TOML and checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ import pandas as pd
 
 from .._table import ROLES, role_of
 
-#: name in the TOML -> class that identifies.
+#: `[forecaster] model` that stands for the default of HybridPredictor, which learns schedules through its network
+SCHEDULE = "schedule"
+#: `[estimator] name` -> class of the identification
 ESTIMATORS = {
     "conventional": "GrayBoxRC",
     "input": "InputDisturbanceID",
@@ -35,41 +37,41 @@ class Settings:
     Parameters
     ----------
     name : str
-        Of the zone, for the report.
+        Name of the zone, for the report.
     timezone : str, optional
         Local time zone, such as ``"Europe/Amsterdam"``.
     label : {"left", "right"}
         Whether a row is stamped with the start or the end of its step.
     time_column, dayfirst, sep, decimal
-        How the log writes its stamps and cells, as :func:`skhybrid.datasets.read_zone_csv` takes it.
+        Format of stamps and cells in the log, as for :func:`skhybrid.datasets.read_zone_csv`.
     step : str
-        Sampling time that the log is brought to.
+        Sampling time to which the log is resampled.
     horizon, origin_step : str
-        How far ahead is forecast in the back-test, and the distance of its origins.
+        How far ahead the back-test forecasts, and the distance of its origins.
     random_state : int
         Seed of the random starts.
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.
     units : mapping of role to unit
-        Units of columns that are not those of the data contract.
+        Units of columns, where they are not those of the data contract.
     scale : mapping of role to number
-        Factors on columns, after the units.
+        Factors on columns, applied after the units.
     network : mapping
-        ``name`` of the catalogue, or a declaration as :class:`skhybrid.thermal.RCNetwork` takes it; where nothing is
-        said, the identifications take 2R2C and the hybrid the network of :class:`skhybrid.HybridPredictor`.
+        ``name`` of the catalogue, or a declaration as for :class:`skhybrid.thermal.RCNetwork`; by default the
+        identifications take 2R2C and the hybrid the network of :class:`skhybrid.HybridPredictor`.
     estimator : mapping
-        ``name`` (conventional, input, output, periodic) of the identification, and settings of that class.
+        ``name`` of the identification (conventional, input, output, periodic), and parameters of that class.
     forecaster : mapping
-        ``model``: ``"linear"`` is the default of :class:`skhybrid.HybridPredictor`, which takes of the estimator's
-        settings only the capacities in ``known``; with any other the hybrid is the published scheme, and these are
-        settings of :class:`skhybrid.forecasting.DisturbanceForecaster`.
+        ``model``: ``"schedule"`` is the default of :class:`skhybrid.HybridPredictor`, which takes from the estimator's
+        settings only the capacities in ``known``; with any other model the hybrid is the two-stage scheme, and these
+        are parameters of :class:`skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping
         ``start`` and ``end`` (a whole day where no time is given).
     load : mapping
         ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log.
     site : mapping
-        ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is worked out from ``q_sol``, for
-        the default hybrid and for ARX.
+        ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
+        the schedule model and for ARX.
     """
 
     name: str = "zone"
@@ -88,7 +90,7 @@ class Settings:
     scale: Mapping[str, float] = field(default_factory=dict)
     network: Mapping[str, Any] = field(default_factory=dict)
     estimator: Mapping[str, Any] = field(default_factory=lambda: {"name": "periodic"})
-    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": "linear"})
+    forecaster: Mapping[str, Any] = field(default_factory=lambda: {"model": SCHEDULE})
     train: Mapping[str, Any] = field(default_factory=dict)
     test: Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
@@ -104,7 +106,7 @@ class Settings:
         _check_keys("test", self.test, _SPAN)
         _check_keys("load", self.load, ("setpoint",))
         _check_keys("network", self.network, _NETWORK)
-        if self.estimator.get("name", "periodic") not in list(ESTIMATORS):  # a list hashes nothing
+        if self.estimator.get("name", "periodic") not in list(ESTIMATORS):  # a TOML list cannot be hashed
             raise ValueError(f"[estimator] name = {self.estimator['name']!r} is none of {', '.join(ESTIMATORS)}.")
         for role, factor in self.scale.items():
             if not _is_number(factor) or not factor:
@@ -113,7 +115,7 @@ class Settings:
         _check_site(self.site, self.columns)
 
     def as_dict(self) -> dict[str, Any]:
-        """All settings as plain values, for ``metrics.json``."""
+        """All settings as plain values."""
         return asdict(self)
 
 
@@ -132,7 +134,7 @@ def read_settings(path: str | PathLike[str]) -> Settings:
     Raises
     ------
     FileNotFoundError, ValueError
-        In one sentence that names the file and the key.
+        If the file does not exist or cannot be used; the message names the file and the key.
     """
     file = Path(path)
     if not file.is_file():
@@ -148,12 +150,12 @@ def read_settings(path: str | PathLike[str]) -> Settings:
 
 
 def settings_from(content: Mapping[str, Any]) -> Settings:
-    """Settings from what a TOML file holds.
+    """Settings from the content of a TOML file.
 
     Parameters
     ----------
     content : mapping
-        Keys as the fields of :class:`Settings`.
+        With the fields of :class:`Settings` as keys.
 
     Returns
     -------
@@ -188,7 +190,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _check_plain(settings: Settings) -> None:
-    """Single values are of their kind."""
+    """Check the values outside tables."""
     for key in ("name", "timezone", "label", "time_column", "sep", "decimal"):
         value = getattr(settings, key)
         if not isinstance(value, str) and (value is not None or key not in ("timezone", "time_column")):
@@ -204,7 +206,7 @@ def _check_plain(settings: Settings) -> None:
 
 
 def _check_tables(settings: Settings) -> None:
-    """Values inside the tables are of their kind; what the classes check themselves is left to them."""
+    """Check the values inside tables that the estimators do not check themselves."""
     for table in ("columns", "units"):
         for role, value in getattr(settings, table).items():
             if role_of(role) is None and (table, role) != ("units", "setpoint"):

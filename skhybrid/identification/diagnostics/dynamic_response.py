@@ -1,4 +1,4 @@
-"""What a discrete model does with each input: frequency response and step response, exact at its own step."""
+"""Frequency and step responses of a discrete model, exact at its own step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 from ..._time import rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
-from ..base import StateSpace, state_space_of
+from ..state_space import StateSpace, state_space_of
 
 #: inputs of the paper's network
 _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
@@ -33,7 +33,7 @@ def make_state_space(
     theta : mapping of parameter to value
         Every parameter that the network has under these inputs, in the units of its parameter table.
     roles : iterable of str
-        Inputs that act; the unmeasured ``heat_gain`` [kW] is added behind them.
+        Inputs that act; the unmeasured ``heat_gain`` [kW] is added after them.
     sampling_time : timedelta-like, default="15min"
         Step of the exact zero-order hold.
 

@@ -113,7 +113,7 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
 
 
 def prewhiten(series: Any) -> np.ndarray:
-    """What an autoregression of the series, of the order that AIC chooses, leaves over.
+    """Residuals of an autoregression of the series, of the order that AIC chooses.
 
     Parameters
     ----------

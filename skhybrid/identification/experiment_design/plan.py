@@ -1,4 +1,4 @@
-"""Experiment design: how many hours of which set-points bring the parameters' errors under a target."""
+"""Experiment plan: hours of perturbed set-points that bring the parameters' errors below a target."""
 
 from __future__ import annotations
 
@@ -13,18 +13,8 @@ import pandas as pd
 from ..._threads import one_blas_thread
 from ..._time import rows_of
 from ...thermal import RCNetwork, get_network
-from .information import (
-    CLASSES,
-    Calendar,
-    FilterInformation,
-    GainStatistics,
-    Zone,
-    draw_gain,
-    mean_over,
-    relative_errors,
-    run_thermostat,
-    stack_inputs,
-)
+from .information import FilterInformation, relative_errors
+from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
 
 #: half the distance between heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 HALF_BAND = 0.5
@@ -34,19 +24,19 @@ _STAGES = {"u_heat": "Q_h", "u_cool": "Q_c"}
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """What each candidate experiment would tell.
+    """Expected errors of each candidate experiment, and the one to choose.
 
     Attributes
     ----------
     table : DataFrame
-        One row a candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
+        One row per candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
         parameter [%], then ``worst`` (the parameter) and ``worst_error`` [%].
     target : float
         Relative standard error that every parameter is to reach [-].
     recommended : tuple of (str, float) or None
         Perturbation and hours: the shortest that reaches the target; None where no candidate does.
     best : tuple of (str, float)
-        What is recommended, or else the candidate whose worst error is the smallest.
+        The recommended candidate, or else the one whose worst error is the smallest.
     obstacles : tuple of str
         Parameters that stay above the target under the best candidate, worst first; empty where one suffices.
     """
@@ -244,8 +234,8 @@ def _fitted_gain(model: Any) -> GainStatistics | None:
         kind, _, hour = name.removeprefix("sigma_").partition("_")
         if kind in ("weekday", "weekend") and hour.isdigit():
             klass = Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]
-            found.setdefault(CLASSES[klass], []).append(float(value))
-    if profile is None or len(found) < len(CLASSES):
+            found.setdefault(CLASSES.names[klass], []).append(float(value))
+    if profile is None or len(found) < len(CLASSES.names):
         return None
     return GainStatistics(
         tau=float(own["tau"]),

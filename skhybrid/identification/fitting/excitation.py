@@ -1,4 +1,4 @@
-"""What a table can excite at all, seen before any fit: the scale, inputs that never ran, few days."""
+"""Warnings of what a table cannot identify: the scale, gains of inputs that never ran, too few days."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
 
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
-    """Gains whose input never ran; with warnings that name them and what else the rows hardly tell."""
+    """Gains whose input never ran; warns of them and of other parameters that the rows can hardly identify."""
     _warn_little_excited(network, table, set(known), name)
     roles = network.sources(table.inputs)
     idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]

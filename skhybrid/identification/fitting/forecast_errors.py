@@ -1,12 +1,12 @@
-"""Identification on the errors of forecasts: CONV, ID and OD with ``objective="multi_step"`` (design 4, ruling 6).
+"""Least squares of forecast errors: CONV, ID and OD with ``objective="multi_step"``.
 
-The sum of squares is that of forecasts from hourly origins at leads up to a horizon, each made as the fitted model
-makes its own.  It finds parameters for forecasts, not the building's: where the disturbance model is wrong, one-step
-errors are blind to what grows over a day.
+The forecasts start at hourly origins and reach to a horizon, each made as the fitted model makes its own.  They find
+parameters for forecasts, not those of the building: where the disturbance model is wrong, one-step errors are blind to
+what grows over a day.
 
-Such errors are no independent ones.  Forecasts that overlap share the noise of a lead's length, so that errors at a
-lead of h hours count as one every h hours, and the leads of one origin as one together: that many errors stand behind
-the Gauss-Newton matrix and against the priors.
+Forecast errors are not independent.  Forecasts that overlap share the noise of their common rows, so that errors at a
+lead of h hours count as one every h hours, and all leads of one origin together as one.  The Gauss-Newton matrix and
+the weight of the priors use that number of errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class MultiStepProblem(PredictionErrorProblem):
     def __post_init__(self) -> None:
         if not any(seen.any() for seen in self._seen):
             raise ValueError(
-                'objective="multi_step" finds no measurement of y behind another one within the horizon; give more '
+                'objective="multi_step" finds no measurement of y after another one within the horizon; give more '
                 'rows, or use objective="one_step".'
             )
 
@@ -63,7 +63,7 @@ class MultiStepProblem(PredictionErrorProblem):
         return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(segment.hours)])
 
     def _kalman(self, n_rows: int) -> int:
-        """Rows that a filter serves: none of OD, else all, as the filter of CONV gives the state at every origin."""
+        """Rows over which a filter runs: none for OD, else all (CONV takes the state at every origin from it)."""
         return n_rows if self.disturbance.filtered(n_rows) else 0
 
     @cached_property
@@ -77,7 +77,7 @@ class MultiStepProblem(PredictionErrorProblem):
 
     @cached_property
     def n_counted(self) -> int:
-        """Independent errors that the forecasts are worth."""
+        """Number of independent errors that the forecasts amount to."""
         worth, apart = 0.0, _apart(self.experiment.hours)
         for seen, sample in zip(self._seen, self.samples, strict=True):
             worth += float(seen.sum(axis=(0, 2)) @ np.minimum(apart / sample.leads, 1.0)) / len(sample.leads)
@@ -86,7 +86,7 @@ class MultiStepProblem(PredictionErrorProblem):
     # ------------------------------------------------------------------------------------------------- the errors
     @property
     def weighted(self) -> bool:
-        """Forecasts count as they are."""
+        """Forecast errors are not weighted."""
         return False
 
     def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -103,15 +103,12 @@ class MultiStepProblem(PredictionErrorProblem):
 
     @property
     def n_entries(self) -> int:
-        """Errors of one point, with those that count for nothing."""
+        """Errors of one point, with those that meet no measurement."""
         return sum(seen.size for seen in self._seen)
 
-    # -------------------------------------------------------------------------------------------- what is left open
+    # ------------------------------------------------------------------------------------------------- uncertainty
     def noise(self, free: np.ndarray) -> float:
-        """Sum of squares by the number of independent errors, which makes the Gauss-Newton matrix an information [K2].
-
-        That is the errors' variance times how many of them count as one.
-        """
+        """Sum of squares per independent error [K2]; the Gauss-Newton matrix divided by it is an information."""
         return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)
 
     @property

@@ -1,7 +1,7 @@
 """Bounded Gauss-Newton (Levenberg-Marquardt) from many starts at once.
 
 All starts advance together, so that a step costs one call of the compiled predictor and a handful of NumPy calls for
-all of them.  Every start is arithmetic of its own: where it ends does not depend on its company.
+all of them.  Where a start ends does not depend on the others.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 #: evaluates S points (S, p): merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p)
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
-#: a flat direction must not be solved for: its slope is rounding
+#: keeps the search from following a flat direction, whose slope is rounding
 _LEAST_DAMPING = 1e-9
 _FIRST_DAMPING, _MOST_DAMPING = 1e-2, 1e12
 
 
 class Minimum(NamedTuple):
-    """Where one start ended."""
+    """Minimum that one start reached."""
 
     free: np.ndarray  # (p,) on the searched scale
     loss: float
@@ -29,7 +29,7 @@ class Minimum(NamedTuple):
 
 
 class _Front(NamedTuple):
-    """Where every start stands; the arrays are written in place."""
+    """Present point of every start; the arrays are written in place."""
 
     x: np.ndarray  # (S, p)
     merit: np.ndarray  # (S,)

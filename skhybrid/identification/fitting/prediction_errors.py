@@ -1,11 +1,11 @@
-"""Prediction-error identification of CONV, ID and OD: sum of squared one-step errors, exact derivatives.
+"""Sum of squared one-step errors of CONV, ID and OD, with exact derivatives.
 
-With every row measured the errors of a right model soon have one variance, and their plain sum of squares is the
-paper's.  Behind a missing row they are larger: squared as they are, a few of them would decide the fit.  Where rows are
-missing, ID and OD therefore divide each error by what the missing rows add to its standard deviation and multiply all
-by the geometric mean of these.  For OD n/2 times the logarithm of the sum of squares is then the negative Gaussian
-log-likelihood with the noise level at its optimum, up to a constant.  Of several outputs each error has its own
-variance, as if the others' of the same row were unknown.
+With every row measured, the errors of a right model soon have one variance, and their plain sum of squares is the
+paper's.  After a missing row they are larger, and a few of them would decide the fit.  Where rows are missing, ID and
+OD therefore divide each error by the factor that the missing rows add to its standard deviation, and multiply all by
+the geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the negative
+Gaussian log-likelihood with the noise level at its optimum, up to a constant.  Where several nodes are measured, each
+error has its own variance, as if the others of the same row were unknown.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class PredictionErrorProblem:
             filtered = self.disturbance.filtered(len(segment.y))
             run = one_step_sensitivities(m, segment.inputs, segment.outputs, filtered, self.weighted)
             if self.weighted and filtered:
-                run = _beside_complete(run, m, segment, filtered)
+                run = _relative_to_complete(run, m, segment, filtered)
             kept = (values[:, first:] for values in run)
             parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
         if len(parts) == 1:
@@ -164,7 +164,7 @@ class PredictionErrorProblem:
 
     @property
     def n_entries(self) -> int:
-        """Errors of one point, with those of rows that were not measured."""
+        """Errors of one point, including those of rows that were not measured."""
         return self.experiment.outputs.size
 
     def noise(self, free: np.ndarray) -> float:
@@ -212,6 +212,22 @@ class PredictionErrorProblem:
         fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
         return np.where(fine, merit, np.inf), matrix, slope
 
+    def all_values(self, free: np.ndarray) -> dict[str, float]:
+        """All parameters by name: nothing is solved inside."""
+        return self.values(free)
+
+    def log_density(self, free: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log posterior density on the searched scale, the noise integrated out, and its gradient."""
+        merit, _, half = self.evaluate(free[None])
+        return -0.5 * self.n_counted * float(np.log(merit[0])), -self.n_counted * half[0] / merit[0]
+
+    def minimum_near(self, start: np.ndarray) -> tuple[np.ndarray, float]:
+        """The minimum that one start leads to, and minus twice the log-likelihood there, up to a constant."""
+        if not len(start):
+            return start, self.n_counted * float(np.log(np.sum(self.residuals(start) ** 2)))
+        (least,) = self.minimise(start[None])
+        return least.free, self.n_counted * float(np.log(least.loss))
+
     def drop(self, loss: float, best: float) -> float:
         """By how much the log-likelihood of one loss lies below that of the best."""
         return 0.5 * self.n_counted * float(np.log(max(loss, 1e-300) / max(best, 1e-300)))
@@ -227,11 +243,11 @@ class PredictionErrorProblem:
         return out
 
 
-def _beside_complete(run: Sensitivity, model: Model, segment: Experiment, filtered: int) -> Sensitivity:
+def _relative_to_complete(run: Sensitivity, model: Model, segment: Experiment, filtered: int) -> Sensitivity:
     """Variances in units of those that the same rows have where none is missing.
 
-    The first rows of a filter are uncertain on a complete log too, which is not weighted: what counts is what missing
-    rows add, so that one missing row changes little.
+    The first rows of a filter are uncertain on a complete log too, and are not weighted there.  Only what the missing
+    rows add counts, so that one missing row changes little.
     """
     seen = np.isfinite(segment.outputs)
     complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on

@@ -1,4 +1,4 @@
-"""What a user knows of a parameter before the data, as a normal distribution on the scale that is searched."""
+"""Priors of the user, as normal distributions on the searched scale."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def normal_priors(
     Raises
     ------
     ValueError
-        If a prior names no parameter or a known one, or is of a kind that is not normal on the searched scale.
+        If a prior names no parameter or a known one, or is not normal on the searched scale.
     """
     by_name = {p.name: p for p in parameters}
     out = {}

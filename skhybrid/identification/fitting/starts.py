@@ -1,8 +1,8 @@
-"""Many random starts, in rounds, until enough of them agree on the best minimum."""
+"""Search from many random starts, in rounds, until enough of them agree on the best minimum."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
-#: starts that have to end at the best minimum before the others are spared
+#: starts that have to end at the best minimum before the search ends
 ENOUGH = 5
 #: two minima are one where their log-likelihoods differ by no more than this
 SAME = 0.05
@@ -23,6 +23,12 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
     """(n_starts, p) uniform on the searched scale, which is log-uniform for the physical parameters."""
     low, high = np.array([p.free_bounds for p in searched]).reshape(-1, 2).T
     return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
+
+
+def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
+    """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
+    start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
+    return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
 
 
 def search(
@@ -40,7 +46,7 @@ def search(
     """Minima of the starts that were made, in the order of the starts.
 
     Starts run in rounds of a fixed size, so that ``n_jobs`` changes nothing but the time; after a round the best
-    minima are polished, and the search ends once ``enough`` starts lie at the best one.
+    minima are polished, and the search ends once ``enough`` starts have reached the best one.
 
     ``drop`` gives by how much the log-likelihood of one loss lies below that of the best; ``polish`` carries a minimum
     that was found roughly to the end.
@@ -78,7 +84,7 @@ def _polish_best(polish: Minimise, minima: list[Minimum], first: int, how_many: 
 
 
 def reached_best(minima: Sequence[Minimum], drop: Callable[[float, float], float]) -> np.ndarray:
-    """Which minima are the best one, to within :data:`SAME` of log-likelihood, (n,) bool."""
+    """(n,) bool, True for minima within :data:`SAME` of the best log-likelihood."""
     best = min(m.loss for m in minima)
     return np.array([np.isfinite(m.loss) and drop(m.loss, best) <= SAME for m in minima])
 
@@ -86,7 +92,7 @@ def reached_best(minima: Sequence[Minimum], drop: Callable[[float, float], float
 def starts_table(
     minima: Sequence[Minimum], searched: Sequence[Parameter], drop: Callable[[float, float], float]
 ) -> pd.DataFrame:
-    """One row a start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
+    """One row per start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
     best = reached_best(minima, drop)
     rows = [
         {"loss": m.loss, "reached_best": bool(b), "n_evaluations": m.n_evaluations, "converged": m.converged}
@@ -99,6 +105,6 @@ def starts_table(
 def _bar(total: int, verbose: int, name: str):
     if not verbose:
         return None
-    from tqdm.auto import tqdm  # only where somebody watches
+    from tqdm.auto import tqdm  # slow to import, and rarely needed
 
     return tqdm(total=total, desc=f"{name} starts", unit="start")

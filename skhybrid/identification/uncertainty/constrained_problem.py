@@ -1,19 +1,19 @@
-"""The problem behind a fitted identification, posed again: for profiles and posteriors."""
+"""Constrained problem of a fitted identification: some parameters held, all else as in the fit."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from ..._table import ZoneTable
 from ..._threads import one_blas_thread
-from ..fitting.periodic_likelihood import PeriodicProblem
+from ...thermal import get_network
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ConstrainedProblem:
     """
 
     estimator: Any
-    X: Any
+    table: ZoneTable
     y: Any
 
     @classmethod
@@ -42,10 +42,15 @@ class ConstrainedProblem:
                 f'{type(estimator).__name__} with objective="multi_step" has no likelihood, as its errors overlap; '
                 'take theta_interval, or fit with objective="one_step".'
             )
-        if not hasattr(estimator, "theta_"):
-            estimator = clone(estimator).fit(X, y)
+        fitted = hasattr(estimator, "theta_")
+        with warnings.catch_warnings():
+            if fitted:
+                warnings.simplefilter("ignore")  # the fit has warned of it
+            table = clone(estimator)._read(X, get_network(estimator.network), reset=True)
+        if not fitted:
+            estimator = clone(estimator).fit(table, y)
         check_is_fitted(estimator)
-        return cls(estimator, X, y)
+        return cls(estimator, table, y)
 
     def refuse_unsearched(self, parameter: str) -> None:
         """Raise where a parameter was not identified."""
@@ -69,34 +74,13 @@ class ConstrainedProblem:
             bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_ if p.name not in probe.known}
             probe.set_params(bounds={**bounds, **(fitted.bounds or {})})
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the fit has said it
-            problem, _ = probe._make_problem(*probe._prepare(self.X, self.y))
-        if isinstance(problem, PeriodicProblem):
-            problem = replace(problem, heat_scale=self._heat_scale)
-            problem = problem if fitted.gain_found_ else problem.without_gain()
-        return problem
-
-    @cached_property
-    def _heat_scale(self) -> float:
-        """Unit of heat of the fit, read from the table once."""
-        probe = clone(self.estimator)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            problem, _ = probe._make_problem(*probe._prepare(self.X, self.y))
-        return float(problem.heat_scale)
+            warnings.simplefilter("ignore")  # the fit has warned of it
+            problem, _ = probe._make_problem(*probe._prepare(self.table, self.y))
+        return fitted._as_fitted(problem)
 
     def values(self) -> dict[str, float]:
         """Everything that the fit found, in the units that are searched."""
-        fitted = self.estimator
-        found = {**fitted.theta_.to_dict(), **fitted.disturbance_.to_dict()}
-        if hasattr(fitted, "day_factors_"):
-            found |= {f"day_{d}": value for d, value in enumerate(np.log(fitted.day_factors_))}
-        own = fitted._own_parameters()
-        scaled = [p.name for p in own if p.unit == "6 kW plant"]
-        if scaled:
-            scale = self._heat_scale
-            found |= {name: found[name] / scale for name in scaled}
-        return {name: float(value) for name, value in found.items()}
+        return self.estimator._searched_values()
 
 
 def free_point(problem: Any, values: Mapping[str, float]) -> np.ndarray:
@@ -108,25 +92,3 @@ def free_point(problem: Any, values: Mapping[str, float]) -> np.ndarray:
         usable = p.transform != "log" or value * p.sign > 0
         out.append(min(max(p.to_free(value if usable else p.default), low), high))
     return np.array(out)
-
-
-def minimum_near(problem: Any, start: np.ndarray) -> tuple[np.ndarray, float]:
-    """The minimum that one start leads to, and minus twice the log-likelihood there, up to a constant."""
-    if isinstance(problem, PeriodicProblem):
-        found = problem.minimise(start) if len(start) else None
-        loss = found.loss if found else problem.evaluate(start)[0]
-        return found.free if found else start, 2.0 * float(loss)
-    if not len(start):
-        return start, problem.n_counted * float(np.log(np.sum(problem.residuals(start) ** 2)))
-    (least,) = problem.minimise(start[None])
-    return least.free, problem.n_counted * float(np.log(least.loss))
-
-
-def all_values(problem: Any, free: np.ndarray) -> dict[str, float]:
-    """Values of searched, fixed and inner parameters at a point."""
-    values = problem.values(free)
-    if isinstance(problem, PeriodicProblem):
-        from ..periodic import physical
-
-        values = physical(problem, values, problem.evaluate(free)[2].beta)[0]
-    return {name: float(value) for name, value in values.items()}

@@ -1,4 +1,4 @@
-"""What the data cannot say about the parameters: flat and weak directions, in words, as text and as HTML."""
+"""Identifiability of the parameters: flat and weak directions, as text and as HTML."""
 
 from __future__ import annotations
 
@@ -12,25 +12,22 @@ from scipy.linalg import qr
 from scipy.stats import t as student
 
 from ...thermal import Parameter
-from ..fitting.excitation import scale_direction, unexcited, warn_scale
-
-__all__ = ["FLAT", "Identifiability", "assess", "at_bounds", "scale_direction", "unexcited", "warn_scale"]
 
 #: a direction is flat when its singular value is below this share of the largest, or when one standard deviation
-#: along it is a factor of e^5 or more, which no later day of like data would mend
+#: along it is a factor of e^5 or more, which more days of the same kind would not improve enough
 FLAT, FLAT_SD = 1e-6, 5.0
 #: a direction is weak when its leading parameter may be off by more than this share at 90 %
 WEAK = 0.25
 _LEVEL = 0.9
-#: members of a direction below this share of its leading one are left out of the words
+#: members of a direction below this share of its leading one are not named
 _MINOR = 0.1
-#: weak directions, and members of each, that are told, so that the report stays on one screen
+#: weak directions, and members of each, that are named, so that the report fits one screen
 _MOST_WEAK, _MOST_MEMBERS = 4, 4
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data say about each direction of the space of the network's parameters.
+    """Information of the data about each direction in the space of the network's parameters.
 
     A direction is a combination of parameters that moves together on the logarithmic scale.  The sensitivities are
     those of the predictions by the logarithms of all network parameters, in units of the noise, with the parameters
@@ -45,13 +42,14 @@ class Identifiability:
     flat_directions : tuple of str
         Combinations of parameters that the data do not move, with their units and exponents.
     weak_directions : tuple of str
-        Combinations that the data hardly hold, and by how many percent each member may move at 90 %.
+        Combinations that the data hardly determine, and by how many percent each member may move at 90 %.
     at_bound : tuple of str
         Parameters that ended at a bound of the search.
     not_excited : tuple of str
         Parameters that no row of the table moves; they stay at their default.
     n_days : int
-        Days of data behind the figures; the quantile of 90 % is that of Student's t with one fewer.
+        Days of data on which the figures rest; the 90 % quantile is that of Student's t with ``n_days - 1`` degrees of
+        freedom.
     """
 
     singular_values: pd.Series
@@ -73,7 +71,7 @@ class Identifiability:
         return [
             ("flat directions: no row tells them apart; fix one member of each by known=", self.flat_directions),
             (f"weak directions: what they may be off by at {_LEVEL:.0%}", self.weak_directions),
-            ("at a bound of the search: widen bounds=, or doubt the network", self.at_bound),
+            ("at a bound of the search: widen bounds=, or question the network", self.at_bound),
             ("not excited: no row moves them; known=, or days on which they run", self.not_excited),
         ]
 
@@ -129,7 +127,7 @@ def assess(
     at_bound: tuple[str, ...],
     not_excited: tuple[str, ...],
 ) -> Identifiability:
-    """Judge a scaled sensitivity.
+    """Find the flat and weak directions of a scaled sensitivity.
 
     Parameters
     ----------
@@ -138,7 +136,7 @@ def assess(
     model : ndarray of shape (k, k)
         Covariance of the logarithms if the disturbance model were true.
     growth : ndarray of shape (k,)
-        By which every standard error is larger in truth.
+        Factor by which every standard error exceeds that of the model.
     parameters : sequence of Parameter
         The k parameters.
     n_days : int
@@ -174,7 +172,7 @@ def _directions(sensitivity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def held_subspace(covariance: np.ndarray) -> np.ndarray:
-    """(k, k) projector onto the directions that data and priors hold."""
+    """(k, k) projector onto the directions that data and priors determine."""
     variances, axes = np.linalg.eigh(covariance)
     held = axes[:, variances < FLAT_SD**2]
     return held @ held.T
@@ -190,7 +188,7 @@ def _sparse_basis(rows: np.ndarray) -> np.ndarray:
 
 
 def _together(row: np.ndarray, parameters: Sequence[Parameter]) -> str:
-    """What rises together and what falls, with the exponents that are not 1."""
+    """Parameters that rise together and those that fall, with the exponents that are not 1."""
     row = row * (1.0 if row.sum() >= 0 else -1.0)
 
     def listed(sign: float) -> str:
@@ -204,7 +202,7 @@ def _together(row: np.ndarray, parameters: Sequence[Parameter]) -> str:
 def _weak(
     rows: np.ndarray, model: np.ndarray, growth: np.ndarray, parameters: Sequence[Parameter], n_days: int
 ) -> tuple[str, ...]:
-    """Directions that the data hold, but loosely: principal axes of the covariance without the flat directions."""
+    """Directions that the data determine loosely: principal axes of the covariance without the flat directions."""
     held = growth[:, None] * (rows.T @ rows)
     variances, axes = np.linalg.eigh(held @ model @ held.T)
     reach = student.ppf(0.5 + _LEVEL / 2, max(n_days - 1, 1)) * np.sqrt(np.maximum(variances, 0.0))

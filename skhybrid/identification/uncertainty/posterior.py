@@ -13,8 +13,7 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from ..._threads import one_blas_thread
-from ..fitting.periodic_likelihood import PeriodicProblem
-from .constrained_problem import ConstrainedProblem, free_point, minimum_near
+from .constrained_problem import ConstrainedProblem, free_point
 
 #: a chain is refused above this R-hat, or below this many effective draws
 WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0
@@ -26,14 +25,14 @@ _WIDEST = 3.0
 
 @dataclass(frozen=True)
 class Posterior:
-    """What :func:`sample_posterior` drew.
+    """Draws of :func:`sample_posterior`, and their summary.
 
     Attributes
     ----------
     draws : DataFrame of shape (n_chains * n_draws, n_parameters)
         Network and disturbance parameters, index (``chain``, ``draw``).
     summary : DataFrame
-        One row a parameter: ``mean``, ``std``, ``median``, ``lower`` and ``upper`` (90 %), ``r_hat``, ``ess``.
+        One row per parameter: ``mean``, ``std``, ``median``, ``lower`` and ``upper`` (90 %), ``r_hat``, ``ess``.
     inference_data : arviz.InferenceData
         The same with the sampler's own statistics, for ArviZ.
     """
@@ -47,7 +46,7 @@ class _Density:
     """Log posterior of a problem, and its gradient, over standardised unbounded coordinates ``z``.
 
     The searched scale is bounded: ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior
-    about standard normal, as the sampler likes it.
+    about standard normal, which the sampler needs to be efficient.
     """
 
     def __init__(self, problem: Any, start: np.ndarray) -> None:
@@ -57,15 +56,6 @@ class _Density:
         self.centre, self.root = logit(share), np.eye(len(start))
         self.root = self._scaling()
 
-    def _log_density(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        """Of the problem over its searched scale: the noise of a sum of squares is integrated out."""
-        if isinstance(self.problem, PeriodicProblem):
-            loss, gradient, _ = self.problem.evaluate(x)
-            return -float(loss), -gradient
-        merit, _, half = self.problem.evaluate(x[None])
-        n = self.problem.n_counted
-        return -0.5 * n * float(np.log(merit[0])), -n * half[0] / merit[0]
-
     def free(self, z: np.ndarray) -> np.ndarray:
         """(..., p) on the searched scale."""
         return self.low + (self.high - self.low) * expit(self.centre + z @ self.root.T)
@@ -73,7 +63,7 @@ class _Density:
     def __call__(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         share = expit(self.centre + self.root @ z)
         slope = (self.high - self.low) * share * (1.0 - share)
-        value, gradient = self._log_density(self.low + (self.high - self.low) * share)
+        value, gradient = self.problem.log_density(self.low + (self.high - self.low) * share)
         if not np.isfinite(value):
             return -np.inf, np.zeros_like(z)
         volume = float(np.log(np.maximum(slope, 1e-300)).sum())
@@ -114,7 +104,7 @@ def sample_posterior(
     draws, tune : int
         Draws of each chain that are kept, and those before them that adapt the sampler.
     chains : int, default=4
-        At least 2: without a second chain nothing tells whether the first one mixes.
+        At least 2: only a second chain shows whether the first one mixes.
     random_state : int, optional
         Seed of the sampler.
     progressbar : bool, default=False
@@ -137,13 +127,13 @@ def sample_posterior(
     A parameter without a prior has a uniform one on the searched scale within its bounds, which is log-uniform for
     capacitances, resistances, areas and capacities.  The noise of CONV, ID and OD is integrated out under
     ``1 / sigma``.  Nothing is solved inside: capacities and areas are sampled like all others; the weekly profile of
-    the periodic model is integrated out.  The posterior takes the disturbance model at its word; ``theta_interval``
-    does not.
+    the periodic model is integrated out.  The posterior assumes that the disturbance model holds;
+    ``theta_interval`` does not.
     """
     check_chains(chains)
-    posed = ConstrainedProblem.of(estimator, X, y)
-    problem = posed.problem(search_all=True)
-    start, _ = minimum_near(problem, free_point(problem, posed.values()))
+    constrained = ConstrainedProblem.of(estimator, X, y)
+    problem = constrained.problem(search_all=True)
+    start, _ = problem.minimum_near(free_point(problem, constrained.values()))
     density = _Density(problem, start)
     data = _run_nuts(density, draws, tune, chains, random_state, progressbar)
     return _collected(density, data, chains, draws)
@@ -178,14 +168,14 @@ def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int |
 
 
 def draws_index(chains: int, draws: int) -> pd.MultiIndex:
-    """Index (``chain``, ``draw``) of a table of draws, one chain behind the other."""
+    """Index (``chain``, ``draw``) of a table of draws, one chain after the other."""
     return pd.MultiIndex.from_product([range(chains), range(draws)], names=["chain", "draw"])
 
 
 def check_chains(chains: int) -> None:
     """Raise ValueError for a lone chain."""
     if chains < 2:
-        raise ValueError(f"chains={chains} is less than 2; whether a chain mixes shows only beside another one.")
+        raise ValueError(f"chains={chains} is less than 2; only a second chain shows whether the first one mixes.")
 
 
 def import_pymc() -> Any:
@@ -210,15 +200,15 @@ def draw_chains(
 ) -> Any:
     """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
 
-    Whoever calls this reads the chains (:func:`summarise_chains`) and refuses bad ones (:func:`refuse_bad_chains`).
+    The chains are not judged here: see :func:`summarise_chains` and :func:`refuse_bad_chains`.
     """
     pm = import_pymc()
     log = logging.getLogger("pymc")
     level = log.level
-    log.setLevel(logging.WARNING)  # not every sampler in every fit needs to be announced
+    log.setLevel(logging.WARNING)  # else PyMC announces every sampler
     try:
         with warnings.catch_warnings():
-            # PyTensor looks for a BLAS whether or not a model has matrix products; these have next to none
+            # these models have next to no matrix products, so that a missing BLAS costs nothing
             warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
             return pm.sample(
                 draws=draws,
@@ -238,7 +228,7 @@ def draw_chains(
 
 
 def _make_op(density: _Density) -> Any:
-    """PyTensor Ops of the log density and of its gradient, which share one evaluation a point."""
+    """PyTensor Ops of the log density and of its gradient, which share one evaluation per point."""
     import pytensor.tensor as pt
     from pytensor.graph.op import Op
 
@@ -298,12 +288,12 @@ def draw_without_divergence(
 
 
 def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
-    """One row a quantity: what its chains say, and how well they agree.
+    """One row per quantity: what its chains say, and how well they agree.
 
     Parameters
     ----------
     table : DataFrame
-        One column a quantity, index (``chain``, ``draw``).
+        One column per quantity, index (``chain``, ``draw``).
     level : float, default=0.9
         Of the interval from ``lower`` to ``upper``.
 
@@ -340,9 +330,9 @@ def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) 
     Parameters
     ----------
     summary : DataFrame
-        With ``r_hat`` and ``ess``, one row a quantity.
+        With ``r_hat`` and ``ess``, one row per quantity.
     advice : str
-        What to do about chains that disagree or diverge, besides more draws.
+        What to do about chains that disagree or diverge, apart from more draws.
     n_divergent : int, default=0
         Divergent transitions after tuning.
     """

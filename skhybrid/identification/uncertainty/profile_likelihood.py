@@ -1,4 +1,4 @@
-"""Profile likelihood of one parameter: how the fit worsens where it is held, all others identified anew."""
+"""Profile likelihood of one parameter: it is held at one value after another, and all others are identified anew."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from ...thermal import Parameter
-from .constrained_problem import ConstrainedProblem, all_values, free_point, minimum_near
+from .constrained_problem import ConstrainedProblem, free_point
 
-#: steps outward in search of an end of the interval, each so much longer than the last
+#: most steps outward to an end of the interval, and the factor by which each is longer than the last
 _STEPS, _GROWTH = 8, 1.6
 
 
 @dataclass(frozen=True)
 class ProfileLikelihood:
-    """What :func:`profile_likelihood` found.
+    """Profile of one parameter, and the interval that it gives.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class ProfileLikelihood:
         Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
     inflation : float
         Squared ratio of the parameter's standard error to the one that the disturbance model alone would give; 1 where
-        the days bear the model out.
+        the days agree with the model.
     curve : DataFrame
-        One row a value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
+        One row per value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
     """
 
     parameter: str
@@ -59,21 +59,21 @@ class ProfileLikelihood:
 
 @dataclass
 class _Search:
-    """Values tried so far, on the searched scale, and where each ended."""
+    """Values tried so far, on the searched scale, with the deviance and the parameters that each gave."""
 
-    posed: ConstrainedProblem
+    constrained: ConstrainedProblem
     parameter: Parameter
     tried: dict[float, tuple[float, dict[str, float]]] = field(default_factory=dict)
 
     def deviance(self, x: float) -> float:
         """Minus twice the log-likelihood with the parameter held at ``x``, up to a constant."""
         if x not in self.tried:
-            warm = self.posed.values()
+            warm = self.constrained.values()
             if self.tried:
                 warm |= self.tried[min(self.tried, key=lambda known: abs(known - x))][1]
-            problem = self.posed.problem({self.parameter.name: self.parameter.from_free(x)})
-            free, deviance = minimum_near(problem, free_point(problem, warm))
-            self.tried[x] = deviance, all_values(problem, free)
+            problem = self.constrained.problem({self.parameter.name: self.parameter.from_free(x)})
+            free, deviance = problem.minimum_near(free_point(problem, warm))
+            self.tried[x] = deviance, problem.all_values(free)
         return self.tried[x][0]
 
     def least(self) -> float:
@@ -146,12 +146,12 @@ def profile_likelihood(
     True
     """
     tried = list(values) if values is not None else []
-    posed = ConstrainedProblem.of(estimator, X, y)
-    known = _checked(posed, parameter, tried, level)
-    fitted = posed.estimator
+    constrained = ConstrainedProblem.of(estimator, X, y)
+    known = _checked(constrained, parameter, tried, level)
+    fitted = constrained.estimator
     inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
     quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
-    search = _Search(posed, known)
+    search = _Search(constrained, known)
     start = float(np.clip(_to_free(known, float(fitted.theta_[parameter])), *known.free_bounds))
     search.deviance(start)
     step = quantile * _standard_error(fitted, known)
@@ -162,12 +162,12 @@ def profile_likelihood(
     return _collected(search, ends, level, threshold, inflation, list(fitted.theta_.index))
 
 
-def _checked(posed: ConstrainedProblem, parameter: str, values: Sequence[float], level: float) -> Parameter:
+def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[float], level: float) -> Parameter:
     """The parameter to hold, which the data must have decided."""
     if not 0.0 < level < 1.0:
         raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for an interval of 90 %.")
-    posed.refuse_unsearched(parameter)
-    (found,) = (p for p in posed.estimator.parameters_ if p.name == parameter)
+    constrained.refuse_unsearched(parameter)
+    (found,) = (p for p in constrained.estimator.parameters_ if p.name == parameter)
     for value in values:
         if found.transform == "log" and not value * found.sign > 0:
             side = "<" if found.sign < 0 else ">"

@@ -1,1 +1,1 @@
-"""The choice of a disturbance model: Bayesian tests and the paper's rules."""
+"""Choice of a disturbance model: Bayesian tests and the paper's rules."""

@@ -1,4 +1,4 @@
-"""The choice of a disturbance model by the paper's rules (3.3, 4.2), with the reasons in words."""
+"""The choice of a disturbance model by the paper's rules (3.3, 4.2), with its reasons."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from .robustness_comparison import RobustnessComparison
 
 _BY = ("name", "disturbance")
 _IDENTITY = ("framework", "case", "disturbance", "name")
-#: ingredients that a case has or has not, in words.
-_WORDS = {"time": "time features", "past-w": "past weather", "future-w": "future weather"}
+#: ingredients that a case has or has not
+_INGREDIENTS = {"time": "time features", "past-w": "past weather", "future-w": "future weather"}
 _KIND = {"input": "ID", "output": "OD"}
 
 
 @dataclass(frozen=True)
 class CaseChoice:
-    """What :func:`select_case` chose, and why.
+    """The choice of :func:`select_case` and its reasons.
 
     Attributes
     ----------
     name : str
         The case in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``.
     framework, case, disturbance : str
-        The same in parts.
+        The parts of the name.
     size : dict
         Size of its best candidate, by parameter.
     median : float
         Median error of the case over its sizes [K].
     reasons : tuple of str
-        One sentence a rule, in the order in which they were applied.
-    enough : str or None
-        Simple rival with the lowest error among those that the choice does not beat; None where it beats them all.
+        One sentence per rule, in the order in which they were applied.
+    sufficient_baseline : str or None
+        Baseline with the lowest error among those that the choice does not beat; None if it beats them all.
     table : DataFrame
-        Cases and rivals by rising median: ``framework``, ``case``, ``disturbance``, ``name``, ``kind`` ("case" or
-        "rival"), ``median`` [K], ``n_sizes``, ``history`` [d], ``probability`` (of a case: that the best case is
-        better; of a rival: that the choice is) and ``verdict`` in words.
+        Cases and baselines in order of median error: ``framework``, ``case``, ``disturbance``, ``name``, ``kind``
+        ("case" or "baseline"), ``median`` [K], ``n_sizes``, ``history`` [d], ``probability`` (for a case that the best
+        case is better, for a baseline that the choice is better) and ``verdict``.
     expressiveness : PatternExpressiveness or None
-        The regression; None where the cases do not differ in their ingredients.
+        The regression; None if the cases do not differ in their ingredients.
     robustness : RobustnessComparison
-        The comparison of the cases that have every ingredient that helps.
+        The comparison of the cases that have all helpful ingredients.
     """
 
     name: str
@@ -57,7 +57,7 @@ class CaseChoice:
     size: dict[str, Any]
     median: float
     reasons: tuple[str, ...]
-    enough: str | None
+    sufficient_baseline: str | None
     table: pd.DataFrame
     expressiveness: PatternExpressiveness | None
     robustness: RobustnessComparison
@@ -79,30 +79,31 @@ def select_case(
     chains: int = 4,
     random_state: int | None = None,
 ) -> CaseChoice:
-    """Choose a disturbance model by the paper's rules, and set the simple rivals beside it.
+    """Choose a disturbance model by the paper's rules, and compare it with the baselines.
 
-    1. *Ingredients*: cases without an ingredient that reduces the error with probability ``level`` drop out; so does
-       the kind of disturbance (ID, OD) that is worse with that probability (:class:`PatternExpressiveness`).
-    2. *Robustness*: of the others, those stay that cannot be told from the best (:class:`RobustnessComparison`).
-    3. *History*: of these, the ones that read the shortest history.
-    4. *Disturbance*: of these, ID before OD.
-    5. What is left is decided by the framework's effect in the regression, then by the median error.
+    1. *Ingredients*: cases are dropped if they lack an ingredient that reduces the error with probability ``level``, or
+       have the kind of disturbance (ID, OD) that is worse with that probability (:class:`PatternExpressiveness`).
+    2. *Robustness*: of the others, those indistinguishable from the best are kept (:class:`RobustnessComparison`).
+    3. *History*: of these, the ones with the shortest history are kept.
+    4. *Disturbance*: of these, ID is preferred to OD.
+    5. Of the rest, the framework with the best effect in the regression is chosen, then the lowest median error.
 
     Parameters
     ----------
     results : DataFrame
-        One row a candidate: ``framework``, ``case``, ``disturbance``, ``name``, sizes and ``rmse`` [K], as a search
-        gives.  Rows without a case are simple rivals.  Candidates without an error are left out, with a warning.
+        One row per candidate: ``framework``, ``case``, ``disturbance``, ``name``, sizes and ``rmse`` [K], such as
+        ``DesignMatrixSearchCV.results_``.  Rows without a case are baselines.  Candidates without an error are left
+        out, with a warning.
     cases : iterable of ModelCase, default=()
-        Cases of one's own in the table.
+        The caller's own cases in the table.
     level : float, default=0.95
-        Probability from which something counts as shown.
+        Probability from which an effect or a difference counts as shown.
     best_sizes : int, optional
-        Sizes of each case that the regression reads, the best ones; None reads all.
+        Use only this many sizes of each case in the regression, the best ones; None uses all.
     group : str or sequence of str, optional
         As in :class:`PatternExpressiveness`; None is the paper's regression, which counts each size as an observation.
     draws, tune, chains : int
-        Of either sampler.
+        Of both samplers.
     random_state : int, optional
         Seed of both.
 
@@ -134,18 +135,18 @@ def select_case(
     table = finished(results, _IDENTITY).reset_index(drop=True)
     candidates = table[has_case(table)]
     if candidates.empty:
-        raise ValueError("no row of results has a case; there is nothing but simple rivals to choose from.")
+        raise ValueError("no row of results has a case; there is nothing but baselines to choose from.")
     overview = _overview(candidates, tuple(cases))
     if (overview["n_sizes"] < 2).all():
-        raise ValueError("every case of results has one size; its robustness shows only over several.")
+        raise ValueError("every case of results has one size; robustness needs cases with several.")
     sampler: dict[str, Any] = {"draws": draws, "tune": tune, "chains": chains, "random_state": random_state}
     regression = _regression(candidates, overview, tuple(cases), best_sizes, group, sampler)
     kept, demanded, reasons = _with_helpful_ingredients(overview, regression, level)
     robust = RobustnessComparison(by=_BY, level=level, **sampler).fit(candidates[_keys(candidates).isin(kept)])
     chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
-    rivals = _rivals(table[~has_case(table)], robust, chosen, level)
-    enough, last = _rivals_in_words(rivals, chosen, overview["median"][chosen])
-    shown = _table(overview, rivals, robust, demanded, chosen)
+    baselines = _baselines(table[~has_case(table)], robust, chosen, level)
+    sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
+    shown = _table(overview, baselines, robust, demanded, chosen)
     picked = overview.loc[chosen]
     return CaseChoice(
         name=str(picked["name"]),
@@ -155,7 +156,7 @@ def select_case(
         size=_size(candidates[_keys(candidates) == chosen]),
         median=float(overview["median"][chosen]),
         reasons=(*reasons, *rules, last),
-        enough=enough,
+        sufficient_baseline=sufficient,
         table=shown,
         expressiveness=regression,
         robustness=robust,
@@ -164,13 +165,13 @@ def select_case(
 
 # --------------------------------------------------------------------------------------------------------- the table
 def _keys(table: pd.DataFrame) -> pd.Series:
-    """What a row is called: name and kind of disturbance; a rival on the temperature itself has no such kind."""
+    """Name and kind of disturbance of each row; a baseline of the temperature itself has no such kind."""
     kind = table["disturbance"].map(lambda value: f" {value}" if isinstance(value, str) else "")
     return table["name"].astype(str) + kind
 
 
 def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.DataFrame:
-    """One row a case: identity, ``history`` [d], ingredients, ``median`` [K] and ``n_sizes``."""
+    """One row per case: identity, ``history`` [d], ingredients, ``median`` [K] and ``n_sizes``."""
     made_of = ingredients(candidates, cases).assign(key=_keys(candidates))
     first = candidates.assign(key=_keys(candidates)).groupby("key")[list(_IDENTITY)].first()
     first["history"] = [case_of(f, c, cases).history for f, c in zip(first["framework"], first["case"], strict=True)]
@@ -180,14 +181,14 @@ def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.Data
 
 
 def _size(candidates: pd.DataFrame) -> dict[str, Any]:
-    """Size of the best candidate: the columns that say neither which case it is nor how it did."""
+    """Size of the best candidate: the columns that are neither identity nor result."""
     best = candidates.sort_values("rmse", kind="stable").iloc[0]
     known = [c for c in candidates if c not in _IDENTITY and not _is_result(str(c))]
     return {str(c): _plain(best[str(c)]) for c in known if pd.notna(best[str(c)])}
 
 
 def _plain(value: Any) -> Any:
-    """A whole number again, where empty cells of other rows have made the column one of floats."""
+    """A plain number; whole ones became floats in columns with empty cells."""
     value = value.item() if isinstance(value, np.generic) else value
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
@@ -212,7 +213,7 @@ def _regression(
     if len(overview[["framework", "time", "pattern", "past-w", "future-w", "ID"]].drop_duplicates()) == 1:
         return None
     if best_sizes == 1:
-        group = None  # one row a case: there is nothing that rows of a case could share
+        group = None  # with one row per case there are no groups
     regression = PatternExpressiveness(cases=cases, best_sizes=best_sizes, group=group, **sampler)
     return regression.fit(candidates)
 
@@ -220,23 +221,23 @@ def _regression(
 def _with_helpful_ingredients(
     overview: pd.DataFrame, regression: PatternExpressiveness | None, level: float
 ) -> tuple[pd.Index, dict[str, int], list[str]]:
-    """Cases that have every ingredient that helps, which these are (0: the kind is OD), and the reasons."""
+    """Cases with all helpful ingredients, these ingredients (ID is 0 where OD is better), and the reasons."""
     if regression is None:
-        return overview.index, {}, ["The cases do not differ in their ingredients: no regression was made."]
-    probability = regression.summary_["probability_reduces"]
-    told = probability[[name for name in (*_WORDS, "ID") if name in probability]]
-    wanted = {str(name): 1 for name, p in told.items() if p >= level}
-    if "ID" in told and told["ID"] <= 1.0 - level:
+        return overview.index, {}, ["The cases do not differ in their ingredients, so there is no regression."]
+    summary = regression.summary_["probability_reduces"]
+    probability = summary[[name for name in (*_INGREDIENTS, "ID") if name in summary]]
+    wanted = {str(name): 1 for name, p in probability.items() if p >= level}
+    if "ID" in probability and probability["ID"] <= 1.0 - level:
         wanted["ID"] = 0
-    certainty = told.where(told >= 0.5, 1.0 - told)
+    certainty = probability.where(probability >= 0.5, 1.0 - probability)
     reasons = [_sentence(wanted, certainty, level)]
-    reasons += [f"Of {name} the table says nothing of its own: {why}" for name, why in regression.left_out_.items()]
+    reasons += [f"The effect of {name} cannot be estimated: {why}" for name, why in regression.left_out_.items()]
     while wanted:
         has_all = (overview[list(wanted)] == pd.Series(wanted)).all(axis=1)
         if has_all.any():
             return overview.index[has_all], wanted, reasons
         weakest = min(wanted, key=lambda name: float(certainty[name]))
-        reasons.append(f"No case has all of these; {_ingredient(weakest, wanted[weakest])} is waived.")
+        reasons.append(f"No case has all of these, so {_ingredient(weakest, wanted[weakest])} is not required.")
         del wanted[weakest]
     return overview.index, wanted, reasons
 
@@ -244,14 +245,14 @@ def _with_helpful_ingredients(
 def _ingredient(name: str, value: int) -> str:
     if name == "ID":
         return "ID" if value else "OD"
-    return _WORDS[name]
+    return _INGREDIENTS[name]
 
 
 def _sentence(wanted: dict[str, int], certainty: pd.Series, level: float) -> str:
     if not wanted:
-        return f"No ingredient is shown to reduce the error (probability {level:g}); all cases stay."
+        return f"No ingredient reduces the error with a probability of {level:g} or more, so all cases stay."
     shown = [f"{_ingredient(name, value)} ({certainty[name]:.3f})" for name, value in wanted.items()]
-    return f"Reduce the error, with the probability behind each: {', '.join(shown)}; cases without them drop out."
+    return f"These reduce the error (with their probabilities): {', '.join(shown)}; cases without them are dropped."
 
 
 def _framework_effects(overview: pd.DataFrame, regression: PatternExpressiveness | None) -> dict[str, float]:
@@ -261,67 +262,67 @@ def _framework_effects(overview: pd.DataFrame, regression: PatternExpressiveness
 
 
 def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dict[str, float]) -> tuple[str, list[str]]:
-    """The case that the rules leave, and what each rule did."""
+    """The case that the rules choose, and one sentence per rule."""
     left = overview.loc[robust.indistinguishable_]
     best = overview.loc[robust.best_]
     kind = _KIND[str(best["disturbance"])]
     reasons = [
         f"{best['name']} ({kind}) has the lowest median error, {best['median']:.3f} K; "
-        f"{len(left) - 1} of the {len(robust.probability_) - 1} others cannot be told from it over the sizes."
+        f"{len(left) - 1} of the {len(robust.probability_) - 1} other cases are indistinguishable from it."
     ]
     if len(left) > 1:
         least = left["history"].min()
         left = left[left["history"] == least]
-        reasons.append(f"The least history is {least} d; {_count(left)} no more.")
+        reasons.append(f"The shortest history among these is {least} d; {_count(left)} no more.")
     if left["ID"].any() and not left["ID"].all():
         left = left[left["ID"] == 1]
-        reasons.append("ID is as good as OD, and its output is heat, which is easier to read: ID it is.")
+        reasons.append("ID is as good as OD and is preferred, since its output is heat and easier to interpret.")
     elif overview["ID"].any() and not left["ID"].any():
-        reasons.append("Only OD is left: ID is worse, or reads more history.")
+        reasons.append("Only OD is left; ID is worse or needs more history.")
     frameworks = list(left["framework"].unique())
     if len(frameworks) > 1:
         framework = min(frameworks, key=lambda name: effects[name])
         left = left[left["framework"] == framework]
-        reasons.append(f"Of the frameworks left, {framework} has the best effect ({effects[framework]:+.3f} K).")
+        reasons.append(f"Of the remaining frameworks, {framework} has the best effect ({effects[framework]:+.3f} K).")
     if len(left) > 1:
-        reasons.append(f"The lowest median of the {len(left)} cases left decides.")
+        reasons.append(f"Of the remaining {len(left)} cases, the one with the lowest median error is chosen.")
     return str(left.index[0]), reasons
 
 
 def _count(left: pd.DataFrame) -> str:
-    return "one case reads" if len(left) == 1 else f"{len(left)} cases read"
+    return "one case needs" if len(left) == 1 else f"{len(left)} cases need"
 
 
-# -------------------------------------------------------------------------------------------------------- the rivals
-def _rivals(rows: pd.DataFrame, robust: RobustnessComparison, chosen: str, level: float) -> pd.DataFrame:
-    """One row a rival by rising error: identity, median, n_sizes, ``probability`` that the choice is better."""
+# ----------------------------------------------------------------------------------------------------- the baselines
+def _baselines(rows: pd.DataFrame, robust: RobustnessComparison, chosen: str, level: float) -> pd.DataFrame:
+    """One row per baseline in order of error: identity, median, n_sizes, ``probability`` that the choice is better."""
     errors = rows["rmse"].groupby(_keys(rows))
-    rivals = rows.assign(key=_keys(rows)).groupby("key")[list(_IDENTITY)].first()
-    rivals = rivals.assign(median=errors.median(), n_sizes=errors.size())
-    beaten = [robust.probability_below(chosen, error) for error in rivals["median"]]
-    rivals = rivals.assign(probability=np.asarray(beaten, float), enough=np.asarray(beaten, float) < level)
-    return rivals.sort_values("median", kind="stable")
+    found = rows.assign(key=_keys(rows)).groupby("key")[list(_IDENTITY)].first()
+    found = found.assign(median=errors.median(), n_sizes=errors.size())
+    beaten = np.array([robust.probability_below(chosen, error) for error in found["median"]], dtype=float)
+    return found.assign(probability=beaten, sufficient=beaten < level).sort_values("median", kind="stable")
 
 
-def _rivals_in_words(rivals: pd.DataFrame, chosen: str, median: float) -> tuple[str | None, str]:
-    if rivals.empty:
-        return None, "No simple rival is in the table: whether a network is needed at all is not known."
-    enough = rivals[rivals["enough"]]
-    best = rivals.iloc[0]
-    if enough.empty:
+def _verdict_on_baselines(baselines: pd.DataFrame, median: float) -> tuple[str | None, str]:
+    """The best baseline that the choice does not beat, if any, and a sentence."""
+    if baselines.empty:
+        return None, "The table has no baseline, so it does not show whether a network is needed at all."
+    sufficient = baselines[baselines["sufficient"]]
+    best = baselines.iloc[0]
+    if sufficient.empty:
         return None, (
-            f"No simple rival is enough: the best, {rivals.index[0]}, has {best['median']:.3f} K, and the choice is "
-            f"better with probability {best['probability']:.3f}."
+            f"No baseline is sufficient: the error of the best, {baselines.index[0]}, is {best['median']:.3f} K, and "
+            f"the choice is better with probability {best['probability']:.3f}."
         )
     better = "is better than" if best["median"] < median else "is as good as"
-    return str(enough.index[0]), (
-        f"A simple rival is enough: {enough.index[0]}, with {best['median']:.3f} K, {better} the choice, whose error "
-        f"is lower with probability {best['probability']:.3f} only."
+    return str(sufficient.index[0]), (
+        f"A baseline is sufficient: {sufficient.index[0]}, with {best['median']:.3f} K, {better} the choice, which has "
+        f"the lower error with a probability of only {best['probability']:.3f}."
     )
 
 
 def _table(
-    overview: pd.DataFrame, rivals: pd.DataFrame, robust: RobustnessComparison, demanded: dict[str, int], chosen: str
+    overview: pd.DataFrame, baselines: pd.DataFrame, robust: RobustnessComparison, demanded: dict[str, int], chosen: str
 ) -> pd.DataFrame:
     columns = [*_IDENTITY, "kind", "median", "n_sizes", "history", "probability", "verdict"]
     verdicts = []
@@ -334,7 +335,7 @@ def _table(
         else:
             verdicts.append("as good as the best" if key in robust.indistinguishable_ else "worse than the best")
     cases = overview.assign(kind="case", probability=robust.probability_, verdict=verdicts)
-    words = np.where(rivals["enough"].astype(bool), "enough", "worse than the choice")
-    others = rivals.assign(kind="rival", history=np.nan, verdict=words)
+    verdict = np.where(baselines["sufficient"].astype(bool), "sufficient", "worse than the choice")
+    others = baselines.assign(kind="baseline", history=np.nan, verdict=verdict)
     both = [part[columns] for part in (cases, others) if len(part)]
     return pd.concat(both).sort_values("median", kind="stable")

@@ -1,4 +1,4 @@
-"""Which ingredients of a disturbance model reduce its error (paper 3.3, Eq. regression), by Bayesian regression."""
+"""Bayesian regression of the error on the ingredients of a disturbance model (paper 3.3, Eq. regression)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ...identification.uncertainty.posterior import (
     refuse_bad_chains,
     summarise_chains,
 )
-from .regression_terms import Terms, build_terms
+from .regression_terms import RegressionTerms, build_terms
 from .results_table import finished
 
-_ADVICE = "or leave out terms that the table hardly tells apart"
+_ADVICE = "or leave out terms that the table hardly separates"
 
 
 class PatternExpressiveness(BaseEstimator):
-    """Regress the error of the candidates on what they are made of.
+    """Regress the error of candidates on their ingredients or sizes.
 
     ``rmse = level + sum(effect * term) + noise``, sampled with PyMC.  The share of an effect's draws below zero is the
     probability that the term reduces the error.
@@ -33,28 +33,28 @@ class PatternExpressiveness(BaseEstimator):
     Parameters
     ----------
     terms : "ingredients", "sizes" or sequence of str, default="ingredients"
-        ``"ingredients"`` is Eq. regression: ``framework`` (one term each beside the reference), ``time``, ``pattern``,
-        ``past-w``, ``future-w`` and ``ID``.  ``"sizes"`` takes the size hyper-parameters that the table has, as paper
-        Fig. model_size.  A list names ingredients or columns of the table; a column of words has one term for each
-        beside the first.
+        ``"ingredients"`` is Eq. regression: ``framework`` (one term for each but the reference), ``time``,
+        ``pattern``, ``past-w``, ``future-w`` and ``ID``.  ``"sizes"`` takes the size hyper-parameters in the table, as
+        paper Fig. model_size.  A list names ingredients or columns of the table; a column of categories has one term
+        for each category but the first.
     interactions : "all" or sequence of (str, str), default=()
-        Pairs of entries of ``terms`` whose joint effect is wanted, such as ``[("framework", "time")]``.
+        Pairs of entries of ``terms`` with a joint effect, such as ``[("framework", "time")]``.
     cases : iterable of ModelCase, default=()
-        Cases of one's own in the table; the paper's are known.
+        The caller's own cases in the table; the paper's are known.
     best_sizes : int, optional
-        Use only so many candidates of each framework, case and disturbance, those with the lowest errors, so that
-        models too small for their task do not speak against their ingredients.  By default all.
+        Use only this many candidates of each framework, case and disturbance, those with the lowest errors, so that
+        the errors of models too small for their task are not blamed on their ingredients.  By default all.
     group : str or sequence of str, optional
         Columns whose rows share an unexplained part of their error, such as ``("name", "disturbance")``.  By default
-        none, as in the paper: each size of a case counts as an observation of its own.
+        none, as in the paper: each size of a case counts as a separate observation.
     log : bool, default=False
         Regress log(rmse): ``exp(effect)`` is then the factor by which a term changes the error.
     prior_scale : float, default=10.0
-        How wide the priors are; see Notes.
+        Width of the priors; see Notes.
     level : float, default=0.9
-        Of the interval from ``lower`` to ``upper``.
+        Probability of the interval from ``lower`` to ``upper``.
     draws, tune : int, default=1000 and 500
-        Draws of each chain that are kept, and those before them that adapt the sampler.
+        Draws kept from each chain, and draws before them that tune the sampler.
     chains : int, default=4
         At least 2.
     random_state : int, optional
@@ -63,19 +63,19 @@ class PatternExpressiveness(BaseEstimator):
     Attributes
     ----------
     summary_ : DataFrame
-        One row a term: ``mean``, ``std``, ``median``, ``lower``, ``upper`` of its effect [K for 0 to 1, or for one
-        more of what is counted], ``probability_reduces``, ``r_hat``, ``ess``.
+        One row per term: ``mean``, ``std``, ``median``, ``lower``, ``upper`` of its effect [K per unit of the term],
+        ``probability_reduces``, ``r_hat``, ``ess``.
     draws_ : DataFrame
         Effects, ``intercept`` (the error where every term is at its average) and ``sigma`` (of the noise), and
         ``sigma_group`` where there are groups; index (``chain``, ``draw``).
     reference_ : dict of str to str
-        What the terms of a word are compared with, such as ``{"framework": "mlp"}``.
+        Category that the terms of a column are compared with, such as ``{"framework": "mlp"}``.
     left_out_ : dict of str to str
-        Terms that the table cannot tell, and why.
+        Terms whose effect cannot be estimated from the table, and why.
     priors_ : dict of str to str
-        The priors in words.
+        The priors as text.
     n_candidates_ : int
-        Rows that were used.
+        Number of rows used.
 
     Notes
     -----
@@ -84,11 +84,11 @@ class PatternExpressiveness(BaseEstimator):
     deviation of the errors: the conjugate normal-inverse-gamma, worth one observation.  With groups,
     ``sigma_group ~ HalfNormal(s)``, and effects are ``Normal(0, prior_scale * sqrt(sigma^2 + sigma_group^2))``.
 
-    *What it cannot show.*  Without ``interactions`` each effect is an average over all else in the table.  With them, a
-    main effect is the effect where the other term is at its average.
+    *Limits.*  Without ``interactions`` each effect is an average over all else in the table.  With them, a main effect
+    is the effect where the other term is at its average.
 
-    *Groups.*  Ingredients do not differ between the sizes of a case, so that 36 sizes are not 36 experiments about
-    them: without ``group`` intervals are too narrow.
+    *Groups.*  The sizes of a case have the same ingredients, so 36 sizes are not 36 experiments on these: without
+    ``group`` the intervals are too narrow.
 
     References
     ----------
@@ -135,8 +135,8 @@ class PatternExpressiveness(BaseEstimator):
         Parameters
         ----------
         results : DataFrame
-            One row a candidate: ``rmse`` [K], and what ``terms`` needs: ``framework``, ``case`` and ``disturbance``
-            for ingredients, the columns themselves otherwise.  Rows without a case (simple rivals) have no ingredients
+            One row per candidate: ``rmse`` [K], and the columns for ``terms``: ``framework``, ``case`` and
+            ``disturbance`` for ingredients, else the named ones.  Rows without a case (baselines) have no ingredients
             and are left out; so are candidates without an error, with a warning.
 
         Returns
@@ -148,10 +148,10 @@ class PatternExpressiveness(BaseEstimator):
         ImportError
             If PyMC is not installed.
         ValueError
-            If a column, a case, a term or an interaction is not known, an error is not positive, or there are fewer
+            If a column, a case, a term or an interaction is unknown, an error is not positive, or there are fewer
             candidates than terms.
         RuntimeError
-            If the chains disagree, are worth too few draws, or diverge even with small steps.
+            If the chains disagree, have too few effective draws, or diverge even with small steps.
         """
         self._check_parameters()
         table = finished(results).reset_index(drop=True)
@@ -170,7 +170,7 @@ class PatternExpressiveness(BaseEstimator):
         self.draws_, self.summary_ = draws, effects
         self.reference_, self.left_out_ = terms.reference, terms.left_out
         self.n_candidates_ = len(y)
-        self.priors_ = _priors_in_words(self.prior_scale, y_scale, groups is not None)
+        self.priors_ = _priors_as_text(self.prior_scale, y_scale, groups is not None)
         return self
 
     def _check_parameters(self) -> None:
@@ -182,26 +182,27 @@ class PatternExpressiveness(BaseEstimator):
         if self.best_sizes is not None and self.best_sizes < 1:
             raise ValueError(f"best_sizes={self.best_sizes!r} is less than 1; None uses all.")
 
-    def _groups(self, table: pd.DataFrame, terms: Terms) -> np.ndarray | None:
-        """Number of each used row's group, or None."""
+    def _groups(self, table: pd.DataFrame, terms: RegressionTerms) -> np.ndarray | None:
+        """Number of the group of each row, or None without groups."""
         if self.group is None:
             return None
         columns = [self.group] if isinstance(self.group, str) else list(self.group)
         for column in columns:
             if column not in table:
-                raise ValueError(f"group names {column!r}, which is no column of results.")
+                raise ValueError(f"group names {column!r}, which is not a column of results.")
         groups = table.loc[terms.used].groupby(columns, dropna=False).ngroup().to_numpy()
         n_groups = groups.max() + 1
         if not 2 <= n_groups < len(groups):
             raise ValueError(
-                f"group makes {n_groups} groups of {len(groups)} candidates; it takes two or more, and one of two rows."
+                f"group makes {n_groups} groups of {len(groups)} candidates; give columns that make at least two "
+                "groups, one of them with several rows."
             )
         return groups
 
     def _sample(
-        self, terms: Terms, y: pd.Series, y_scale: float, groups: np.ndarray | None
+        self, terms: RegressionTerms, y: pd.Series, y_scale: float, groups: np.ndarray | None
     ) -> tuple[pd.DataFrame, int]:
-        """Draws by name, in the units of the table, and how many diverged."""
+        """Draws by name, in the units of the table, and the number of divergences."""
         centred = terms.columns - terms.columns.mean()
         scale = centred.std(ddof=0)
         X = np.column_stack([np.ones(len(y)), centred / scale])
@@ -223,28 +224,28 @@ class PatternExpressiveness(BaseEstimator):
 def regression_model(
     X: np.ndarray, y: np.ndarray, y_scale: float, prior_scale: float, groups: np.ndarray | None = None
 ) -> tuple[Any, dict[str, Any]]:
-    """The PyMC model of Eq. regression, and where its chains start.
+    """The PyMC model of Eq. regression, and the start of its chains.
 
-    Likelihoods enter through sufficient statistics, so that an evaluation costs the same for 100 candidates as for
-    13 000.  The part of a group that no term explains is integrated out: deviations from the means of the groups have
-    the variance ``variance``, the means themselves ``sigma_group^2 + variance / n``.
+    Likelihoods use sufficient statistics, so that an evaluation costs the same for 100 candidates as for 13 000.  The
+    unexplained part of each group is integrated out: deviations from the group means have the variance ``variance``,
+    the means themselves ``sigma_group^2 + variance / n``.
 
     Parameters
     ----------
     X : ndarray of shape (n_candidates, 1 + n_terms)
-        Ones, and the standardised terms.
+        A column of ones, and the standardised terms.
     y : ndarray of shape (n_candidates,)
         Errors less their mean.
     y_scale : float
         Their standard deviation.
     prior_scale : float
     groups : ndarray of shape (n_candidates,), optional
-        Number of each row's group.
+        Number of the group of each row.
 
     Returns
     -------
     model : pymc.Model
-        Of ``coefficients`` and ``variance``, and ``sigma_group`` where there are groups.
+        With ``coefficients`` and ``variance``, and ``sigma_group`` where there are groups.
     start : dict
     """
     pm = import_pymc()
@@ -271,7 +272,7 @@ def regression_model(
 
 
 def _observe_rows(pm: Any, X: np.ndarray, y: np.ndarray, n_free: int, coefficients: Any, variance: Any) -> None:
-    """``y ~ Normal(X @ coefficients, variance)`` of ``n_free`` independent rows: ``Q.T y`` and what it leaves of y."""
+    """``y ~ Normal(X @ coefficients, variance)`` of ``n_free`` independent rows, by ``Q.T y`` and the residual of y."""
     Q, s, Vt = np.linalg.svd(X, full_matrices=False)
     rank = int((s > 1e-10 * max(s[0], 1.0)).sum())
     if rank:
@@ -282,7 +283,7 @@ def _observe_rows(pm: Any, X: np.ndarray, y: np.ndarray, n_free: int, coefficien
         pm.Gamma("residual", 0.5 * (n_free - rank), 0.5 / variance, observed=y @ y)
 
 
-def _priors_in_words(prior_scale: float, y_scale: float, grouped: bool) -> dict[str, str]:
+def _priors_as_text(prior_scale: float, y_scale: float, grouped: bool) -> dict[str, str]:
     noise = "sqrt(sigma^2 + sigma_group^2)" if grouped else "sigma"
     priors = {
         "effects": f"Normal(0, {prior_scale:g} {noise}) for one standard deviation of the term",

@@ -1,4 +1,4 @@
-"""The terms of a regression on candidates: columns of numbers made from a table of results."""
+"""Terms of the regression on candidates, as columns of numbers made from a table of results."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .results_table import has_case, ingredients
 
 INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
 _SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
-#: a term is a combination of others where this share of it, or less, is its own
+#: a term is a combination of others if at most this share of it is independent of them
 _ALIASED = 1e-8
 
 
-class Terms(NamedTuple):
-    """What a regression reads."""
+class RegressionTerms(NamedTuple):
+    """Input of the regression."""
 
-    columns: pd.DataFrame  # (n_candidates, n_terms), one column a term, none constant and none a combination of others
+    columns: pd.DataFrame  # (n_candidates, n_terms), one column per term; none is constant or a combination of others
     rmse: pd.Series  # (n_candidates,) [K]
     used: pd.Index  # rows of the table that were used
-    reference: dict[str, str]  # entry -> the word that its terms are compared with
-    left_out: dict[str, str]  # term -> why the table cannot tell its effect
+    reference: dict[str, str]  # entry -> the category that its terms are compared with
+    left_out: dict[str, str]  # term -> why its effect cannot be estimated
 
 
 def build_terms(
@@ -37,8 +37,8 @@ def build_terms(
     interactions: str | Sequence[tuple[str, str]],
     cases: Sequence[ModelCase],
     best_sizes: int | None,
-) -> Terms:
-    """Make the columns of a regression.
+) -> RegressionTerms:
+    """Make the terms of a regression.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def build_terms(
 
     Returns
     -------
-    Terms
+    RegressionTerms
 
     Raises
     ------
     ValueError
-        If something that is named is not there, or the candidates are fewer than the terms.
+        If a named column, ingredient or pair does not exist, or there are fewer candidates than terms.
     """
     names = _names(table, terms)
     wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
@@ -65,7 +65,7 @@ def build_terms(
     if wants_ingredients:
         table = table[has_case(table)]
         if table.empty:
-            raise ValueError("no row of results has a case; simple rivals alone have no ingredients to compare.")
+            raise ValueError("no row of results has a case; baselines alone have no ingredients to compare.")
         table = table.drop(columns=[c for c in INGREDIENTS[1:] if c in table]).join(ingredients(table, cases))
     if best_sizes is not None:
         by_case = table.sort_values("rmse", kind="stable").groupby(["framework", "case", "disturbance"], dropna=False)
@@ -74,11 +74,11 @@ def build_terms(
     for name in names:
         entries[name] = _entry(table, name)
         if entries[name].shape[1] and name not in entries[name]:
-            reference[name] = _words(table[name])[0]
-    columns, left_out = _tellable(entries, _pairs(interactions, names))
+            reference[name] = _categories(table[name])[0]
+    columns, left_out = _estimable(entries, _pairs(interactions, names))
     if len(table) < columns.shape[1] + 2:
         raise ValueError(f"{len(table)} candidates are too few for {columns.shape[1]} terms; ask for fewer terms.")
-    return Terms(columns, table["rmse"], table.index, reference, left_out)
+    return RegressionTerms(columns, table["rmse"], table.index, reference, left_out)
 
 
 def _names(table: pd.DataFrame, terms: str | Sequence[str]) -> list[str]:
@@ -100,15 +100,15 @@ def _names(table: pd.DataFrame, terms: str | Sequence[str]) -> list[str]:
     return names
 
 
-def _words(column: pd.Series) -> list[str]:
-    """Values of a column of words, the reference first: MLP among frameworks, as in the paper."""
-    words = list(dict.fromkeys(map(str, column)))
-    order = [w for w in NETWORKS if w in words] if column.name == "framework" else []
-    return order + sorted(w for w in words if w not in order)
+def _categories(column: pd.Series) -> list[str]:
+    """Categories of a column, the reference first: MLP among frameworks, as in the paper."""
+    found = list(dict.fromkeys(map(str, column)))
+    order = [name for name in NETWORKS if name in found] if column.name == "framework" else []
+    return order + sorted(name for name in found if name not in order)
 
 
 def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The terms that one entry stands for."""
+    """The terms of one entry: a column of numbers, or one indicator per category after the reference."""
     column = table[name]
     if column.isna().any():
         raise ValueError(
@@ -116,20 +116,20 @@ def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
         )
     if is_numeric_dtype(column) or is_bool_dtype(column):
         return column.astype(float).to_frame(name)
-    if column.map(lambda value: isinstance(value, int | float)).all():  # numbers that a table keeps as objects
+    if column.map(lambda value: isinstance(value, int | float)).all():  # numbers in a column of objects
         return column.astype(float).to_frame(name)
-    as_words = column.astype(str)
-    made = {_label(name, word): (as_words == word).astype(float) for word in _words(column)[1:]}
+    as_text = column.astype(str)
+    made = {_label(name, category): (as_text == category).astype(float) for category in _categories(column)[1:]}
     return pd.DataFrame(made, index=table.index)
 
 
 def framework_label(framework: str) -> str:
-    """The term of a framework: a network's name as the paper spells it."""
+    """Name of a framework's term: a network in the paper's spelling."""
     return framework.upper() if framework in NETWORKS else framework
 
 
-def _label(name: str, word: str) -> str:
-    return framework_label(word) if name == "framework" else f"{name}={word}"
+def _label(name: str, category: str) -> str:
+    return framework_label(category) if name == "framework" else f"{name}={category}"
 
 
 def _pairs(interactions: str | Sequence[tuple[str, str]], names: list[str]) -> list[tuple[str, str]]:
@@ -140,21 +140,21 @@ def _pairs(interactions: str | Sequence[tuple[str, str]], names: list[str]) -> l
     pairs = []
     for pair in interactions:
         if isinstance(pair, str) or len(pair) != 2 or pair[0] == pair[1] or not set(pair) <= set(names):
-            raise ValueError(f"interaction {pair!r} is no pair of two of the terms {', '.join(names)}.")
+            raise ValueError(f"interaction {pair!r} is not a pair of two of the terms {', '.join(names)}.")
         pairs.append((pair[0], pair[1]))
     return pairs
 
 
-def _tellable(entries: dict[str, pd.DataFrame], pairs: list[tuple[str, str]]) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Terms that vary and are no combination of those before them; and the others, with the reason."""
+def _estimable(entries: dict[str, pd.DataFrame], pairs: list[tuple[str, str]]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Terms that vary and are independent of those before them; and for the others, why they are left out."""
     main = pd.concat(entries.values(), axis=1)
     left_out = {name: f"{name} is the same in all candidates." for name, e in entries.items() if not _varies(e).any()}
     kept = main.loc[:, _varies(main)]
     kept, aliased = _independent(kept.iloc[:, :0], kept)
     if aliased:
         shown = "; ".join(f"{name} from {' and '.join(others)}" for name, others in aliased.items())
-        warn_user(f"the table cannot tell {shown}: one effect is shown for them together.", SkhybridWarning)
-    left_out |= {name: f"it cannot be told from {' and '.join(others)}." for name, others in aliased.items()}
+        warn_user(f"the table cannot separate {shown}: one effect is shown for them together.", SkhybridWarning)
+    left_out |= {name: f"it cannot be separated from {' and '.join(others)}." for name, others in aliased.items()}
     if kept.empty:
         raise ValueError(f"none of {', '.join(entries)} differs between the candidates; there is nothing to compare.")
     centred = kept - kept.mean()
@@ -165,7 +165,7 @@ def _tellable(entries: dict[str, pd.DataFrame], pairs: list[tuple[str, str]]) ->
         for b in entries[second].columns.intersection(kept.columns)
     }
     kept, aliased = _independent(kept, pd.DataFrame(products, index=kept.index))
-    left_out |= {name: f"no candidates tell it from {' and '.join(others)}." for name, others in aliased.items()}
+    left_out |= {name: f"no candidates separate it from {' and '.join(others)}." for name, others in aliased.items()}
     return kept, left_out
 
 
@@ -174,7 +174,7 @@ def _varies(frame: pd.DataFrame) -> pd.Series:
 
 
 def _independent(kept: pd.DataFrame, more: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, list[str]]]:
-    """``kept`` with those of ``more`` that are no combination of the ones before; of the others, which these are."""
+    """``kept`` with the independent columns of ``more``; the names that each of the others depends on."""
     aliased = {}
     for name, column in more.items():
         x, before = column.to_numpy(float), (kept - kept.mean()).to_numpy(float)

@@ -1,4 +1,4 @@
-"""Reading a table of results, one row a candidate: which of them finished, and what their cases are made of."""
+"""Tables of results with one row per candidate: the finished ones, and the ingredients of their cases."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from ...forecasting.cases import NETWORKS, resolve_case
 
 
 def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """The candidates that were trained to the end, with a warning that counts the others.
+    """The candidates that were trained to the end; a warning counts the others.
 
     Parameters
     ----------
     results : DataFrame
-        With ``rmse`` [K], NaN for a candidate that failed, and perhaps ``stopped_at``, NaN but for one that a search
-        gave up early.
+        With ``rmse`` [K], NaN for a candidate that failed; in a column ``stopped_at``, any number marks one that the
+        search stopped early.
     columns : iterable of str
-        Further columns that must be there.
+        Further required columns.
 
     Returns
     -------
     DataFrame
-        Without the failed and the stopped ones, ``rmse`` as float.
+        Without failed and stopped candidates; ``rmse`` as float.
 
     Raises
     ------
     TypeError
-        If the table is no DataFrame.
+        If the table is not a DataFrame.
     ValueError
-        If a column is missing, an error is no positive number, or none is left.
+        If a column is missing, an error is not a positive number, or no candidate is left.
     """
     if not isinstance(results, pd.DataFrame):
-        raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row a candidate.")
+        raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row per candidate.")
     for column in (*columns, "rmse"):
         if column not in results:
             raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, results.columns))}.")
@@ -55,8 +55,8 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     stopped = errors.notna() & results.get("stopped_at", pd.Series(np.nan, index=results.index)).notna()
     if stopped.any():
         warn_user(
-            f"{stopped.sum()} of {len(results)} candidates were stopped early and are left out; what is found "
-            "holds for the survivors.",
+            f"{stopped.sum()} of {len(results)} candidates were stopped early and are left out; the findings hold for "
+            "the others.",
             SkhybridWarning,
         )
     left = errors.notna() & ~stopped
@@ -66,14 +66,14 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
 
 
 def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:
-    """The case of a row: one of one's own by its name, or the paper's of that framework.
+    """The case of a row: one of the caller's own, or the paper's case of that name and framework.
 
     Parameters
     ----------
     framework, case : str
-        As the table has them.
+        As in the table.
     cases : iterable of ModelCase
-        Cases of one's own.
+        The caller's own cases.
 
     Returns
     -------
@@ -95,29 +95,29 @@ def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> Model
 
 
 def has_case(results: pd.DataFrame) -> pd.Series:
-    """Whether a row has a case; simple rivals such as ridge and the weekly profile have none."""
+    """Whether a row has a case; baselines such as ridge and the weekly profile have none."""
     return results["case"].notna()
 
 
 def ingredients(results: pd.DataFrame, cases: Iterable[ModelCase] = ()) -> pd.DataFrame:
-    """What the regression of paper 3.3 knows of each row's case.
+    """Ingredients of each row's case, as the regression of paper 3.3 uses them.
 
     Parameters
     ----------
     results : DataFrame
-        With ``framework``, ``case`` and ``disturbance``; every row has a case.
+        With ``framework``, ``case`` and ``disturbance``; every row must have a case.
     cases : iterable of ModelCase
-        Cases of one's own.
+        The caller's own cases.
 
     Returns
     -------
     DataFrame
-        ``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID``, with the index of the table.
+        ``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID``, with the index of ``results``.
 
     Raises
     ------
     ValueError
-        If a case or a kind of disturbance is not known.
+        If a case or a kind of disturbance is unknown.
     """
     unknown = sorted(set(results["disturbance"].astype(str)) - {"input", "output"})
     if unknown:

@@ -1,4 +1,4 @@
-"""Which cases are as robust to their size as the best one (paper 3.3, Eqs. robustness and comparison)."""
+"""Bayesian comparison of the errors of cases over their sizes (paper 3.3, Eqs. robustness and comparison)."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from .results_table import finished
 
 _ADVICE = "or give the cases more sizes"
 _FEW = 6
-#: levels of the quantiles of ``difference_``.
+#: levels of the quantiles in ``difference_``
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-#: columns of a results table that tell candidates of one ``case`` apart, besides their size.
+#: columns of a results table that must not differ within a case
 _IDENTITY = ("framework", "disturbance")
 
 
 class RobustnessComparison(BaseEstimator):
-    """Compare how the error of each case spreads over its sizes with that of the best case.
+    """Compare the errors of each case over its sizes with those of the best case.
 
     The errors of a case over its sizes are log-normal, ``log(rmse) ~ Normal(mu, sigma)``, with the paper's priors
     ``mu ~ Normal(0, 10)`` and ``sigma ~ HalfNormal(1)`` (Eq. robustness).  The best case is the one with the lowest
-    median; for each other one the posterior predictive probability that the best has the lower error follows
+    median; it is compared with each other case by the posterior predictive probability that its error is lower
     (Eq. comparison).  All cases are sampled in one PyMC model.
 
     Parameters
     ----------
     by : str or sequence of str, default="case"
-        Columns that say which case a row belongs to; ``("name", "disturbance")`` for the table of a search.
+        Columns that name the case of a row; ``("name", "disturbance")`` for the table of a search.
     level : float, default=0.95
-        A case cannot be told from the best where the probability is below this.
+        A case is indistinguishable from the best if the probability is below this.
     draws, tune : int, default=500
-        Draws of each chain that are kept, and those before them that adapt the sampler.
+        Draws kept from each chain, and draws before them that tune the sampler.
     chains : int, default=4
         At least 2.
     random_state : int, optional
@@ -52,27 +52,27 @@ class RobustnessComparison(BaseEstimator):
     Attributes
     ----------
     best_ : str
-        Case with the lowest median error; with several columns in ``by`` their values, joined by a blank.
+        Case with the lowest median error; with several columns in ``by``, their values joined by a blank.
     probability_ : Series
-        P(best case < case), by case, by rising median; 0.5 for the best itself.
+        P(best case < case), by case in order of median error; 0.5 for the best itself.
     indistinguishable_ : list of str
-        The best case and those that cannot be told from it, by rising median.
+        The best case and those that are indistinguishable from it, in order of median error.
     median_ : Series
-        Median error of each case over its sizes [K], rising.
+        Median error of each case over its sizes [K], in increasing order.
     difference_ : DataFrame
-        Quantiles of the error of the best case less that of each case, both predicted [K].
+        Quantiles of the predicted error of the best case minus that of each case [K].
     summary_ : DataFrame
-        One row a case: ``mu`` and ``sigma`` (posterior means), ``n_sizes``, ``r_hat`` and ``ess`` (the worse of both).
+        One row per case: ``mu`` and ``sigma`` (posterior means), ``n_sizes``, the worse ``r_hat`` and ``ess`` of both.
     draws_ : dict of str to DataFrame
-        ``"mu"`` and ``"sigma"``: one column a case, index (``chain``, ``draw``).
+        ``"mu"`` and ``"sigma"``: one column per case, index (``chain``, ``draw``).
     errors_ : Series
-        The errors that were compared [K], by case.
+        The compared errors [K], by case.
 
     Notes
     -----
     The probability compares two *new* errors, each of a size not yet tried, not two medians: cases that overlap much
-    stay indistinguishable however many sizes are tried.  It is averaged over the draws in closed form, so that the
-    draws of the errors themselves add no noise.
+    stay indistinguishable for any number of sizes.  It is averaged over the draws in closed form, so that no noise is
+    added by drawing the errors themselves.
 
     References
     ----------
@@ -113,7 +113,7 @@ class RobustnessComparison(BaseEstimator):
         Parameters
         ----------
         results : DataFrame
-            One row a candidate: the columns of ``by``, and ``rmse`` [K].  Candidates without an error are left out,
+            One row per candidate: the columns of ``by``, and ``rmse`` [K].  Candidates without an error are left out,
             with a warning.
 
         Returns
@@ -125,10 +125,10 @@ class RobustnessComparison(BaseEstimator):
         ImportError
             If PyMC is not installed.
         ValueError
-            If a column is missing, an error is not positive, all errors of a case are equal, or ``case`` lumps
+            If a column is missing, an error is not positive, all errors of a case are equal, or a case contains
             candidates of several frameworks or kinds of disturbance.
         RuntimeError
-            If the chains disagree, are worth too few draws, or diverge even with small steps.
+            If the chains disagree, have too few effective draws, or diverge even with small steps.
         """
         if not 0.5 < self.level < 1.0:
             raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
@@ -152,7 +152,7 @@ class RobustnessComparison(BaseEstimator):
         ----------
         case : str
         error : float
-            Such as that of a rival without sizes [K].
+            Such as that of a baseline without sizes [K].
 
         Returns
         -------
@@ -194,7 +194,7 @@ class RobustnessComparison(BaseEstimator):
 
 
 class _Spreads(NamedTuple):
-    """Sufficient statistics of the logarithms of the errors, by case in the order of rising medians."""
+    """Sufficient statistics of the logarithms of the errors, by case in order of median error."""
 
     medians: pd.Series  # of the errors themselves [K]
     n: np.ndarray  # (n_cases,)
@@ -206,13 +206,14 @@ def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
     table = finished(results, by)
     for column in by:
         if table[column].isna().any():
-            raise ValueError(f"{column} of row {table[column].isna().idxmax()!r} is empty; every row names its case.")
+            row = table[column].isna().idxmax()
+            raise ValueError(f"{column} of row {row!r} is empty; every row must name its case.")
     keys = table[by].astype(str).agg(" ".join, axis=1)
     for column in set(_IDENTITY) & set(table.columns) - set(by):
-        lumped = table[column].groupby(keys).nunique()
-        if (lumped > 1).any():
+        mixed = table[column].groupby(keys).nunique()
+        if (mixed > 1).any():
             raise ValueError(
-                f"{' '.join(by)} {lumped.idxmax()!r} holds candidates of {lumped.max()} values of {column!r}; pass "
+                f"{' '.join(by)} {mixed.idxmax()!r} contains candidates with {mixed.max()} values of {column!r}; pass "
                 "by=('name', 'disturbance')."
             )
     return pd.Series(table["rmse"].to_numpy(), index=pd.Index(keys, name="case"), name="rmse")
@@ -226,18 +227,18 @@ def _spreads(errors: pd.Series) -> _Spreads:
     equal = (n > 1) & (squares < 1e-18 * n)
     if equal.any():
         case = equal.idxmax()
-        raise ValueError(f"all {n[case]} errors of {case!r} are equal; their spread cannot be a log-normal's.")
+        raise ValueError(f"all {n[case]} errors of {case!r} are equal; a log-normal distribution needs a spread.")
     mean = groups.mean().reindex(medians.index)
     return _Spreads(medians, n.to_numpy(float), mean.to_numpy(), squares.to_numpy())
 
 
 def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
-    """The PyMC model of Eq. robustness, and where its chains start.
+    """The PyMC model of Eq. robustness, and the start of its chains.
 
-    The likelihood enters through the sufficient statistics of each case: ``mean ~ Normal(mu, sigma / sqrt(n))`` and
-    ``squares / sigma^2 ~ chi2(n - 1)``, which says the same of ``mu`` and ``sigma`` as the ``n`` errors one by one.
-    ``mu`` is sampled as ``mean + sigma z / sqrt(n)``.  The likelihood of the mean and the Jacobian of that make ``z``
-    standard normal, but for the prior of ``mu``; a case of two or three sizes then has no funnel.
+    The likelihood uses the sufficient statistics of each case: ``mean ~ Normal(mu, sigma / sqrt(n))`` and
+    ``squares / sigma^2 ~ chi2(n - 1)``, which is equivalent to the ``n`` errors one by one.  ``mu`` is sampled as
+    ``mean + sigma z / sqrt(n)``: the likelihood of the mean and the Jacobian of this make ``z`` standard normal, except
+    for the prior of ``mu``, and a case of two or three sizes has no funnel.
     """
     pm = import_pymc()
     n, mean, squares = spreads.n, spreads.mean, spreads.squares
@@ -255,7 +256,7 @@ def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
 
 
 def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> pd.Series:
-    """Of the best case against each: the difference of two log errors is normal, given a draw of mu and sigma."""
+    """P(best case < case): given a draw of mu and sigma, the difference of two log errors is normal."""
     place = list(mu.columns).index(best)
     centres, spreads = mu.to_numpy(), sigma.to_numpy()
     ahead = centres - centres[:, [place]]
@@ -264,7 +265,7 @@ def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> p
 
 
 def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random.Generator) -> pd.DataFrame:
-    """Quantiles of predicted errors, the best case's less each case's [K]."""
+    """Quantiles of the predicted error of the best case minus that of each case [K]."""
     place = list(mu.columns).index(best)
     centres, spreads = mu.to_numpy(), sigma.to_numpy()
     of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))

@@ -1,1 +1,1 @@
-"""The search over the design matrix: candidates, workers, and the store of their results."""
+"""Search over the design matrix: candidates, workers, and the store of results."""

@@ -1,4 +1,4 @@
-"""The design matrix (paper 3.2): every disturbance model that is compared, as one table and as parameter grids."""
+"""The design matrix (paper 3.2): all disturbance models to compare, as one table and as parameter grids."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from sklearn.model_selection import ParameterGrid
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
-from ...forecasting.forecaster import BASELINES
+from ...forecasting.models import BASELINES
 
-#: columns that say which candidate a row is; those of its size follow.
+#: columns that identify a candidate; those of its size follow
 IDENTITY = ("framework", "case", "disturbance", "name")
 _DISTURBANCES = ("input", "output")
 _NO_SIZE = ("disturbance", "forecaster__model", "forecaster__case")
 _SIZE_NAMES = {name for sizes in SIZES.values() for name in sizes}
-#: the size that ``"small"`` leaves: the first so many values of a parameter, one of the others.
+#: number of values in a ``"small"`` matrix; one of every other size
 _SMALL = {"n_layers": 2, "hidden_size": 2}
 
 
 class MatrixBlock(NamedTuple):
-    """The candidates of one framework: each combination of the three lists and of all sizes."""
+    """The candidates of one framework: all combinations of cases, kinds of disturbance and sizes."""
 
     framework: str  # its name
-    model: Any  # what DisturbanceForecaster takes
-    cases: list[str | ModelCase]  # none where it has none
+    model: Any  # as for DisturbanceForecaster
+    cases: list[str | ModelCase]  # empty where the framework has none
     disturbance: list[str]
     size: dict[str, list[Any]]  # parameter -> values
 
@@ -41,13 +41,13 @@ class DesignMatrix:
     Parameters
     ----------
     blocks : sequence of MatrixBlock
-        One a framework.
+        One per framework.
 
     Attributes
     ----------
     table : DataFrame
-        One row a candidate, in the order of :meth:`candidates`: ``framework``, ``case`` (None where it has none),
-        ``disturbance``, ``name`` (the paper's spelling) and a column for each size, NaN where it does not apply.
+        One row per candidate, in the order of :meth:`candidates`: ``framework``, ``case`` (None where it has none),
+        ``disturbance``, ``name`` (the paper's spelling) and one column per size, NaN where it does not apply.
 
     Examples
     --------
@@ -72,19 +72,19 @@ class DesignMatrix:
         return f"DesignMatrix({len(self)} candidates: {shown})"
 
     def param_grid(self, prefix: str = "forecaster__") -> list[dict[str, list[Any]]]:
-        """Grids that ``GridSearchCV(estimator, param_grid)`` takes.
+        """Parameter grids for ``GridSearchCV(estimator, param_grid)``.
 
         Parameters
         ----------
         prefix : str, default ``"forecaster__"``
-            Where the forecaster is in the estimator: as it is for :class:`~skhybrid.HybridPredictor`;
-            ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster itself, which has no
+            Prefix of the forecaster's parameters: the default for :class:`~skhybrid.HybridPredictor`;
+            ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster alone, which has no
             ``disturbance``.
 
         Returns
         -------
         list of dict
-            One a framework, parameter -> values.
+            One per framework, parameter -> values.
         """
         outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
         grids = []
@@ -110,8 +110,8 @@ class DesignMatrix:
         Returns
         -------
         list of dict
-            One a row of ``table``, parameter -> value; with an empty prefix one for each that differs in more than its
-            ``disturbance``.
+            One per row of ``table``, parameter -> value; with an empty prefix, rows that differ only in their
+            ``disturbance`` are one candidate.
         """
         return list(ParameterGrid(self.param_grid(prefix)))
 
@@ -136,25 +136,25 @@ def design_matrix(
     disturbance: str | Sequence[str] = _DISTURBANCES,
     size: str | Mapping[str, Any] = "paper",
 ) -> DesignMatrix:
-    """Every combination of framework, case, size and kind of disturbance (paper 3.2).
+    """All combinations of framework, case, size and kind of disturbance (paper 3.2).
 
-    As it stands, the paper's full grid: 756 MLP, 4536 CNN, 612 RNN and 612 LSTM for each kind of disturbance.
+    The default is the paper's full grid: 756 MLP, 4536 CNN, 612 RNN and 612 LSTM for each kind of disturbance.
 
     Parameters
     ----------
     frameworks : sequence of str, or mapping of str to model
-        Networks (``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``) and baselines (``"ridge"``, ``"profile"`` ...) by name,
-        or under names of one's own whatever :class:`~skhybrid.DisturbanceForecaster` takes as ``model``, such as
+        Networks (``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``) and baselines (``"ridge"``, ``"profile"`` ...) by name;
+        or a mapping from any name to a ``model`` of :class:`~skhybrid.DisturbanceForecaster`, such as
         ``{"mlp": "mlp", "forest": RandomForestRegressor()}``.  Only networks have cases.
     cases : sequence of str or ModelCase, or mapping of framework to such, optional
-        Which cases; a name is taken by every framework that has it.  Default, also for frameworks that a
+        Cases; each applies to every framework that has a case of this name.  Default, also for frameworks that a
         mapping leaves out: all of the paper's appendix, 21 for MLP and CNN and 17 for RNN and LSTM.
     disturbance : {"input", "output"} or sequence of them
-        ID, OD or both; ``"linear"`` is heat on the zone, of which there is no OD.
+        ID, OD or both.
     size : {"paper", "small"} or dict
-        ``"paper"`` all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"`` four sizes a case: the first two
-        numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such a
-        dict; frameworks that it leaves out have the paper's sizes.  Channels, filters and pooling are the CNN's alone.
+        ``"paper"``: all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"``: four sizes per case, the first
+        two numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such
+        a dict; frameworks that it leaves out have the paper's sizes.  Only the CNN has channels, filters and pooling.
         Sizes of a regressor are its own parameters, such as ``{"forest": {"n_estimators": [100, 300]}}``.
 
     Returns
@@ -165,7 +165,7 @@ def design_matrix(
     Raises
     ------
     ValueError
-        If a framework, a case, a kind of disturbance or a size is not known, or no candidate is left.
+        If a framework, a case, a kind of disturbance or a size is unknown, or there is no candidate.
 
     Examples
     --------
@@ -178,15 +178,15 @@ rnn output 612, lstm input 612, lstm output 612)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
     for kind in kinds:
         if kind not in _DISTURBANCES:
-            raise ValueError(f"disturbance={kind!r} is not known; use 'input', 'output' or both.")
+            raise ValueError(f"disturbance={kind!r} is unknown; use 'input', 'output' or both.")
     chosen, sizes = _cases(models, cases), _sizes(models, size)
     blocks = [
-        MatrixBlock(name, model, chosen[name], [k for k in kinds if model != "linear" or k == "input"], sizes[name])
+        MatrixBlock(name, model, chosen[name], kinds, sizes[name])
         for name, model in models.items()
         if chosen[name] or _network(model) is None
     ]
     if not blocks or not kinds:
-        raise ValueError("the design matrix is empty; name a framework, a case that it has and a kind of disturbance.")
+        raise ValueError("the design matrix is empty; give a framework, one of its cases and a kind of disturbance.")
     return DesignMatrix(blocks)
 
 
@@ -203,8 +203,8 @@ def long_name(framework: str, case: str | None) -> str:
     Returns
     -------
     str
-        Such as ``"DEEP_AR_LSTM_FORECAST-case01"`` ("AR" where the network feeds its own output back); the name of a
-        framework of one's own as it is, with its case if it has one.
+        Such as ``"DEEP_AR_LSTM_FORECAST-case01"`` ("AR" where the network feeds its own output back); the caller's own
+        frameworks keep their name, with the case if there is one.
     """
     name = framework
     if framework in NETWORKS:
@@ -214,7 +214,7 @@ def long_name(framework: str, case: str | None) -> str:
 
 # ------------------------------------------------------------------------------------------------------------ choices
 def _network(model: Any) -> str | None:
-    """The network that a model is, or None."""
+    """The model if it is a network, else None."""
     return model if isinstance(model, str) and model in NETWORKS else None
 
 
@@ -235,7 +235,7 @@ def _models(frameworks: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelCase]]:
-    """Cases by framework; none for what is no network."""
+    """Cases by framework; none for models that are not networks."""
     networks = {name: net for name, model in models.items() if (net := _network(model)) is not None}
     found: dict[str, list[str | ModelCase]] = {name: [] for name in models}
     if cases is None:
@@ -243,7 +243,7 @@ def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelC
     if isinstance(cases, Mapping):
         for name in cases:
             if name not in networks:
-                raise ValueError(f"cases are given for {name!r}, which is no network among the frameworks.")
+                raise ValueError(f"cases are given for {name!r}, which is not a network among the frameworks.")
         return {name: _cases({name: model}, cases.get(name))[name] for name, model in models.items()}
     wanted = [cases] if isinstance(cases, str | ModelCase) else list(dict.fromkeys(cases))
     for case, (name, net) in product(wanted, networks.items()):
@@ -291,6 +291,8 @@ def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, lis
         known = owner.get_params() if hasattr(owner, "get_params") else {}
         for key, values in sizes[name].items():
             if key not in known:
-                raise ValueError(f"size {key!r} of {name!r} is no parameter of it; it has {', '.join(sorted(known))}.")
+                raise ValueError(
+                    f"size {key!r} of {name!r} is not one of its parameters; it has {', '.join(sorted(known))}."
+                )
             if not len(values):
                 raise ValueError(f"size {key!r} of {name!r} has no values.")

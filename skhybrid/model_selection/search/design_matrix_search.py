@@ -1,4 +1,4 @@
-"""``DesignMatrixSearchCV``: a grid search that can be killed, shared out and looked at while it runs (design 7)."""
+"""``DesignMatrixSearchCV``: a grid search that can be resumed, shared between processes and watched while it runs."""
 
 from __future__ import annotations
 
@@ -16,25 +16,28 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
-from ...forecasting.cases import NETWORKS
+from ..scorers import MeasuredRmse
 from ..splitters import RollingOriginSplit, default_blocks
-from .candidates import RIVAL, MeasuredRmse, Problem, forecaster_prefix
+from .candidates import BASELINE, forecaster_prefix, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
 from .halving import Halving, Outcome, run_all
+from .networks import need_networks
 from .store import ResultStore
+from .tasks import Problem
 from .workers import Runner, Workers
 
 
 class DesignMatrixSearchCV(BaseSearchCV):
-    """Search over a design matrix that is resumable, distributed and survives candidates that fail.
+    """Search over a design matrix: resumable, distributed, and not ended by candidates that fail.
 
-    It gives what ``GridSearchCV`` over the same candidates gives, to the bit if every ``random_state`` is a number, but
-    identifies the network of each split once and trains only forecasters after that.  Results go to a store as they
-    finish: a search that was stopped, or killed, goes on where it was, and several processes may work on one store.
+    It gives the results of ``GridSearchCV`` over the same candidates, bit for bit if every ``random_state`` is a
+    number, but reads each split once, identifies the network of each split once, and trains only forecasters after
+    that.  Results are stored as they finish: a search that was stopped or killed continues where it was, and several
+    processes may share one store.
 
-    Parallel work is joblib's: ``n_jobs`` processes here, or a cluster by ``joblib.parallel_config(backend="dask")`` or
-    ``"ray"``.  Data and networks are sent to a worker once.
+    Parallel work is left to joblib: ``n_jobs`` processes on this machine, or a cluster by
+    ``joblib.parallel_config(backend="dask")`` or ``"ray"``.  Data and networks are sent to a worker once.
 
     Parameters
     ----------
@@ -43,12 +46,12 @@ class DesignMatrixSearchCV(BaseSearchCV):
     matrix : DesignMatrix, dict or list of dict
         From :func:`design_matrix`, or parameter grids as ``GridSearchCV`` takes them.
     cv : splitter, iterable or int, optional
-        Default: two test blocks at the end, each a sixth of the table in whole days, with all that is before a block as
-        its training (:class:`RollingOriginSplit`).
+        Default: two test blocks at the end, each a sixth of the table in whole days, and all rows before a block as its
+        training (:class:`RollingOriginSplit`).
     store : path-like, optional
-        SQLite file of results on a local disk, made where there is none.  None: results are kept in memory.
+        SQLite file of results on a local disk, created if it does not exist.  None: results are kept in memory.
     n_jobs : int, optional
-        Processes, as joblib counts them.
+        Number of processes, as joblib counts them.
     scoring : str, callable, list or dict, optional
         As in ``GridSearchCV``; default is the negative root-mean-square error [K] of ``predict`` over measured rows.
     refit : bool, str or callable, default True
@@ -56,30 +59,31 @@ class DesignMatrixSearchCV(BaseSearchCV):
     error_score : float or "raise", default NaN
         Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search.
     halving : int or tuple of (int, int), optional
-        Stop hopeless networks early: all are trained for so many epochs, the best third by RMSE (or 1 / the second
-        number) for thrice as many, and so on up to ``max_epochs``.  See ``halving_``; a warning says how many were
+        Stop hopeless networks early: all are trained for this many epochs, the best third by RMSE (or 1 / the second
+        number) for three times as many, and so on up to ``max_epochs``.  See ``halving_``; a warning says how many were
         stopped, and none of those can be the best.
-    rivals : mapping of str to regressor, optional
-        Estimators of one's own beside the matrix, such as ``{"arx": ARXRegressor()}``: fitted and scored on the same
-        splits, they are rows of ``results_`` without a case, which :func:`select_case` ranks with the others.  They
-        are no candidates: ``cv_results_`` does not hold them, and none can be the best.
+    baselines : mapping of str to regressor, optional
+        Further estimators to compare with, such as ``{"arx": ARXRegressor()}``: fitted and scored on the same splits,
+        they are rows of ``results_`` without a case, which :func:`select_case` ranks with the others.  They are not
+        candidates: they are not in ``cv_results_``, and none can be the best.
     retry_failed : bool, default False
-        Whether candidates that failed in an earlier run of the store are tried again.
+        Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12
-        Candidates of one framework and case that a worker takes at once; a kill loses those in work.
+        Candidates of one framework and case that a worker takes at once; a kill loses the chunks in work.
     verbose : int, default 1
-        0 shows nothing, 1 a progress bar with rate and time left.
+        0 shows nothing, 1 a progress bar with the rate and the time left.
 
     Attributes
     ----------
     cv_results_ : dict
         As of ``GridSearchCV``; with ``halving`` also ``stopped_at``.
     results_ : DataFrame
-        One row a candidate, then one a rival: the columns of the design matrix, ``rmse`` [K] (mean over splits),
+        One row per candidate, then one per baseline: the columns of the design matrix, ``rmse`` [K] (mean over splits),
         ``split0_rmse`` ..., ``n_epochs`` and ``fit_time`` [s] (means), ``stopped_at`` (epochs at which halving
         stopped it, else NaN) and ``error`` (of a split that failed, else None).
     halving_ : DataFrame
-        One row a rung: ``max_epochs``, ``n_candidates``, ``n_stopped`` and ``worst_kept`` RMSE [K]; empty without.
+        One row per rung: ``max_epochs``, ``n_candidates``, ``n_stopped`` and ``worst_kept`` RMSE [K]; empty without
+        halving.
     best_estimator_, best_params_, best_score_, best_index_, scorer_, n_splits_, refit_time_, multimetric_
         As of ``GridSearchCV``.
 
@@ -107,7 +111,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         refit: Any = True,
         error_score: Any = np.nan,
         halving: Any = None,
-        rivals: Any = None,
+        baselines: Any = None,
         retry_failed: bool = False,
         chunk_size: int = 12,
         verbose: int = 1,
@@ -125,12 +129,12 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.matrix = matrix
         self.store = store
         self.halving = halving
-        self.rivals = rivals
+        self.baselines = baselines
         self.retry_failed = retry_failed
         self.chunk_size = chunk_size
 
     def fit(self, X: Any, y: Any = None) -> Self:
-        """Run what the store does not hold yet, and fit the best candidate on the whole table.
+        """Fit and score all candidates that the store does not hold yet, and fit the best one on the whole table.
 
         Parameters
         ----------
@@ -141,22 +145,22 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
         Returns
         -------
-        DesignMatrixSearchCV
-            Itself.
+        self
 
         Raises
         ------
+        ImportError
+            If a candidate is a neural network and torch or skorch is not installed.
         ValueError
-            If the store was made with other data or settings, a setting is not known, or every candidate fails.
+            If the store was made with other data or settings, a setting is unknown, or every candidate fails.
         """
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
         candidates = self._candidates()
-        values = [value for params in (self.estimator.get_params(), *candidates) for value in params.values()]
-        trains = any(isinstance(value, str) and value in NETWORKS for value in values)
-        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, trains)
-        outcome, beside = self._run(problem, candidates)
-        self._assemble(candidates, outcome, beside)
+        has_networks = need_networks(model_of(self.estimator, params) for params in candidates)
+        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, has_networks)
+        outcome, baselines = self._run(problem, candidates)
+        self._assemble(candidates, outcome, baselines)
         if callable(self.scoring) and self.multimetric_:
             self._check_refit_for_multimetric(dict.fromkeys(self._metrics(outcome)))
             metric = self.refit
@@ -169,7 +173,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     @property
     def n_features_in_(self) -> int:
-        """Columns of X; only with ``refit``."""
+        """Number of columns of X; only with ``refit``."""
         return super().n_features_in_
 
     def _get_scorers(self) -> tuple[Any, Any]:
@@ -180,7 +184,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         if cv is None:
             blocks = default_blocks(X, getattr(self.estimator, "horizon", None) or "1D")
             if blocks is None:
-                raise ValueError("X is too short for two test blocks of a day and a training of two; give cv= or more.")
+                raise ValueError("X is too short for two test blocks of one day and a training of two; pass cv=.")
             cv = RollingOriginSplit(train=blocks[0], test=blocks[1], n_splits=2, expanding=True)
         splits = list(check_cv(cv, y, classifier=False).split(X, y))
         self.n_splits_ = len(splits)
@@ -195,18 +199,20 @@ class DesignMatrixSearchCV(BaseSearchCV):
         return found
 
     def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
-        """What became of the candidates, and of the rivals."""
+        """Results of the candidates, and of the baselines."""
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
         halving = None if self.halving is None else Halving(*np.atleast_1d(self.halving).tolist())
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
             if self.retry_failed:
                 store.forget_failed()
-            careful = not (isinstance(self.error_score, str) and self.error_score == "raise")
-            runner = Runner(problem, store, workers, self.chunk_size, careful, self.verbose > 0)
-            beside = run_all(runner.run, [{RIVAL: rival} for rival in self.rivals.values()]) if self.rivals else None
+            catch_errors = not (isinstance(self.error_score, str) and self.error_score == "raise")
+            runner = Runner(problem, store, workers, self.chunk_size, catch_errors, self.verbose > 0)
+            baselines = None
+            if self.baselines:
+                baselines = run_all(runner.run, [{BASELINE: one} for one in self.baselines.values()])
             if halving is None:
-                return run_all(runner.run, candidates), beside
-            return halving.run(runner.run, problem.estimator, candidates), beside
+                return run_all(runner.run, candidates), baselines
+            return halving.run(runner.run, problem.estimator, candidates), baselines
 
     # ------------------------------------------------------------------------------------------------------ results
     @staticmethod
@@ -217,8 +223,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
             raise ValueError(f"every candidate failed, the first with\n{outcome.results[0][0].error}")
         return list(good.scores)
 
-    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, beside: Outcome | None) -> None:
-        """``cv_results_``, ``results_`` and ``halving_``, and what a user must be told of them."""
+    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, baselines: Outcome | None) -> None:
+        """Set ``cv_results_``, ``results_`` and ``halving_``; warn of failed and stopped candidates."""
         names = self._metrics(outcome)
         self.multimetric_ = names != ["score"]
         out = []
@@ -229,9 +235,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.cv_results_ = self._format_results(candidates, self.n_splits_, out)
         self.halving_ = outcome.rungs
         tables = [self._table(self._identity(candidates), outcome)]
-        if beside is not None:
-            names = list(self.rivals)
-            tables.append(self._table(pd.DataFrame({"framework": names, "name": names}), beside))
+        if baselines is not None:
+            names = list(self.baselines)
+            tables.append(self._table(pd.DataFrame({"framework": names, "name": names}), baselines))
         self.results_ = tables[0] if len(tables) == 1 else _one_table(tables)
         failed = self.results_["error"].notna()
         if failed.any():
@@ -245,10 +251,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
             self._rank_stopped_last(outcome.stopped_at)
 
     def _identity(self, candidates: list[dict[str, Any]]) -> pd.DataFrame:
-        """Which candidate a row is."""
+        """The columns that tell candidates apart."""
         if isinstance(self.matrix, DesignMatrix):
             table = self.matrix.table
-            if forecaster_prefix(self.estimator) == "":  # a forecaster itself knows no kind of disturbance
+            if forecaster_prefix(self.estimator) == "":  # a forecaster alone has no kind of disturbance
                 table = table[~table.drop(columns="disturbance").duplicated()].assign(disturbance=None)
             return table
         names = dict.fromkeys(name for candidate in candidates for name in candidate)
@@ -256,7 +262,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     @staticmethod
     def _table(table: pd.DataFrame, outcome: Outcome) -> pd.DataFrame:
-        """Rows with what became of them."""
+        """Candidates with their results."""
         rmse = np.array([[one.rmse for one in row] for row in outcome.results])
         epochs = [[np.nan if one.n_epochs is None else one.n_epochs for one in row] for row in outcome.results]
         errors = [next((one.error for one in row if one.error is not None), None) for row in outcome.results]
@@ -270,7 +276,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         )
 
     def _rank_stopped_last(self, stopped_at: np.ndarray) -> None:
-        """A score after fewer epochs is no rival of one after all of them."""
+        """Rank stopped candidates after the others: scores after fewer epochs cannot be compared with theirs."""
         stopped = np.isfinite(stopped_at)
         self.cv_results_["stopped_at"] = stopped_at
         for name in [name for name in self.cv_results_ if name.startswith("rank_test_")]:
@@ -280,8 +286,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
             ranks[stopped] = rankdata(-score[stopped], method="min") + (~stopped).sum()
             self.cv_results_[name] = ranks
         warnings.warn(
-            f"halving stopped {stopped.sum()} of {len(stopped)} candidates early; their scores are those of fewer "
-            "epochs (see results_['stopped_at'] and halving_).",
+            f"halving stopped {stopped.sum()} of {len(stopped)} candidates early; they were scored after fewer epochs "
+            "(see results_['stopped_at'] and halving_).",
             stacklevel=4,
         )
 
@@ -300,7 +306,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
 
 def _one_table(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Candidates and rivals, which have neither case nor kind of disturbance."""
+    """Candidates and baselines as one table; baselines have neither case nor kind of disturbance."""
     table = pd.concat(tables, ignore_index=True)
     without = {name: table[name].astype(object) for name in IDENTITY[1:3] if name in table}
     return table.assign(**{name: column.where(column.notna(), None) for name, column in without.items()})

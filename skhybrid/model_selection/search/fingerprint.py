@@ -1,4 +1,4 @@
-"""What a search depends on, in words that are the same in every process: data, settings, parameters."""
+"""Data, settings and parameters of a search as text that is the same in every process."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
+from ...forecasting.extras import networks_available
 from .store import VERSION
 
-#: parameters that change no result, at any depth.
-_IDLE = ("n_jobs", "verbose", "memory")
+#: parameters that change no result, at any depth
+_WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")
 
 
 def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]], scoring: Any) -> dict[str, str]:
-    """Data and settings by name, for a store to compare.
+    """Data and settings by name, for a store to compare with its own.
 
     Parameters
     ----------
     estimator : estimator
-        Before a candidate's parameters are set.
+        Without a candidate's parameters.
     X, y : table and target
     splits : sequence of (train, test)
         Row numbers.
     scoring : object
-        As the search was given it.
+        As given to the search.
 
     Returns
     -------
@@ -41,14 +42,16 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
     found["scoring"] = as_plain(scoring)
     found["estimator"] = _name(type(estimator))
     for name, value in sorted(estimator.get_params(deep=True).items()):
-        if name.split("__")[-1] not in _IDLE:
+        if name.split("__")[-1] not in _WITHOUT_EFFECT:
             found[f"parameter {name}"] = _name(type(value)) if _is_estimator(value) else as_plain(value)
-    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn", "torch")}
+    versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn")}
+    if networks_available():
+        versions["torch"] = version("torch")
     return found | {f"{VERSION}{name}": number for name, number in versions.items()}
 
 
 def candidate_id(params: Mapping[str, Any]) -> str:
-    """A short name of a candidate's parameters.
+    """A short id of a candidate's parameters.
 
     Parameters
     ----------
@@ -63,12 +66,12 @@ def candidate_id(params: Mapping[str, Any]) -> str:
 
 
 def as_plain(value: Any) -> str:
-    """A value of a parameter in words.
+    """The value of a parameter as text.
 
     Parameters
     ----------
     value : object
-        A plain value, an estimator, an array, a table, a function, a container of such, or any object that pickles.
+        A plain value, an estimator, an array, a table, a function, a container of these, or any object that pickles.
 
     Returns
     -------
@@ -76,8 +79,9 @@ def as_plain(value: Any) -> str:
         The same for equal values in every process.
     """
     if _is_estimator(value):
-        params = value.get_params(deep=False).items()
-        return f"{_name(type(value))}({', '.join(f'{k}={as_plain(v)}' for k, v in sorted(params) if k not in _IDLE)})"
+        params = sorted(value.get_params(deep=False).items())
+        told = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)
+        return f"{_name(type(value))}({told})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
@@ -88,7 +92,7 @@ def as_plain(value: Any) -> str:
         return _name(value)
     told = repr(value)
     if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in told:
-        return f"{_name(type(value))} {joblib.hash(value)}"  # what is shown of it is not all, or not the same
+        return f"{_name(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
     return told
 
 
@@ -101,7 +105,7 @@ def _name(thing: Any) -> str:
 
 
 def _data(name: str, data: Any) -> dict[str, str]:
-    """Size, names, stamps and values, apart, so that what differs can be named."""
+    """Size, names, stamps and values one by one, so that a difference can be named."""
     table = pd.DataFrame(data if isinstance(data, pd.DataFrame | pd.Series) else np.asarray(data))
     found = {f"rows of {name}": str(len(table))}
     if isinstance(data, pd.DataFrame):

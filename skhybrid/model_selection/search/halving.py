@@ -1,4 +1,4 @@
-"""Successive halving on epochs: which networks are trained on, and what became of the others."""
+"""Successive halving: networks that do badly after a few epochs are trained no further."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ...forecasting.cases import NETWORKS
-from .candidates import forecaster_prefix
+from ...forecasting.models import is_network
+from .candidates import forecaster_prefix, model_of
 from .store import Result
 
 _COLUMNS = ["max_epochs", "n_candidates", "n_stopped", "worst_kept"]
@@ -18,15 +18,15 @@ _Run = Callable[[Sequence[Mapping[str, Any]], str], list[list[Result]]]
 
 
 class Outcome(NamedTuple):
-    """Of all candidates, in their order."""
+    """Results of all candidates, in their order."""
 
-    results: list[list[Result]]  # by split
-    stopped_at: np.ndarray  # (n_candidates,) epochs after which one was stopped, NaN where it was not
+    results: list[list[Result]]  # by candidate and split
+    stopped_at: np.ndarray  # (n_candidates,) epochs after which a candidate was stopped; NaN where it was not
     rungs: pd.DataFrame
 
 
 class Halving:
-    """Networks are trained for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many ...
+    """Trains networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ class Halving:
         self.factor = int(factor)
 
     def run(self, run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
-        """Run all candidates; what is no network is trained whole.
+        """Run all candidates; those without a network are fitted to the end.
 
         Parameters
         ----------
         run : callable
-            Takes candidates and what to call them, gives their results.
+            Takes candidates and a note for the progress bar, and returns their results.
         estimator : estimator
             With a forecaster of the disturbance.
         candidates : sequence of Mapping
@@ -64,25 +64,25 @@ class Halving:
         results: list[list[Result]] = [[] for _ in candidates]
         stopped_at = np.full(len(candidates), np.nan)
         prefix = forecaster_prefix(estimator)
-        alive, limits = _networks(estimator, candidates, prefix)
+        left, limits = _networks(estimator, candidates, prefix)
         rungs = []
         for epochs in self._epochs(limits):
-            found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in alive], f"{epochs} epochs")
-            rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN, which sorts last: it failed
+            found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in left], f"{epochs} epochs")
+            rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN of a failed one sorts last
             order = np.argsort(rmse, kind="stable")
-            n_kept = min(-(-len(alive) // self.factor), int(np.isfinite(rmse).sum()))
+            n_kept = min(-(-len(left) // self.factor), int(np.isfinite(rmse).sum()))
             for i in order[n_kept:]:
-                results[alive[i]], stopped_at[alive[i]] = found[i], epochs
+                results[left[i]], stopped_at[left[i]] = found[i], epochs
             worst = float(rmse[order[n_kept - 1]]) if n_kept else np.nan
-            rungs.append((epochs, len(alive), len(alive) - n_kept, worst))
-            alive = alive[np.sort(order[:n_kept])]
-        left = [i for i, epochs in enumerate(stopped_at) if np.isnan(epochs)]
-        for i, row in zip(left, run([candidates[i] for i in left], ""), strict=True):
+            rungs.append((epochs, len(left), len(left) - n_kept, worst))
+            left = left[np.sort(order[:n_kept])]
+        kept = [i for i, epochs in enumerate(stopped_at) if np.isnan(epochs)]
+        for i, row in zip(kept, run([candidates[i] for i in kept], ""), strict=True):
             results[i] = row
         return Outcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
 
     def _epochs(self, limits: np.ndarray) -> Iterator[int]:
-        """Epochs of the rungs below what the shortest candidate is trained for anyway."""
+        """Epochs of the rungs, fewer than the shortest training of any candidate."""
         epochs = self.first
         while len(limits) and epochs < limits.min():
             yield epochs
@@ -90,7 +90,7 @@ class Halving:
 
 
 def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
-    """Run all candidates whole.
+    """Run all candidates to the end.
 
     Parameters
     ----------
@@ -106,10 +106,8 @@ def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
 
 
 def _networks(estimator: Any, candidates: Sequence[Mapping[str, Any]], prefix: str) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the candidates that are networks, and how many epochs each has at most."""
-    own = estimator.get_params().get(f"{prefix}model")
+    """Numbers of the candidates that are networks, and the most epochs of each."""
     default = clone(estimator).set_params(**{f"{prefix}model": "lstm"}).get_params()[f"{prefix}max_epochs"]
-    models = [candidate.get(f"{prefix}model", own) for candidate in candidates]
-    chosen = [i for i, model in enumerate(models) if isinstance(model, str) and model in NETWORKS]
+    chosen = [i for i, params in enumerate(candidates) if is_network(model_of(estimator, params))]
     limits = [candidates[i].get(f"{prefix}max_epochs", default) for i in chosen]
     return np.array(chosen, dtype=np.int64), np.array(limits)

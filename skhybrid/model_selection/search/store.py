@@ -1,4 +1,4 @@
-"""Results of a search as they finish, in an SQLite file that several processes of one machine may share."""
+"""Results of a search in an SQLite file that several processes of one machine may share."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, Self
 
-#: the layout of the file; another one is refused.
+#: format of the file; another one is refused
 _FORMAT = "1"
-#: settings of this beginning may differ, with a warning
+#: settings whose names begin with this may differ, with a warning
 VERSION = "version of "
 _TABLES = """
 CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -28,7 +28,7 @@ CREATE TABLE IF NOT EXISTS result (
     candidate TEXT NOT NULL, split INTEGER NOT NULL, scores TEXT NOT NULL, rmse REAL, fit_time REAL NOT NULL,
     score_time REAL NOT NULL, n_epochs INTEGER, error TEXT, finished REAL NOT NULL, PRIMARY KEY (candidate, split));
 """
-#: how long a process waits for another one's transaction [s]
+#: how long a process waits for the transaction of another one [s]
 _PATIENCE = 120.0
 
 
@@ -40,37 +40,37 @@ class Task(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What became of a task."""
+    """Scores of a task, or its error."""
 
     scores: dict[str, float]  # by scorer; empty where it failed
     rmse: float  # root-mean-square error over the measured rows; NaN where it failed
     fit_time: float  # [s]
     score_time: float  # [s]
     n_epochs: int | None  # of a network
-    error: str | None  # where it failed: the error, with its traceback
+    error: str | None  # with its traceback; None where it did not fail
 
 
 class ResultStore:
-    """Finished results, and who works on what.
+    """Finished results, and claims of the processes that are computing others.
 
     Every change is one transaction, so that a process may be killed at any moment.  A task is *claimed* before it is
-    computed.  A claim holds while its owner lives: it is on the same machine with a running process, and has given a
-    sign of life within the last ``lease`` seconds.
+    computed.  A claim is valid while its owner is alive: its process runs (if it is on this machine) and has renewed
+    its heartbeat within the last ``lease`` seconds.
 
     Parameters
     ----------
     path : path-like or None
-        The file, made where there is none.  None: results are kept in memory.  It belongs on a local disk: SQLite's
-        write-ahead log, which lets one process read while another writes, needs memory that they share.
+        The file, created if it does not exist.  None: results are kept in memory.  It must be on a local disk: SQLite's
+        write-ahead log, which lets one process read while another writes, needs shared memory.
     settings : Mapping of str to str
-        What data and settings the results are for.
+        Data and settings that the results belong to.
     lease : float, default=60.0
         [s].
 
     Raises
     ------
     ValueError
-        If the file holds results for other data or settings, or is no store.
+        If the file holds results for other data or settings, or is not a store.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, settings: Mapping[str, str], lease: float = 60.0) -> None:
@@ -82,15 +82,15 @@ class ResultStore:
         folder = os.path.dirname(self.path)
         if path is not None and folder:
             os.makedirs(folder, exist_ok=True)
-        # claims are made by whichever thread joblib asks from; the lock keeps them apart
+        # joblib may ask for tasks from any thread; the lock keeps their transactions apart
         self._db = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
         try:
             self._open(settings)
         except BaseException:
             self._db.close()
             raise
-        self._pulse = threading.Thread(target=self._beat, daemon=True, name="skhybrid-store")
-        self._pulse.start()
+        self._heartbeat = threading.Thread(target=self._beat, daemon=True, name="skhybrid-store")
+        self._heartbeat.start()
 
     def _open(self, settings: Mapping[str, str]) -> None:
         try:
@@ -102,12 +102,12 @@ class ResultStore:
                 check_settings(self.path, known, {"format": _FORMAT, **settings})
                 if not known:
                     db.executemany("INSERT INTO setting VALUES (?, ?)", [("format", _FORMAT), *settings.items()])
-                self._sign(db)
+                self._renew(db)
         except sqlite3.DatabaseError as error:
             raise ValueError(f"store {self.path} cannot be used ({error}); give the path of another file.") from None
 
     def _write_ahead(self) -> None:
-        """Change the kind of the file's log, for which SQLite does not wait where another process does it too."""
+        """Switch to a write-ahead log; SQLite does not wait if another process does the same, so it is retried."""
         until = time.monotonic() + _PATIENCE
         while True:
             try:
@@ -125,11 +125,11 @@ class ResultStore:
         self.close()
 
     def close(self) -> None:
-        """Give back what is claimed and not finished, and close the file."""
+        """Release claims that are not finished, and close the file."""
         if self._closed.is_set():
             return
         self._closed.set()
-        self._pulse.join()
+        self._heartbeat.join()
         with self._transaction() as db:
             db.execute("DELETE FROM claim WHERE owner = ?", (self.owner,))
             db.execute("DELETE FROM owner WHERE id = ?", (self.owner,))
@@ -137,7 +137,7 @@ class ResultStore:
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        """All or nothing; no other process writes meanwhile."""
+        """A transaction during which no other process writes."""
         with self._lock:
             self._db.execute("BEGIN IMMEDIATE")
             try:
@@ -147,17 +147,20 @@ class ResultStore:
                 self._db.execute("ROLLBACK")
                 raise
 
-    # ------------------------------------------------------------------------------------------------- signs of life
-    def _sign(self, db: sqlite3.Connection) -> None:
+    # ------------------------------------------------------------------------------------------------------ heartbeat
+    def _renew(self, db: sqlite3.Connection) -> None:
         db.execute("INSERT OR REPLACE INTO owner VALUES (?, ?, ?, ?)", (self.owner, _host(), os.getpid(), time.time()))
 
     def _beat(self) -> None:
         while not self._closed.wait(self.lease / 4.0):
-            with suppress(sqlite3.OperationalError), self._transaction() as db:  # a busy file: the next beat will do
-                self._sign(db)
+            with (
+                suppress(sqlite3.OperationalError),
+                self._transaction() as db,
+            ):  # busy: try at the next beat
+                self._renew(db)
 
-    def _bury_the_dead(self, db: sqlite3.Connection) -> None:
-        """Owners that live no more, and their claims, go."""
+    def _drop_dead_owners(self, db: sqlite3.Connection) -> None:
+        """Delete owners that are not alive any more, and their claims."""
         oldest = time.time() - self.lease
         for owner, host, pid, seen in db.execute("SELECT id, host, pid, seen FROM owner").fetchall():
             if owner != self.owner and (seen < oldest or (host == _host() and not _runs(pid))):
@@ -166,31 +169,31 @@ class ResultStore:
 
     # --------------------------------------------------------------------------------------------------------- tasks
     def describe(self, candidates: Mapping[str, str]) -> None:
-        """Write down what the ids of candidates stand for.
+        """Store the parameters of candidates, for people who read the file.
 
         Parameters
         ----------
         candidates : Mapping of str to str
-            Id -> parameters in words.
+            Id -> parameters as text.
         """
         with self._transaction() as db:
             db.executemany("INSERT OR IGNORE INTO candidate VALUES (?, ?)", candidates.items())
 
     def claim(self, tasks: Sequence[Task]) -> list[Task]:
-        """Take on tasks that nobody has finished or works on.
+        """Claim tasks that are neither finished nor claimed.
 
         Parameters
         ----------
         tasks : sequence of Task
-            The wanted ones.
+            Tasks to claim.
 
         Returns
         -------
         list of Task
-            Those that are this store's own to compute now.
+            Those that are claimed by this store now.
         """
         with self._transaction() as db:
-            self._bury_the_dead(db)
+            self._drop_dead_owners(db)
             taken = []
             for task in tasks:
                 if db.execute("SELECT 1 FROM result WHERE candidate = ? AND split = ?", task).fetchone() is None:
@@ -199,7 +202,7 @@ class ResultStore:
             return taken
 
     def finish(self, results: Mapping[Task, Result]) -> None:
-        """Write results; what another process has finished first stays.
+        """Store results, except for tasks that another process has finished first.
 
         Parameters
         ----------
@@ -212,12 +215,12 @@ class ResultStore:
             db.executemany("DELETE FROM claim WHERE candidate = ? AND split = ?", list(results))
 
     def results(self, candidates: Iterable[str] | None = None) -> dict[Task, Result]:
-        """What is finished.
+        """Finished results.
 
         Parameters
         ----------
         candidates : iterable of str, optional
-            Of these only.
+            Only of these; default is all.
 
         Returns
         -------
@@ -227,38 +230,38 @@ class ResultStore:
         query = "SELECT candidate, split, scores, rmse, fit_time, score_time, n_epochs, error FROM result"
         with self._lock:
             rows = self._db.execute(query).fetchall()
-        return {  # SQLite has no NaN: it is NULL there
+        return {  # SQLite stores NaN as NULL
             Task(candidate, split): Result(json.loads(scores), float("nan") if rmse is None else rmse, *rest)
             for candidate, split, scores, rmse, *rest in rows
             if wanted is None or candidate in wanted
         }
 
     def forget_failed(self) -> int:
-        """Drop the results that are errors, so that they are tried again.
+        """Delete results that are errors, so that they are computed again.
 
         Returns
         -------
         int
-            How many.
+            How many there were.
         """
         with self._transaction() as db:
             return db.execute("DELETE FROM result WHERE error IS NOT NULL").rowcount
 
 
 def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Refuse a store that was made for something else, and warn of one that other versions made.
+    """Refuse a store that was made with other data or settings; warn of one made by other versions.
 
     Parameters
     ----------
     path : str
-        Of the store.
+        Path of the store.
     known, given : Mapping of str to str
-        Settings in the store, and those that are wanted; a new store has none.
+        Settings in the store (none in a new one), and those of the search.
 
     Raises
     ------
     ValueError
-        Naming what differs.
+        If settings differ; the message names them.
     """
     names = [name for name in {**known, **given} if known.get(name) != given.get(name)] if known else []
     told = {name: f"{name} is {known.get(name, 'absent')} there and {given.get(name, 'absent')} here" for name in names}
@@ -281,11 +284,11 @@ def _host() -> str:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process of this machine runs; where that cannot be asked, its signs of life alone decide."""
+    """Whether a process of this machine runs; assumed where it cannot be asked, so that its heartbeat decides."""
     if os.name != "posix":
         return True
     try:
-        os.kill(pid, 0)  # signal 0 asks, and does nothing
+        os.kill(pid, 0)  # signal 0 only tests whether the process exists
     except ProcessLookupError:
         return False
     except PermissionError:

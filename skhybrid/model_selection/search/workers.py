@@ -1,4 +1,4 @@
-"""Running tasks through joblib, from one store, whatever the backend."""
+"""Parallel runs of tasks through joblib, with all results in one store."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ from typing import Any, NamedTuple, Self
 from joblib import Parallel, delayed, effective_n_jobs
 from tqdm.auto import tqdm
 
-from .candidates import RIVAL, Problem, Shared, effort_of, evaluate, identify, outside_params, shares_network, stack_of
+from .candidates import BASELINE, effort_of, identification_params, shares_network, stack_key
 from .fingerprint import as_plain, candidate_id
+from .shared import Shared
 from .store import Result, ResultStore, Task
+from .tasks import Problem, evaluate, identify
 
-#: what is larger is mapped from disk by joblib's own workers, not sent with every task [bytes]
-_MAPPED = 10_000
+#: joblib's own workers map larger arrays from disk instead of getting them with every task [bytes]
+_MAX_SENT = 10_000
 #: how long to wait before asking again whether another process has finished its part [s]
-_POLL = 0.5
+_POLL_INTERVAL = 0.5
 
 
-class _Chunk(NamedTuple):
-    """Candidates that a worker takes at once: they share a network, and features."""
+class Chunk(NamedTuple):
+    """Candidates that one worker fits together."""
 
-    base: str | None  # the network, by name; None: each is fitted whole
-    params: dict[str, dict[str, Any]]  # by candidate
+    network: str | None  # key of the thermal network that they share; None where each is fitted as a whole
+    params: dict[str, dict[str, Any]]  # candidate id -> parameters
 
 
 class Workers:
-    """Processes that joblib has, here or on a cluster; the same ones from the beginning of a search to its end.
+    """One pool of joblib workers, here or on a cluster, kept from the beginning of a search to its end.
 
     Parameters
     ----------
@@ -37,13 +39,13 @@ class Workers:
     """
 
     def __init__(self, n_jobs: int | None) -> None:
-        how = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAPPED}
-        self._at_once = None
+        settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT}
+        self._batch_size = None
         try:
-            self._parallel = Parallel(**how, return_as="generator_unordered")
-        except ValueError:  # a backend that hands over nothing before all is done: it is given little at a time
-            self._parallel = Parallel(**how)
-            self._at_once = 2 * effective_n_jobs(n_jobs)
+            self._parallel = Parallel(**settings, return_as="generator_unordered")
+        except ValueError:  # this backend returns nothing before all is done, so it gets a few tasks at a time
+            self._parallel = Parallel(**settings)
+            self._batch_size = 2 * effective_n_jobs(n_jobs)
 
     def __enter__(self) -> Self:
         self._parallel.__enter__()
@@ -53,16 +55,16 @@ class Workers:
         self._parallel.__exit__(*raised)
 
     def run(self, calls: Iterator[Any]) -> Iterator[Any]:
-        """Results in the order in which they are finished; a call is asked for when there is somebody to take it."""
-        if self._at_once is None:
+        """Results in the order in which they are finished; the next call is taken when a worker is free."""
+        if self._batch_size is None:
             yield from self._parallel(calls)
             return
-        while some := list(islice(calls, self._at_once)):
-            yield from self._parallel(some)
+        while batch := list(islice(calls, self._batch_size)):
+            yield from self._parallel(batch)
 
 
 class Runner:
-    """Candidates in, results out; what the store holds is not computed again.
+    """Runs candidates on all splits, except for what the store already holds.
 
     Parameters
     ----------
@@ -70,26 +72,26 @@ class Runner:
     store : ResultStore
     workers : Workers
     chunk_size : int
-        Most candidates of a chunk.
-    careful : bool
+        Most candidates in a chunk.
+    catch_errors : bool
         Whether an error becomes part of the result; else it is raised.
     verbose : bool
-        Whether a progress bar is shown.
+        Whether to show a progress bar.
     """
 
     def __init__(
-        self, problem: Problem, store: ResultStore, workers: Workers, chunk_size: int, careful: bool, verbose: bool
+        self, problem: Problem, store: ResultStore, workers: Workers, chunk_size: int, catch_errors: bool, verbose: bool
     ) -> None:
         self._problem = problem
         self._shared = Shared(problem)
         self._store = store
         self._workers = workers
         self._chunk_size = chunk_size
-        self._careful = careful
+        self._catch_errors = catch_errors
         self._verbose = verbose
         self._shares: dict[str, bool] = {}
-        self._base_params: dict[str, dict[str, Any]] = {}
-        self._bases: dict[tuple[str, int], Shared] = {}
+        self._network_params: dict[str, dict[str, Any]] = {}
+        self._networks: dict[tuple[str, int], Shared] = {}
 
     def run(self, candidates: Sequence[Mapping[str, Any]], note: str = "") -> list[list[Result]]:
         """Run candidates on all splits.
@@ -112,82 +114,87 @@ class Runner:
         work = [(chunk, split) for chunk in chunks for split in range(n_splits)]
         with tqdm(total=len(named) * n_splits, unit="fit", desc=note or None, disable=not self._verbose) as bar:
             found = self._store.results(named)
-            bar.initial = bar.n = len(found)  # what was there does not count for the rate
+            bar.initial = bar.n = len(found)  # stored results do not count for the rate
             bar.refresh()
-            while left := _without(found, work):
-                if not self._round(left, bar):
-                    time.sleep(_POLL)  # all that is left is in other hands
+            while left := _unfinished(work, found):
+                if not self._compute(left, bar):
+                    time.sleep(_POLL_INTERVAL)  # other processes are working on all that is left
                 found = self._store.results(named)
                 bar.n = len(found)
                 bar.refresh()
         names = map(candidate_id, candidates)
         return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
 
-    def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[_Chunk]:
-        """Candidates of the same network and kind of disturbance, those that can be trained as one stack together.
+    def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[Chunk]:
+        """Chunks of candidates with the same network and kind of disturbance, the longest first.
 
-        What takes longest stands first.
+        If the shortest came first, all workers but one would wait at the end for the longest.
         """
         groups: dict[tuple[str, str], list[str]] = {}
-        bases = {name: self._base_of(params) for name, params in named.items()}
+        networks = {name: self._network_of(params) for name, params in named.items()}
         for name, params in named.items():
             kind = {key: value for key, value in params.items() if key.split("__")[-1] in ("disturbance", "model")}
-            groups.setdefault((str(bases[name]), as_plain(kind)), []).append(name)
+            groups.setdefault((str(networks[name]), as_plain(kind)), []).append(name)
         size = max(1, int(self._chunk_size))
         chunks = []
         for names in groups.values():
-            names = sorted(names, key=lambda name: stack_of(named[name]))
+            names = sorted(names, key=lambda name: stack_key(named[name]))
             parts = [names[start : start + size] for start in range(0, len(names), size)]
-            chunks += [_Chunk(bases[part[0]], {name: named[name] for name in part}) for part in parts]
+            chunks += [Chunk(networks[part[0]], {name: named[name] for name in part}) for part in parts]
         return sorted(chunks, key=lambda chunk: -sum(map(effort_of, chunk.params.values())))
 
-    def _base_of(self, params: Mapping[str, Any]) -> str | None:
-        """The name of a candidate's network, or None where it is fitted whole."""
-        if RIVAL in params:
+    def _network_of(self, params: Mapping[str, Any]) -> str | None:
+        """Key of the network that a candidate shares, or None where it is fitted as a whole."""
+        if BASELINE in params:
             return None
-        outside, model = outside_params(self._problem.estimator, params)
-        key = as_plain([outside, model])
+        shared = identification_params(self._problem.estimator, params)
+        named = {k: v for k, v in params.items() if k.split("__")[-1] in ("forecaster", "model", "disturbance")}
+        key = as_plain([shared, named])
         if key not in self._shares:
             self._shares[key] = shares_network(self._problem.estimator, params)
-        self._base_params[as_plain(outside)] = outside
-        return as_plain(outside) if self._shares[key] else None
+        network = as_plain(shared)
+        self._network_params[network] = shared
+        return network if self._shares[key] else None
 
-    def _round(self, work: Sequence[tuple[_Chunk, int]], bar: tqdm) -> int:
-        """Compute what is nobody else's; how many tasks that were."""
+    def _compute(self, work: Sequence[tuple[Chunk, int]], bar: tqdm) -> int:
+        """Compute the tasks that no other process has claimed; return how many there were."""
         self._identify(work, bar)
         count = 0
-        for results in self._workers.run(self._jobs(work)):
+        for results in self._workers.run(self._calls(work)):
             self._store.finish(results)
             count += len(results)
             bar.update(len(results))
         return count
 
-    def _jobs(self, work: Sequence[tuple[_Chunk, int]]) -> Iterator[Any]:
-        """Calls for workers, each claimed when it is asked for."""
+    def _calls(self, work: Sequence[tuple[Chunk, int]]) -> Iterator[Any]:
+        """Calls for the workers; the tasks of each are claimed when a worker asks for it."""
         for chunk, split in work:
-            mine = self._store.claim([Task(name, split) for name in chunk.params])
-            if mine:
-                base = None if chunk.base is None else self._bases[chunk.base, split]
-                tasks = {task: chunk.params[task.candidate] for task in mine}
-                yield delayed(evaluate)(self._shared, base, tasks, split, self._careful)
+            claimed = self._store.claim([Task(name, split) for name in chunk.params])
+            if claimed:
+                network = None if chunk.network is None else self._networks[chunk.network, split]
+                tasks = {task: chunk.params[task.candidate] for task in claimed}
+                yield delayed(evaluate)(self._shared, network, tasks, split, self._catch_errors)
 
-    def _identify(self, work: Sequence[tuple[_Chunk, int]], bar: tqdm) -> None:
-        """Identify the networks that are wanted and not at hand, each once."""
-        wanted = {(chunk.base, split): None for chunk, split in work if chunk.base is not None}
-        new = [key for key in wanted if key not in self._bases]
+    def _identify(self, work: Sequence[tuple[Chunk, int]], bar: tqdm) -> None:
+        """Identify the networks that are needed and not known yet, each once."""
+        needed = {(chunk.network, split): None for chunk, split in work if chunk.network is not None}
+        new = [key for key in needed if key not in self._networks]
         if new:
             bar.set_postfix_str(f"identifying the network of {len(new)} training blocks")
-            calls = (delayed(identify)(self._shared, b, self._base_params[b], split, self._careful) for b, split in new)
+            calls = (
+                delayed(identify)(self._shared, name, self._network_params[name], split, self._catch_errors)
+                for name, split in new
+            )
             for found in self._workers.run(calls):
-                self._bases |= {key: Shared(base) for key, base in found.items()}
+                self._networks |= {key: Shared(network) for key, network in found.items()}
             bar.set_postfix_str("")
 
 
-def _without(found: Mapping[Task, Result], work: Sequence[tuple[_Chunk, int]]) -> list[tuple[_Chunk, int]]:
-    """The work that is not finished."""
+def _unfinished(work: Sequence[tuple[Chunk, int]], found: Mapping[Task, Result]) -> list[tuple[Chunk, int]]:
+    """The work without its finished tasks."""
     left = []
     for chunk, split in work:
         params = {name: params for name, params in chunk.params.items() if Task(name, split) not in found}
         if params:
-            left.append((_Chunk(chunk.base, params), split))
+            left.append((Chunk(chunk.network, params), split))
     return left

@@ -1,4 +1,4 @@
-"""The pictures of a report."""
+"""The figures of a report."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from ...inspection import (
 )
 from ...persistence import atomic_path
 
-#: days of the back-test that a picture shows.
+#: last part of the back-test that a figure shows
 _SHOWN = pd.Timedelta("7D")
-#: models of a picture; more would hide one another.
+#: most models in a figure; more would hide one another
 _MOST_LINES = 3
 _MOST_LEADS = 5
 
 
 def as_image(figure: Any, dpi: int = 130) -> str:
-    """A figure as a ``data:`` address that an HTML page can hold.
+    """A figure as a ``data:`` address, to be put into an HTML page.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def as_image(figure: Any, dpi: int = 130) -> str:
 
 
 def day_figure(forecast: pd.DataFrame) -> Any:
-    """The next day: temperature and, where there is one, load.
+    """The next day: temperature and, where there is a plant, load.
 
     Parameters
     ----------
     forecast : DataFrame
-        As ``forecast.csv`` holds it.
+        As in ``forecast.csv``.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _S
     frames : mapping of label to DataFrame
         Back-tests, the most important first.
     shown : Timedelta
-        How much of their end is drawn.
+        Length of the last part, which is drawn.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
     zeta : Series
         Estimated disturbance [kW].
     truth : Series, optional
-        The true one, at the same stamps.
+        The true heat [kW], at the same stamps.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
 
 
 def schedule_figure(schedule: pd.DataFrame) -> Any:
-    """What the forecast has learned of the hours.
+    """Learned schedules by hour.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def schedule_figure(schedule: pd.DataFrame) -> Any:
 def study_picture(
     path: str | PathLike[str], frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, title: str | None = None
 ) -> None:
-    """Write one picture of a study: a week of the back-test, and the load of the next day.
+    """Write one picture of a study: a week of the back-test, and the next day.
 
     Parameters
     ----------
@@ -170,9 +170,9 @@ def study_picture(
     frames : mapping of label to DataFrame
         Back-tests, the most important first.
     forecast : DataFrame
-        As ``forecast.csv`` holds it.
+        As in ``forecast.csv``.
     title : str, optional
-        Above it.
+        Title above the picture.
     """
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(1 + n_axes, (9.0, 3.2 + 2.3 * n_axes), share=False)

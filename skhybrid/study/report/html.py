@@ -1,4 +1,4 @@
-"""The report: one HTML file that holds all it shows."""
+"""The report as one HTML file with everything inside."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ def write_report(
     path : path-like
         The file to make or replace.
     title : str
-        Of the zone.
+        Name of the zone.
     table : DataFrame
         Index = model, the best first; columns ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``.
     frames : mapping of label to DataFrame
-        Back-tests, as :func:`skhybrid.model_selection.backtest` gives them.
+        Back-tests from :func:`skhybrid.model_selection.backtest`.
     forecast : DataFrame
         The next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured.
     parameters : DataFrame
@@ -83,17 +83,17 @@ def write_report(
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
     schedule : DataFrame, optional
-        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K], as the forecast has learned them.
+        Index = (day, hour); learned ``gain`` [kW] and ``ua`` [kW/K].
     weights : DataFrame, optional
-        Share of each member of a blend (columns) by lead (index).
+        Share of each member of the blend (columns) by group of leads (index).
     identification : str, optional
-        What gave ``parameters`` and ``zeta``, where the model itself did not.
+        Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
     coverage : float, optional
         Share of the test measurements inside the intervals.
     spans : mapping, optional
-        What was trained and tested on, to be listed.
+        Training and test spans, to be listed.
     settings : mapping, optional
-        Settings used, to be listed.
+        Settings of the study, to be listed.
     notes : iterable of str
         Warnings.
     """
@@ -125,13 +125,13 @@ def _head(
     own = table.loc[label]
     n_origins = frames[label]["origin"].nunique()
     cards = [
-        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model over {n_origins} forecasts"),
-        (f"{own['mae']:.2f} K", "typical error (mean absolute)"),
+        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model in {n_origins} forecasts"),
+        (f"{own['mae']:.2f} K", "mean absolute temperature error"),
     ]
     if np.isfinite(own.get("load_rmse", np.nan)):
-        cards.append((f"{own['load_rmse']:.2f} kW", "heating/cooling load error (RMSE)"))
+        cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
-    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"room temperature forecast for {_day(forecast.index)}"))
+    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {_day(forecast.index)}"))
     cards += _energy(forecast)
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
@@ -142,7 +142,7 @@ def _head(
 
 
 def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
-    """Heat and cold of the day [kWh], where there are any."""
+    """Heating and cooling energy of the day [kWh], where there is any."""
     if "Q_hvac" not in forecast or len(forecast) < 2:
         return []
     hours = (forecast.index[1] - forecast.index[0]) / pd.Timedelta("1h")
@@ -154,15 +154,16 @@ def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
 
 def _tomorrow(forecast: pd.DataFrame) -> str:
     held_out = "T_za_measured" in forecast
-    told = (
-        "This is the last day of the log. No measurement of that day was used; it is drawn beside the forecast."
+    day = (
+        "This is the last day of the log. The forecast used no measurement of that day; the measurements are drawn for "
+        "comparison."
         if held_out
-        else "This is the day behind the end of the measurements."
+        else "This is the day after the last measurement."
     )
     words = (
-        f"<p>{told} The temperature is what the room will do under the logged or planned heating and cooling; the load "
-        "is the heat that would hold the set-point instead, within what the plant can deliver."
-        + (" Four in five measurements should lie within the shaded interval." if "q_0.1" in forecast else "")
+        f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
+        "that would hold the set-point instead, within the limits of the plant."
+        + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
         + "</p>"
     )
     return f"<h2>Forecast for {escape(_day(forecast.index))}</h2>\n{words}\n" + _figure(
@@ -175,12 +176,12 @@ def _accuracy(
 ) -> str:
     ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
     hours = frames[label]["lead"].max() / pd.Timedelta("1h")
-    days = "Measured and forecast temperature over the last test days; a grey line marks the start of each forecast."
-    leads = "How the error grows with the time ahead, for the best models."
+    days = "Measured and forecast temperature on the last test days; a grey line marks the start of each forecast."
+    leads = "Error by lead time, for the best models."
     return (
-        "<h2>How good is it?</h2>\n<p>Each model was fitted on the training days only and then forecast the test days "
-        f"{hours:g} hours ahead, knowing the weather and the heating and cooling of those hours but nothing "
-        "measured in the room after the start of each forecast. All models are compared at the same moments.</p>\n"
+        "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
+        f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
+        "no room temperature measured after it started. All models are compared at the same times.</p>\n"
         + _results(table)
         + ("" if coverage is None else _held(coverage, label))
         + _figure(as_image(backtest_figure(ordered)), days)
@@ -190,8 +191,8 @@ def _accuracy(
 
 def _held(coverage: float, label: str) -> str:
     return (
-        f"<p>The 80 % interval of the {escape(label)} model, learned on the training days, held {coverage:.0%} of the "
-        "measurements of the test days.</p>\n"
+        f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
+        f"{coverage:.0%} of the measurements of the test days.</p>\n"
     )
 
 
@@ -203,12 +204,13 @@ def _results(table: pd.DataFrame) -> str:
         note = f'<td class="text soft">{escape(str(row.get("note", "")))}</td>'
         opening = '<tr class="best">' if place == 0 else "<tr>"
         rows.append(opening + "".join(f"<td>{escape(c)}</td>" for c in cells) + note + "</tr>")
-    head = "".join(f"<th>{h}</th>" for h in heads) + '<th class="text">what it is</th>'
+    head = "".join(f"<th>{h}</th>" for h in heads) + '<th class="text">description</th>'
     return (
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>\n'
-        '<p class="soft">The best first. The load error compares the heat that would have held the measured '
-        "temperature with the heat that was delivered, stages by the identified capacities. Time is for fit and "
-        "back-test; the hybrids that rest on an identification share one, which the first of them has paid for.</p>\n"
+        '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
+        "measured temperature with the heat that was delivered; stages are converted to heat with the identified "
+        "capacities. The time is that of fit and back-test, for the hybrid with its intervals. The two-stage models "
+        "share one identification, whose time is counted for the first of them.</p>\n"
     )
 
 
@@ -216,12 +218,12 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
     if schedule is None:
         return ""
     words = (
-        f"<p>What the {escape(label)} forecast has learned from the training days of the hours: heat that nobody "
-        "measures, at their mean outdoor temperature, and conductance to the outside. Both are what the network lacks, "
-        "and may be negative; they serve the forecast, and are learned anew whenever one starts.</p>\n"
+        f"<p>Schedules that the {escape(label)} model learned from the training days, by hour: unmeasured heat at the "
+        "mean outdoor temperature, and conductance to the outside. Both are corrections to the thermal network, so "
+        "they may be negative. They are updated at the start of each forecast.</p>\n"
     )
     picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
-    return f"<h2>What the forecast has learned</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))
+    return f"<h2>Learned schedules</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))
 
 
 def _shares(weights: pd.DataFrame) -> str:
@@ -232,7 +234,7 @@ def _shares(weights: pd.DataFrame) -> str:
     )
     return (
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n'
-        '<p class="soft">By part of the horizon, as the training weighs them.</p>'
+        '<p class="soft">Weights by part of the horizon, after training.</p>'
     )
 
 
@@ -240,13 +242,14 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     if zeta is None:
         return ""
     return (
-        "<h2>Heat that nobody measures</h2>\n<p>People, equipment, lights, air and everything else that the log does "
-        "not hold, as the identification infers it from the temperature of the training days. Positive heats the room."
+        "<h2>Unmeasured heat</h2>\n<p>Heat from people, equipment, lights, air exchange and anything else that is not "
+        "in the log, estimated by the identification from the temperature of the training days. Positive values heat "
+        "the room."
         + (
             ""
             if truth is None
-            else " The dashed line is the internal gains alone; what is inferred is the net of gains,"
-            " ventilation, infiltration and what the simple network leaves out."
+            else " The dashed line is the true internal gains alone; the estimate also contains ventilation, "
+            "infiltration and whatever the simple network leaves out."
         )
         + "</p>\n"
         + _figure(as_image(week_figure(zeta, truth)), "Unmeasured heat by hour of the week.")
@@ -262,16 +265,17 @@ def _building(parameters: pd.DataFrame, identification: str | None, label: str) 
         )
         rows.append(f"<tr>{cells}{texts}</tr>")
     head = "<th>parameter</th><th>value</th><th>± std. error</th>" + "".join(
-        f'<th class="text">{h}</th>' for h in ("unit", "meaning", "remark")
+        f'<th class="text">{h}</th>' for h in ("unit", "description", "remark")
     )
     return (
-        "<h2>The building, as identified</h2>\n<p>Capacitances store heat, resistances hold it back. The standard "
-        "error says how far the data leave a value open."
+        "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
+        "error tells how well the data determine a value."
         + (
             ""
             if identification is None
-            else f" These and the week above come from an identification of its own ({escape(identification)}): the "
-            f"{escape(label)} model fits its network to forecast well, and its parameters are not the building's."
+            else " These parameters and the unmeasured heat above come from a separate identification "
+            f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
+            "its parameters do not describe the building."
         )
         + "</p>\n"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'

@@ -1,10 +1,10 @@
-"""What a table of results says, in a sentence."""
+"""The verdict on a comparison, in one sentence."""
 
 from __future__ import annotations
 
 import pandas as pd
 
-#: differences below this are noise at a few dozen origins.
+#: relative differences below this are noise with a few dozen origins
 _NOISE = 0.05
 
 
@@ -16,7 +16,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
     table : DataFrame
         Index = model; column ``rmse`` [K].
     label : str
-        The model that is spoken of.
+        The model that is compared with the others.
 
     Returns
     -------
@@ -26,11 +26,13 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
     own = float(table["rmse"][label])
     others = table["rmse"].drop(label).dropna()
     if others.empty:
-        return f"The {label} model misses the day-ahead temperature by {own:.2f} K (RMSE)."
-    rival, best = str(others.idxmin()), float(others.min())
+        return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
+    other, best = str(others.idxmin()), float(others.min())
     if own < best * (1 - _NOISE):
-        less = f"{1 - own / best:.0%} less than the next, {rival} ({best:.2f} K)"
-        return f"The {label} model forecasts best: {own:.2f} K, {less}."
+        less = f"{1 - own / best:.0%} less than the next best, {other} ({best:.2f} K)"
+        return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
     if own <= best * (1 + _NOISE):
-        return f"The {label} model ({own:.2f} K) and {rival} ({best:.2f} K) forecast equally well within the noise."
-    return f"A rival forecasts better here: {rival} misses by {best:.2f} K, the {label} model by {own:.2f} K."
+        return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."
+    return (
+        f"Another model forecasts better here: the error of {other} is {best:.2f} K, of the {label} model {own:.2f} K."
+    )

@@ -1,0 +1,61 @@
+"""The command line: ``skhybrid demo`` and ``skhybrid run``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from collections.abc import Sequence
+
+from .. import __version__
+from . import demo, run
+from ._output import DONE, FAILED, STOPPED, one_line, report_error
+from ._signals import stop_on_signals
+
+__all__ = ["main"]
+
+#: one module per command, each with ``add_parser(commands)`` and ``execute(arguments)``
+_COMMANDS = (demo, run)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; default is those of the process.
+
+    Returns
+    -------
+    int
+        0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the command
+        line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
+    """
+    parser = _parser()
+    try:
+        arguments = parser.parse_args(argv)
+    except SystemExit as stop:  # argparse has said why
+        return int(stop.code or DONE)
+    if argv is None and threading.current_thread() is threading.main_thread():
+        stop_on_signals()
+    try:
+        return int(arguments.execute(arguments))
+    except (ValueError, TypeError, OSError, ImportError) as error:
+        report_error(one_line(error))
+        return FAILED
+    except KeyboardInterrupt:
+        print("skhybrid: stopped", file=sys.stderr)
+        return STOPPED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="skhybrid", description="Day-ahead forecast of room temperature and heating/cooling load from a log."
+    )
+    parser.add_argument("--version", action="version", version=f"skhybrid {__version__}")
+    names = ",".join(command.__name__.rpartition(".")[2] for command in _COMMANDS)
+    commands = parser.add_subparsers(dest="command", required=True, metavar=f"{{{names}}}")
+    for command in _COMMANDS:
+        command.add_parser(commands)
+    return parser

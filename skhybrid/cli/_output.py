@@ -1,0 +1,50 @@
+"""Exit codes, and the lines that commands write to stderr."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from ._signals import raise_if_stopped
+
+DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
+
+
+class Progress:
+    """Writes steps to stderr, each with the time since the beginning.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether nothing is written.
+    """
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet = quiet
+        self.begun = time.perf_counter()
+
+    def __call__(self, number: int, total: int, text: str) -> None:
+        """Write that a step begins."""
+        self.note(f"[{number}/{total}] {time.perf_counter() - self.begun:6.1f} s  {text}")
+
+    def note(self, text: str) -> None:
+        """Write a line."""
+        raise_if_stopped()
+        if not self.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option ``--quiet``."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="write no progress to stderr")
+
+
+def report_error(text: str) -> None:
+    """Write the one line on stderr that says what went wrong."""
+    print(f"skhybrid: error: {text}", file=sys.stderr)
+
+
+def one_line(text: object) -> str:
+    """A message without its line breaks."""
+    return " ".join(str(text).split())

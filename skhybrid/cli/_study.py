@@ -1,0 +1,55 @@
+"""A study from the command line: run it, write its files, print its table."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pandas as pd
+
+from ..study import Settings, StudyData, format_table, run_study, write_outputs
+from ._output import DONE, Progress, one_line
+
+
+def study_to_folder(
+    settings: Settings, data: StudyData, out: Path, progress: Progress, heat_gain: pd.Series | None = None
+) -> int:
+    """Run a study, write its files to a folder and print the comparison.
+
+    Parameters
+    ----------
+    settings : Settings
+    data : StudyData
+    out : Path
+        Created if it does not exist.
+    progress : Progress
+    heat_gain : Series, optional
+        True internal gains [kW], shown in the report where they are known.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    ValueError
+        If the folder cannot be written to, or the study fails.
+    """
+    _refuse_unwritable(out)
+    result = run_study(settings, data, progress)
+    written = write_outputs(result, out, truth=None if heat_gain is None else heat_gain.reindex(result.zeta.index))
+    for text in result.warnings:
+        progress.note(f"warning: {one_line(text)}")
+    print(format_table(result.table))
+    print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
+    return DONE
+
+
+def _refuse_unwritable(out: Path) -> None:
+    """Refuse a folder before minutes of work, not after them."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out} is a file; give a folder.")
+    nearest = next(p for p in out.absolute().parents if p.exists())
+    if not nearest.is_dir() or not os.access(out if out.exists() else nearest, os.W_OK):
+        raise ValueError(f"--out {out} cannot be written to; give another folder.")

@@ -1,0 +1,114 @@
+"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5).
+
+A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``: what it expects of
+each row when nothing of the past is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, Self
+
+import numpy as np
+
+from .._table import ZoneTable
+from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
+
+#: a mean over fewer values than this is left to the next coarser one.
+MIN_COUNT = 2
+
+
+class Baseline(Protocol):
+    """What :class:`~skhybrid.forecasting.DisturbanceForecaster` needs of a baseline."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        """Learn from a training table and its target (n_rows,), NaN where missing."""
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """Forecasts (n_origins, n_leads) of the rows after each origin; anything at rows beyond the table."""
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        """Expectation (n_rows,) of each row when no past disturbance is known."""
+
+
+def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) target rows, held at the last row beyond the table."""
+    return np.minimum(target_rows(origins, n_leads), table.n_rows - 1)
+
+
+def _means(levels: np.ndarray, target: np.ndarray, n_levels: int, fallback: np.ndarray) -> np.ndarray:
+    """Mean of the known targets of each level, the fallback where a level has fewer than MIN_COUNT."""
+    known = np.isfinite(target)
+    counts = np.bincount(levels[known], minlength=n_levels)
+    sums = np.bincount(levels[known], weights=target[known], minlength=n_levels)
+    return np.where(counts >= MIN_COUNT, sums / np.maximum(counts, 1), fallback)
+
+
+class WeeklyProfile:
+    """``"profile"``: the mean by hour of week (by time step of week where the step is not an hour).
+
+    A time of the week that was seen less than twice takes the mean of its hour of day on weekdays or on weekends, and
+    failing that the mean of all.
+    """
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        """Average the training target."""
+        overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
+        slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
+        by_hour = _means(day_type_hour(table.time), target, 48, np.full(48, overall))
+        hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
+        day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
+        fallback = by_hour[np.tile(hours, 7) + day_types]
+        levels = table.time.day_of_week.to_numpy() * self.n_slots_ + slots
+        self.profile_ = _means(levels, target, 7 * self.n_slots_, fallback)
+        return self
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        """The profile at each row."""
+        slots = slot_of_day(table.time, table.step)
+        return self.profile_[table.time.day_of_week.to_numpy() * self.n_slots_ + slots]
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """The profile at each row ahead, whatever the past."""
+        return self.expected(table)[rows_ahead(table, origins, n_leads)]
+
+
+class LastWeek:
+    """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        """Keep the profile to fall back on."""
+        self.profile_ = WeeklyProfile().fit(table, target)
+        return self
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        """The profile at each row."""
+        return self.profile_.expected(table)
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """Repeat what is known of the week before each origin."""
+        zeta, rows = zeta_of(table), target_rows(origins, n_leads)
+        per_day = rows_per_day(table.step)
+        out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
+        daily = last_same_slot(zeta, rows, origins, per_day, 7)
+        out = np.where(np.isnan(out), daily, out)
+        return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
+
+
+class Persistence:
+    """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        """Keep the profile to fall back on."""
+        self.profile_ = WeeklyProfile().fit(table, target)
+        return self
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        """The profile at each row."""
+        return self.profile_.expected(table)
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """Hold the last known value."""
+        zeta = zeta_of(table)
+        last = np.maximum.accumulate(np.where(np.isfinite(zeta), np.arange(len(zeta)), -1))[origins]
+        held = np.where(last >= 0, zeta[np.maximum(last, 0)], np.nan)[:, None]
+        return np.where(np.isnan(held), self.profile_.forecast(table, origins, n_leads), held)

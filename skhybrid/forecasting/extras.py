@@ -1,0 +1,35 @@
+"""Check for the optional libraries that networks need, without loading them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+from .cases import NETWORKS
+
+
+def networks_available() -> bool:
+    """Whether torch and skorch are installed."""
+    try:
+        return all(find_spec(name) is not None for name in ("torch", "skorch"))
+    except (ImportError, ValueError):  # an import hook refuses them, or their place in sys.modules is taken
+        return False
+
+
+def require_networks(model: Any) -> None:
+    """Refuse a network where the libraries that train it are missing; ask before anything expensive is computed.
+
+    Parameters
+    ----------
+    model : object
+        A model, as :class:`~skhybrid.DisturbanceForecaster` takes it; those that are no network are accepted.
+
+    Raises
+    ------
+    ImportError
+        If the model is a network and torch or skorch is missing.
+    """
+    if isinstance(model, str) and model in NETWORKS and not networks_available():
+        raise ImportError(
+            f'model={model!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'
+        )

@@ -1,0 +1,115 @@
+"""Many forecasters of the same rows, fitted together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, overload
+
+from sklearn.base import clone
+
+from .._threads import one_blas_thread
+from .forecaster import DisturbanceForecaster
+
+_Results = list[DisturbanceForecaster | Exception]
+
+
+@overload
+def fit_many(
+    forecasters: Iterable[DisturbanceForecaster],
+    X: Any,
+    y: Any,
+    *,
+    on_error: Literal["raise"] = "raise",
+    verbose: int = 0,
+) -> list[DisturbanceForecaster]: ...
+
+
+@overload
+def fit_many(
+    forecasters: Iterable[DisturbanceForecaster], X: Any, y: Any, *, on_error: Literal["return"], verbose: int = 0
+) -> _Results: ...
+
+
+@one_blas_thread
+def fit_many(
+    forecasters: Iterable[DisturbanceForecaster], X: Any, y: Any, *, on_error: str = "raise", verbose: int = 0
+) -> Any:
+    """Fit many forecasters to the same rows, such as the candidates of a search.
+
+    Each becomes what ``clone(forecaster).fit(X, y)`` is; networks agree with it to rounding.  What they share is
+    computed once: the windows of a case, and the baseline that networks correct.  Networks of equal shape (framework,
+    history, layers and widths; activation, dropout, seed, and for RNN and LSTM the case may differ) are trained as one
+    stack, which each leaves when its own early stopping says so.
+
+    One thread computes.  To keep several cores busy, give each process some of the forecasters, those of equal shape
+    to one process.
+
+    Parameters
+    ----------
+    forecasters : iterable of DisturbanceForecaster
+        Candidates; they are cloned, and left as they are.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        As in :meth:`DisturbanceForecaster.fit`.
+    y : Series or array-like of shape (n_samples,)
+        Disturbance over each row [kW, or degC for an output disturbance].
+    on_error : {"raise", "return"}, default "raise"
+        ``"raise"`` raises the first exception, where possible before networks are trained; ``"return"`` puts it in the
+        list in the place of its forecaster and fits the others.
+    verbose : int, default 0
+        1 shows a progress bar of epochs for each stack; the forecasters' own ``verbose`` is not read.
+
+    Returns
+    -------
+    list of DisturbanceForecaster
+        Fitted clones, in order; exceptions among them where ``on_error="return"``.
+
+    Raises
+    ------
+    ValueError
+        If ``on_error`` is unknown, or a forecaster refuses its parameters or the table.
+
+    Examples
+    --------
+    >>> from skhybrid import DisturbanceForecaster
+    >>> from skhybrid.forecasting import fit_many
+    >>> candidates = [DisturbanceForecaster("mlp", hidden_size=n, random_state=0) for n in (10, 20)]
+    >>> fitted = fit_many(candidates, X, y)  # doctest: +SKIP
+    """
+    if on_error not in ("raise", "return"):
+        raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")
+    results: dict[int, DisturbanceForecaster | Exception] = {}
+    jobs: dict[int, Any] = {}
+    shared: dict[Any, Any] = {}
+    for i, forecaster in enumerate(forecasters):
+        try:
+            one = clone(forecaster)
+            results[i], job = one, one._begin(X, y, shared)
+        except Exception as error:
+            if on_error == "raise":
+                raise
+            results[i] = error
+            continue
+        if job is not None:
+            jobs[i] = job
+    if jobs:
+        _train(jobs, results, on_error, verbose)
+    return [results[i] for i in range(len(results))]
+
+
+def _train(jobs: dict[int, Any], results: dict[int, Any], on_error: str, verbose: int) -> None:
+    """Train the networks of the forecasters that have one; an exception takes the place of its forecaster."""
+    from .networks.jobs import train_networks, try_networks  # torch loads here
+
+    train = train_networks if on_error == "raise" else try_networks
+    for i, result in zip(jobs, train(list(jobs.values()), verbose), strict=True):
+        if isinstance(result, Exception):
+            results[i] = result
+        else:
+            results[i]._take(result)
+
+
+def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:
+    """Fit several forecasters of one disturbance, networks of equal shape as one stack; others need not be ours."""
+    if all(isinstance(forecaster, DisturbanceForecaster) for forecaster in forecasters):
+        return list(fit_many(forecasters, X, y))
+    return [forecaster.fit(X, y) for forecaster in forecasters]

@@ -1,0 +1,109 @@
+"""Models of a forecaster by name, and the check of its parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .._table import ZoneTable
+from .baselines import LastWeek, Persistence, WeeklyProfile
+from .cases import NETWORKS
+from .features import TIME_ENCODINGS
+from .ridge import RidgeForecaster
+
+BASELINES: dict[str, Any] = {
+    "profile": WeeklyProfile,
+    "last_week": LastWeek,
+    "persistence": Persistence,
+    "ridge": RidgeForecaster,
+}
+ACTIVATIONS = ("relu", "selu", "gelu")
+#: the least value of each whole number
+_LEAST = {
+    "n_layers": 1,
+    "hidden_size": 1,
+    "n_channels": 1,
+    "filter_size": 1,
+    "pool_size": 0,
+    "max_epochs": 1,
+    "patience": 1,
+    "batch_size": 1,
+    "n_repeats": 1,
+}
+
+
+def is_network(model: Any) -> bool:
+    """Whether a model is the name of a network."""
+    return isinstance(model, str) and model in NETWORKS
+
+
+def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) -> Any:
+    """Fit a baseline by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of ``BASELINES``.
+    table : ZoneTable
+        Training rows with the history ``zeta``.
+    target : ndarray of shape (n_rows,)
+        Disturbance, NaN where missing.
+    n_leads : int
+        Rows of the horizon, which the ridge learns.
+
+    Returns
+    -------
+    Baseline
+    """
+    if name == "ridge":
+        return RidgeForecaster().fit(table, target, n_leads)
+    return BASELINES[name]().fit(table, target)
+
+
+def check_parameters(forecaster: Any) -> None:
+    """Refuse parameters of a :class:`~skhybrid.DisturbanceForecaster` that mean nothing.
+
+    Parameters
+    ----------
+    forecaster : DisturbanceForecaster
+        With its constructor's arguments; those of networks are read only where ``model`` is one.
+
+    Raises
+    ------
+    ValueError
+        If one is unknown or out of range.
+    """
+    model, names = forecaster.model, (*NETWORKS, *BASELINES)
+    if isinstance(model, type) or not (isinstance(model, str) or hasattr(model, "fit")):
+        raise ValueError(f"model={model!r} is neither one of {', '.join(names)} nor a regressor instance.")
+    if isinstance(model, str) and model not in names:
+        raise ValueError(f"model={model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
+    if is_network(model):
+        _check_choices(forecaster)
+        _check_numbers(forecaster)
+
+
+def _check_choices(forecaster: Any) -> None:
+    for name, choices in (
+        ("activation", ACTIVATIONS),
+        ("time_encoding", TIME_ENCODINGS),
+        ("residual_of", (None, *BASELINES)),
+        ("repeats", ("best", "mean")),
+    ):
+        value = getattr(forecaster, name)
+        if value not in choices:
+            raise ValueError(f"{name}={value!r} is not known; use one of {', '.join(map(repr, choices))}.")
+
+
+def _check_numbers(forecaster: Any) -> None:
+    for name, low in _LEAST.items():
+        value = getattr(forecaster, name)
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
+            raise ValueError(f"{name}={value!r} is not a whole number from {low}.")
+    for name in ("dropout", "validation_fraction"):
+        value = getattr(forecaster, name)
+        if not 0.0 <= value < 1.0:
+            raise ValueError(f"{name}={value!r} is outside [0, 1).")
+    if not 0.0 < forecaster.learning_rate < np.inf:
+        raise ValueError(f"learning_rate={forecaster.learning_rate!r} is outside (0, inf).")

@@ -1,0 +1,269 @@
+"""Training jobs of several forecasters: networks of equal shape are trained as one stack.
+
+The validation block is the end of the training table, with a gap of one horizon before it; no test block is ever seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor
+
+from ..cases import RECURRENT, ModelCase
+from ..features import rows_per_day
+from ..training_job import JobResult, TrainingJob
+from .callbacks import TrainingResult
+from .fitted import FittedNetwork, make_stack
+from .spec import NetworkSpec
+from .training import TrainingSettings, one_thread, train_stack
+from .windows import Scaler, Windows, WindowTable, columns_of, padded_windows, scaled_views
+
+#: Epochs of a table that is too short for a validation block, which says when to stop.
+_EPOCHS_WITHOUT_VALIDATION = 20
+#: Networks of a stack: on a CPU more of them leave its caches; a GPU is busy only with many.
+_LARGEST_STACK = {"cpu": 24, "other": 256}
+
+
+class _Data(NamedTuple):
+    """Z-scores and windows of a case, which all jobs of the same rows, baseline and case share."""
+
+    scaler: Scaler
+    n_past: int
+    n_columns: tuple[int, int]  # of past and future
+    train: Windows
+    valid: Windows | None
+
+
+class _Plan(NamedTuple):
+    """A job made ready."""
+
+    job: TrainingJob
+    spec: NetworkSpec
+    training: TrainingSettings
+    data: _Data
+
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """What plans must share to be trained as one stack: equal networks, settings and numbers of windows."""
+        return (self.spec.shape, self.training, self.job.base is not None, self.job.table.n_rows, self.job.split)
+
+
+def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResult]:
+    """Train the networks of several forecasters, those of equal shape as one stack.
+
+    Parameters
+    ----------
+    jobs : sequence of TrainingJob
+        Such as the candidates of a search.
+    verbose : int, default 0
+        1 shows a progress bar.
+
+    Returns
+    -------
+    list of JobResult
+        In the order of the jobs; to rounding what each would be alone.
+    """
+    found = try_networks(jobs, verbose)
+    for one in found:
+        if isinstance(one, Exception):
+            raise one
+    return cast(list[JobResult], found)
+
+
+def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResult | Exception]:
+    """:func:`train_networks`, with an exception in the place of each job that fails."""
+    plans: dict[int, _Plan] = {}
+    results: dict[int, JobResult | Exception] = {}
+    shared: dict[Any, _Data] = {}
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for i, job in enumerate(jobs):
+        try:
+            plans[i] = _plan(job, shared)
+        except Exception as error:
+            results[i] = error
+        else:
+            groups.setdefault(plans[i].shape, []).append(i)
+    for numbers in groups.values():
+        try:
+            results |= _train_group({i: plans[i] for i in numbers}, verbose)
+        except Exception as error:
+            results |= dict.fromkeys(numbers, error)
+    return [results[i] for i in range(len(jobs))]
+
+
+def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult | Exception]:
+    """Train plans of one shape in stacks; neighbours have one activation."""
+    ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
+    networks = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
+    found: dict[tuple[int, int], TrainingResult] = {}
+    device = plans[ordered[0]].training.device
+    n_stacks = -(-len(networks) // _LARGEST_STACK["cpu" if device == "cpu" else "other"])
+    for part in np.array_split(np.arange(len(networks)), n_stacks):
+        chosen = [networks[k] for k in part]
+        found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
+    return {i: _finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in plans.items()}
+
+
+def _train(networks: Sequence[tuple[_Plan, int]], verbose: int) -> list[TrainingResult]:
+    """Train (plan, seed) pairs of equal shape as one stack."""
+    plans = [plan for plan, _ in networks]
+    first = plans[0]
+    train = Windows.joined([plan.data.train for plan in plans])
+    validating = [plan.data.valid for plan in plans if plan.data.valid is not None]
+    valid = Windows.joined(validating) if validating else None
+    generators = [torch.Generator().manual_seed(seed) for _, seed in networks]
+    stack = make_stack([plan.spec for plan in plans]).draw_weights(generators, corrects=first.job.base is not None)
+    return train_stack(stack, generators, train, valid, first.training, verbose)
+
+
+# ------------------------------------------------------------------------------------------------------- before, after
+def torch_device(device: str) -> str:
+    """The device to train on: ``"auto"`` is a GPU where torch finds one.
+
+    Parameters
+    ----------
+    device : str
+        ``"cpu"``, ``"auto"``, or one of torch's names, such as ``"cuda"``.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        If torch does not know the device or cannot use it here.
+    """
+    if device == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:  # torch raises the second where it was built without a GPU
+        raise ValueError(f"device={device!r} cannot be used here: {str(error).splitlines()[0]}") from None
+    return device
+
+
+def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
+    """Shape and settings of a job, and its windows, which ``shared`` may have from an earlier job."""
+    settings, is_recurrent = job.settings, job.settings.model in RECURRENT
+    key = (id(job.table), id(job.target), id(job.base), settings.case_, settings.time_encoding, is_recurrent, job.split)
+    if (*key, job.n_leads) not in shared:
+        shared[*key, job.n_leads] = _data(job)
+    data = shared[*key, job.n_leads]
+    n_epochs = settings.max_epochs if data.valid is not None else min(settings.max_epochs, _EPOCHS_WITHOUT_VALIDATION)
+    device = torch_device(settings.device)
+    training = TrainingSettings(settings.learning_rate, settings.batch_size, n_epochs, settings.patience, device)
+    return _Plan(job, _spec_of(job, data), training, data)
+
+
+def _data(job: TrainingJob) -> _Data:
+    """Z-scores of the training block, and all windows in them."""
+    settings, split, n_leads, n_rows = job.settings, job.split, job.n_leads, job.table.n_rows
+    case: ModelCase = settings.case_
+    past, future = columns_of(job.table, case, settings.model, settings.time_encoding)
+    early = slice(0, split.train_end)
+    scaler = Scaler.of(job.target[early], past[early], future[early])
+    n_past = int(case.pattern_days) * rows_per_day(job.table.step)
+    expected = None if job.base is None else job.base.expected(job.table)
+    views = scaled_views(job.table, (past, future), scaler, expected, n_past, n_leads, after=n_leads)
+    ahead = np.append((job.target - scaler.zeta_mean) / scaler.zeta_std, np.full(n_leads, np.nan))
+    targets = padded_windows(ahead[1:], 0, 0, n_leads)
+    table = WindowTable(settings.model, "zeta" in case.past, views, _base_windows(job, scaler), targets)
+    # A window whose past is mostly padding teaches little: it is used only where windows are few.
+    first = min(n_past - 1, split.train_end // 4)
+    last = n_rows - 1 if split.valid_start is None else split.train_end - n_leads
+    train = Windows([table], torch.arange(first, max(last, first + 1)))
+    valid = None
+    if split.valid_start is not None:
+        valid = Windows([table], torch.arange(split.valid_start - 1, n_rows - n_leads))
+    return _Data(scaler, n_past, (past.shape[1], future.shape[1]), train, valid)
+
+
+def _base_windows(job: TrainingJob, scaler: Scaler) -> Tensor:
+    """The baseline's forecast from every row, 0 where there is none."""
+    if job.base is None:
+        return torch.zeros(job.table.n_rows, job.n_leads)
+    forecast = job.base.forecast(job.table, np.arange(job.table.n_rows), job.n_leads)
+    return torch.from_numpy(((forecast - scaler.zeta_mean) / scaler.zeta_std).astype(np.float32))
+
+
+def _spec_of(job: TrainingJob, data: _Data) -> NetworkSpec:
+    settings, case = job.settings, job.settings.case_
+    sizes = {name: getattr(settings, name) for name in ("n_layers", "hidden_size", "activation", "dropout")}
+    for name in ("n_channels", "filter_size", "pool_size"):
+        # others do not read them: candidates that differ in nothing else are of equal shape
+        sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
+    return NetworkSpec(
+        kind=settings.model,
+        n_past=data.n_past,
+        n_leads=job.n_leads,
+        n_past_columns=data.n_columns[0],
+        n_future_columns=data.n_columns[1],
+        reads_zeta="zeta" in case.past,
+        **sizes,
+    )
+
+
+def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
+    """Choose among the repeats, or average them, and find how much of the correction to use."""
+    losses = np.array([one.valid_loss for one in found])
+    best = 0 if np.isnan(losses).all() else int(np.nanargmin(losses))
+    used = list(range(len(found))) if plan.job.settings.repeats == "mean" else [best]
+    weights = {name: torch.stack([found[i].weights[name] for i in used]).numpy() for name in found[0].weights}
+    settings = plan.job.settings
+    network = FittedNetwork(plan.spec, settings.case_, settings.time_encoding, plan.data.scaler, weights)
+    weight = 1.0
+    if plan.job.base is not None:
+        weight = 0.0 if plan.data.valid is None else _correction_weight(plan, network)
+    repeats = pd.DataFrame(
+        {
+            "seed": plan.job.seeds,
+            "n_epochs": [len(one.history) for one in found],
+            "train_loss": [one.history[-1]["train_loss"] for one in found],
+            "valid_loss": losses,
+            "used": [i in used for i in range(len(found))],
+        }
+    )
+    return JobResult(network, weight, found[best].history, repeats)
+
+
+def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
+    """The share in [0, 1] of the correction to use, by least squares on the validation block less one standard error.
+
+    The block that stopped the training flatters it: without the discount, corrections that do not last are kept.
+    """
+    stack = network.build()
+    valid = cast(Windows, plan.data.valid)
+    inputs, targets = valid.take(torch.arange(len(valid)), stack.numbers)
+    with torch.no_grad(), one_thread():
+        forecast = stack(**inputs).mean(dim=0)
+    base, target = inputs["base"][0], targets[0]
+    known = torch.isfinite(target)
+    correction = torch.where(known, forecast.double() - base.double(), 0.0)
+    left = torch.where(known, (target - base).double(), 0.0)
+    cross = (correction * left).sum(dim=1).numpy()
+    power = (correction**2).sum(dim=1).numpy()
+    return discounted_share(cross, power, n_blocks=max(2, len(target) // target.shape[1]))
+
+
+def discounted_share(cross: np.ndarray, power: np.ndarray, n_blocks: int) -> float:
+    """``sum(cross) / sum(power)`` less its jackknife standard error over blocks of consecutive windows, in [0, 1].
+
+    Parameters
+    ----------
+    cross, power : ndarray of shape (n_windows,)
+        Each window's product of correction and remainder, and its squared correction.
+    n_blocks : int
+        Number of blocks of windows that are left out in turn; windows of a block overlap.
+    """
+    crosses, powers = (np.array([part.sum() for part in np.array_split(v, n_blocks)]) for v in (cross, power))
+    rest = powers.sum() - powers
+    if not np.isfinite(crosses).all() or not (rest > 0).all():
+        return 0.0
+    shares = (crosses.sum() - crosses) / rest
+    error = np.sqrt((n_blocks - 1) / n_blocks * ((shares - shares.mean()) ** 2).sum())
+    return float(np.clip(crosses.sum() / powers.sum() - error, 0.0, 1.0))

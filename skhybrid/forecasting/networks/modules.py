@@ -1,0 +1,156 @@
+"""Torch modules of the paper's networks (Eqs. MLP, CNN, RNN, LSTM): stacks of networks of equal shape.
+
+A network that is trained alone is a stack of one.  The first axis of every tensor counts networks, the second windows:
+
+====== ================================== =====================================================
+inputs (n_networks, n_windows, ...)       what a window reads (:func:`~.windows.network_inputs`)
+base   (n_networks, n_windows, n_leads)   baseline forecast that is corrected; 0 where there is none
+kept   (n_networks, *dropout shape)       factors of dropout: 0, or 1 / (1 - share); None drops nothing
+====== ================================== =====================================================
+
+Inputs and forecasts are z-scores.  No network's forecast or gradient contains anything of another's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import groupby
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from .spec import NetworkSpec, layers_of, pooled
+
+_ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F.selu, "gelu": F.gelu}
+
+
+class NetworkStack(nn.Module):
+    """Networks of equal shape, whose weights are the rows of one matrix.
+
+    Parameters
+    ----------
+    specs : sequence of NetworkSpec
+        One per network; they may differ in activation and dropout.
+
+    Attributes
+    ----------
+    flat : Parameter of shape (n_networks, n_weights)
+        All weights; those of the layers are views of it, so that an optimiser steps one tensor.
+    numbers : list of int
+        The number of the network in each row, which stays when others leave the stack.
+    """
+
+    def __init__(self, specs: Sequence[NetworkSpec]) -> None:
+        super().__init__()
+        self.spec = specs[0]
+        if any(one.shape != self.spec.shape for one in specs):
+            raise ValueError("networks of a stack must be of equal shape.")
+        self.specs = list(specs)
+        self.numbers = list(range(len(specs)))
+        self.layers = layers_of(self.spec)
+        self._shapes = [shape for layer in self.layers for shape in (layer.shape, (layer.n_out,))]
+        self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
+        self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
+
+    @torch.no_grad()
+    def draw_weights(self, generators: Sequence[torch.Generator], corrects: bool = False) -> NetworkStack:
+        """Draw initial weights, those of each network from its own generator.
+
+        Parameters
+        ----------
+        generators : sequence of torch.Generator
+            One per network.
+        corrects : bool, default False
+            Whether networks correct a baseline: their last layer begins at zero, which is the baseline itself.
+
+        Returns
+        -------
+        NetworkStack
+            Itself.
+        """
+        weights = self.weights()
+        for layer in self.layers[:-1] if corrects else self.layers:
+            for row, generator in enumerate(generators):
+                weight, bias = layer.draw(generator)
+                weights[f"{layer.name}.weight"][row] = weight
+                weights[f"{layer.name}.bias"][row] = bias
+        return self
+
+    def weights(self) -> dict[str, Tensor]:
+        """Views of the weights by name.
+
+        Returns
+        -------
+        dict of str to Tensor
+            ``<layer>.weight`` (n_networks, n_in, n_out), of a convolution (n_networks, n_out, n_in, width), and
+            ``<layer>.bias`` (n_networks, n_out).
+        """
+        names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
+        pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
+        return {name: piece.unflatten(1, shape) for name, piece, shape in pieces}
+
+    @torch.no_grad()
+    def set_weights(self, weights: dict[str, Tensor]) -> NetworkStack:
+        """Copy weights named as :meth:`weights` names them into the stack, which is returned."""
+        for name, view in self.weights().items():
+            view.copy_(weights[name])
+        return self
+
+    def keep(self, rows: list[int]) -> None:
+        """Remove the networks of all other rows; ``flat`` becomes another parameter."""
+        self.specs = [self.specs[row] for row in rows]
+        self.numbers = [self.numbers[row] for row in rows]
+        self.flat = nn.Parameter(self.flat.detach()[rows])
+
+    def activate(self, z: Tensor) -> Tensor:
+        """The activation of each network; neighbours of one kind are computed together."""
+        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in self.specs)]
+        if len(runs) == 1:
+            return _ACTIVATIONS[runs[0][0]](z)
+        parts = z.split([length for _, length in runs])
+        return torch.cat([_ACTIVATIONS[name](part) for (name, _), part in zip(runs, parts, strict=True)])
+
+
+class MLPStack(NetworkStack):
+    """Eq. MLP over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
+
+    def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
+        """Forecasts (n_networks, n_windows, n_leads)."""
+        weights, z = self.weights(), inputs
+        for i in range(self.spec.n_layers):
+            z = self.activate(dense(weights, f"hidden{i}", z))
+            z = z if kept is None else z * kept[:, i]
+        return base + dense(weights, "out", z)
+
+
+class CNNStack(NetworkStack):
+    """Eq. CNN over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
+
+    def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
+        """Forecasts (n_networks, n_windows, n_leads)."""
+        weights, z = self.weights(), inputs[:, :, None]
+        for i in range(self.spec.n_layers + 1):
+            z = self._convolve(z, weights[f"conv{i}.weight"], weights[f"conv{i}.bias"])
+            z = self.activate(self._pool(z))
+        z = self.activate(dense(weights, "hidden", z.flatten(2)))
+        return base + dense(weights, "out", z if kept is None else z * kept[:, 0])
+
+    def _convolve(self, z: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+        """Convolutions (n_networks, n_windows, n_channels, length), on a GPU as groups of one."""
+        padding = self.spec.filter_size // 2
+        if z.device.type == "cpu":  # grouped convolutions take twice the time there
+            return torch.stack([F.conv1d(*one, padding=padding) for one in zip(z, weight, bias, strict=True)])
+        joined = z.transpose(0, 1).flatten(1, 2)
+        joined = F.conv1d(joined, weight.flatten(0, 1), bias.flatten(), padding=padding, groups=len(z))
+        return joined.unflatten(1, (len(z), -1)).transpose(0, 1)
+
+    def _pool(self, z: Tensor) -> Tensor:
+        if pooled(z.shape[3], self.spec) == z.shape[3]:
+            return z
+        return F.max_pool1d(z.flatten(0, 1), self.spec.pool_size).unflatten(0, z.shape[:2])
+
+
+def dense(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
+    """``W z + b`` of every network, (n_networks, n_windows, n_out)."""
+    return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])

@@ -1,0 +1,154 @@
+"""Training a stack with skorch: one net for all networks, of which each is clipped, stopped and kept by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import torch
+from skorch import NeuralNet
+from skorch.helper import predefined_split
+from threadpoolctl import ThreadpoolController
+from torch import Tensor
+
+from .batches import WindowBatches
+from .callbacks import EarlyStoppingPerNetwork, EpochProgress, GradientClippingPerNetwork, TrainingResult
+from .modules import NetworkStack
+from .windows import Windows
+
+_MAX_NORM = 1.0
+
+
+class TrainingSettings(NamedTuple):
+    """Settings that all networks of a stack share."""
+
+    learning_rate: float
+    batch_size: int
+    max_epochs: int
+    patience: int
+    device: str = "cpu"
+
+
+class SquaredErrorsPerNetwork(torch.nn.Module):
+    """Sum of squared errors of each network over the known targets of a batch, and their number."""
+
+    def forward(self, forecast: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
+        """Sums and numbers (n_networks,) for forecasts (n_networks, n_windows, n_leads); unknown targets are NaN."""
+        known = torch.isfinite(target)
+        errors = torch.where(known, forecast - target, 0.0).flatten(1)
+        return (errors * errors).sum(dim=1), known.flatten(1).sum(dim=1)
+
+
+class StackNet(NeuralNet):
+    """skorch's net over a stack of networks.
+
+    The loss is the sum of the networks' mean squared errors, so that no network's gradient contains anything of
+    another's.  Of every batch the history has the sums of squared errors by network (``train_squares``,
+    ``valid_squares``) and the numbers of known targets (``train_known``, ``valid_known``).
+
+    Parameters
+    ----------
+    *args, **kwargs
+        As of ``NeuralNet``.
+    generators : sequence of torch.Generator
+        One per network: source of its order of windows and of its dropout.
+    """
+
+    def __init__(self, *args: Any, generators: Sequence[torch.Generator] = (), **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.generators = generators
+
+    def get_iterator(self, dataset: Windows, training: bool = False) -> WindowBatches:
+        """Shuffled batches in training, batches in order otherwise."""
+        return WindowBatches(dataset, self.batch_size, self.module_, self.generators if training else None)
+
+    def get_loss(self, y_pred: Tensor, y_true: Tensor, X: Any = None, training: bool = False) -> Tensor:
+        """Sum of the networks' mean squared errors, which the history records one by one."""
+        squares, n_known = super().get_loss(y_pred, y_true, X, training)
+        part = "train" if training else "valid"
+        self.history.record_batch(f"{part}_squares", squares.detach())
+        self.history.record_batch(f"{part}_known", n_known)
+        return (squares / n_known.clamp(min=1)).sum()
+
+
+@lru_cache(maxsize=1)
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()  # reading the loaded libraries takes a millisecond; torch is among them here
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """A context in which the calling thread, and no other, computes without helpers.
+
+    Where helpers share a tensor, the last bits of what lies at a cut change: a fit in a worker process, which has fewer
+    helpers, would differ from one in the main process.  OpenMP keeps this number by calling thread: nothing global is
+    set, it comes back after the block, and networks of this size are no slower.
+    """
+    with _controller().limit(limits=1, user_api="openmp"):
+        yield
+
+
+def train_stack(
+    stack: NetworkStack,
+    generators: Sequence[torch.Generator],
+    train: Windows,
+    valid: Windows | None,
+    settings: TrainingSettings,
+    verbose: int = 0,
+) -> list[TrainingResult]:
+    """Train the networks of a stack.
+
+    Parameters
+    ----------
+    stack : NetworkStack
+        With initial weights; networks leave it when they stop.
+    generators : sequence of torch.Generator
+        One per network: source of its order of windows and of its dropout.
+    train, valid : Windows
+        Data to learn from, and data that say when to stop; without ``valid`` all of ``max_epochs`` are run.
+    settings : TrainingSettings
+        How to train.
+    verbose : int, default 0
+        1 shows a progress bar.
+
+    Returns
+    -------
+    list of TrainingResult
+        One per network, in order: to rounding what it would be alone.
+    """
+    device = settings.device
+    stopping = EarlyStoppingPerNetwork(None if valid is None else settings.patience)
+    net = StackNet(
+        stack,
+        criterion=SquaredErrorsPerNetwork,
+        optimizer=torch.optim.Adam,
+        optimizer__fused=True,
+        lr=settings.learning_rate,
+        max_epochs=settings.max_epochs,
+        batch_size=settings.batch_size,
+        train_split=None if valid is None else predefined_split(valid.to(device)),
+        callbacks=[
+            ("clipping", GradientClippingPerNetwork(_MAX_NORM)),
+            *([("progress", EpochProgress())] if verbose else []),
+            ("stopping", stopping),
+        ],
+        **{f"callbacks__{name}": None for name in ("epoch_timer", "train_loss", "valid_loss", "print_log")},
+        device=device,
+        verbose=0,
+        generators=[_on_device(generator, device) for generator in generators],
+    ).initialize()
+    with one_thread():
+        net.partial_fit(train.to(device))
+    stopping = dict(net.callbacks_)["stopping"]
+    if not stopping.ended_:  # skorch takes a user's interruption for the end of training
+        raise KeyboardInterrupt
+    return stopping.results(stack)
+
+
+def _on_device(generator: torch.Generator, device: str) -> torch.Generator:
+    """The generator itself on a CPU; elsewhere one that it seeds."""
+    if device == "cpu":
+        return generator
+    return torch.Generator(device).manual_seed(int(torch.randint(2**62, (), generator=generator)))

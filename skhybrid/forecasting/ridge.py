@@ -1,0 +1,225 @@
+"""``"ridge"``: calendar and weather, linear, plus what the recent past deviates from them.
+
+Two ridge regressions.  The *static* one explains every row by calendar and weather alone, so that it is also the
+expectation when no past is known.  The *dynamic* one forecasts the deviation from it, over (origin, lead) pairs, from
+deviations known at the origin.  Both choose their penalty by leaving out blocks of time (weeks where there are enough),
+and the dynamic one learns from deviations that the static one left in blocks it had not seen.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.linalg import eigh
+
+from .._table import ZoneTable
+from .baselines import rows_ahead
+from .features import (
+    day_type_hour,
+    irradiance_roles,
+    is_weekend,
+    known_at,
+    last_same_slot,
+    one_hot,
+    rows_per_day,
+    target_rows,
+    trailing_mean,
+    zeta_of,
+)
+
+ALPHAS = np.logspace(-1.0, 5.0, 13)
+#: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
+_WEATHER_SCALE = 10.0
+#: how freely the effect of the outdoor temperature may differ by hour; left-out blocks choose.
+_HOURLY_SHARES = (0.0, 0.3, 1.0)
+#: (origin, lead) pairs that are learned from; beyond it origins are thinned evenly.
+_MOST_PAIRS = 150_000
+_DECAYS_H = (2.0, 8.0, 24.0)
+
+
+class RidgeFit(NamedTuple):
+    """A ridge regression whose penalty was chosen by blocks of time."""
+
+    mean: np.ndarray  # (p,) of the columns
+    coef: np.ndarray  # (p,)
+    intercept: float
+    alpha: float
+
+    def predict(self, D: np.ndarray) -> np.ndarray:
+        return (D - self.mean) @ self.coef + self.intercept
+
+
+def _moments(D: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The matrix [D 1 y]' [D 1 y], which adds over blocks."""
+    whole = np.column_stack([D, np.ones(len(y)), y])
+    return whole.T @ whole
+
+
+def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Column means (p,), coefficients (n_alphas, p) and intercept of the ridge with a free intercept."""
+    n = max(moments[-2, -2], 1.0)
+    mean, y_mean = moments[:-2, -2] / n, moments[-1, -2] / n
+    gram = moments[:-2, :-2] - n * np.outer(mean, mean)
+    cross = moments[:-2, -1] - n * mean * y_mean
+    values, vectors = eigh(gram)
+    projected = vectors.T @ cross
+    coefs = (vectors @ (projected[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
+    return mean, coefs, np.asarray(y_mean)
+
+
+def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[RidgeFit, np.ndarray]:
+    """Ridge regression with the penalty that forecasts left-out blocks best.
+
+    scikit-learn's searches refit for every pair of penalty and block; here the blocks' moments are summed once.
+
+    Parameters
+    ----------
+    D : ndarray of shape (n, p)
+        Columns; finite.
+    y : ndarray of shape (n,)
+        Target; finite.
+    blocks : ndarray of int, shape (n,)
+        Block of time of each row; with fewer than two blocks the penalty is 10.
+
+    Returns
+    -------
+    fit : RidgeFit
+    left_out : ndarray of shape (n,)
+        Prediction of each row by the fit that has not seen its block.
+    """
+    names = np.unique(blocks)
+    parts = [_moments(D[blocks == b], y[blocks == b]) for b in names]
+    total = np.sum(parts, axis=0)
+    if len(names) < 2:
+        alpha, left_out = 10.0, None
+    else:
+        paths = np.empty((len(ALPHAS), len(y)))
+        for b, part in zip(names, parts, strict=True):
+            mean, coefs, intercept = _solve(total - part, ALPHAS)
+            paths[:, blocks == b] = coefs @ (D[blocks == b] - mean).T + intercept
+        best = int(np.argmin(((paths - y) ** 2).mean(axis=1)))
+        alpha, left_out = float(ALPHAS[best]), paths[best]
+    mean, coefs, intercept = _solve(total, np.array([alpha]))
+    fit = RidgeFit(mean, coefs[0], float(intercept), alpha)
+    return fit, fit.predict(D) if left_out is None else left_out
+
+
+def time_blocks(table: ZoneTable) -> np.ndarray:
+    """Block of each row, (n_rows,) int: weeks counted from the end, days where there are less than three weeks."""
+    per_day = rows_per_day(table.step)
+    back = np.arange(table.n_rows)[::-1]
+    width = 7 * per_day if table.n_rows >= 21 * per_day else per_day
+    last = max(table.n_rows // width - 1, 0)  # a short first block joins its neighbour
+    return np.minimum(back // width, last)
+
+
+class StaticModel:
+    """Calendar and weather: hour and day effects that shrink to their mean, weather, and its effect by hour."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        """Fit the rows whose target is known; ``left_out_`` holds out-of-block predictions of every row."""
+        weather = _weather(table)
+        self.weather_mean_, spread = weather.mean(axis=0), weather.std(axis=0)
+        self.weather_std_ = np.where(spread > 1e-9, spread, np.inf)  # a constant column has no effect
+        known, blocks = np.isfinite(target), time_blocks(table)
+        least = np.inf
+        for share in _HOURLY_SHARES if "T_oa" in table.inputs else (0.0,):
+            D = self._design(table, share)
+            fit, left_out = ridge_by_blocks(D[known], target[known], blocks[known])
+            error = float(((left_out - target[known]) ** 2).mean())
+            if error < least:
+                least, self.fit_, self.hourly_share_ = error, fit, share
+                self.left_out_ = fit.predict(D)
+                self.left_out_[known] = left_out
+        return self
+
+    def predict(self, table: ZoneTable) -> np.ndarray:
+        """The expectation of every row, (n_rows,)."""
+        return self.fit_.predict(self._design(table, self.hourly_share_))
+
+    def _design(self, table: ZoneTable, hourly_share: float) -> np.ndarray:
+        """Hour x weekday/weekend, day of week, weather and, unless its share is 0, outdoor temperature by hour."""
+        cells = one_hot(day_type_hour(table.time), 48)
+        scaled = (_weather(table) - self.weather_mean_) / self.weather_std_
+        blocks = [cells, one_hot(table.time.day_of_week.to_numpy(), 7), _WEATHER_SCALE * scaled]
+        if hourly_share > 0.0:  # ventilation and infiltration follow the schedule
+            blocks.append(hourly_share * cells * scaled[:, -1:])
+        return np.hstack(blocks)
+
+
+def _weather(table: ZoneTable) -> np.ndarray:
+    """Irradiances and, last, the outdoor temperature, (n_rows, n_columns)."""
+    columns = [table.inputs[role] for role in irradiance_roles(table.inputs)]
+    columns += [table.inputs["T_oa"]] if "T_oa" in table.inputs else []
+    return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
+
+
+class RidgeForecaster:
+    """The static model plus a linear forecast of the deviation from it."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> Self:
+        """Fit both regressions on a training table; the dynamic one covers leads up to ``n_leads``."""
+        self.static_ = StaticModel().fit(table, target)
+        left = self.static_.left_out_
+        deviation, wanted = zeta_of(table) - left, target - left
+        origins = training_origins(table.n_rows, n_leads)
+        rows = target_rows(origins, n_leads)
+        inside = rows < table.n_rows
+        rows = np.minimum(rows, table.n_rows - 1)
+        use = inside & np.isfinite(wanted[rows])
+        self.dynamic_ = None
+        if use.sum() >= 2:
+            L = lag_features(table, deviation, origins, n_leads)[use]
+            self.scale_ = np.maximum(np.sqrt((L**2).mean(axis=0)), 1e-12)
+            self.dynamic_, _ = ridge_by_blocks(L / self.scale_, wanted[rows][use], time_blocks(table)[rows][use])
+        return self
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        """Calendar and weather alone."""
+        return self.static_.predict(table)
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """Calendar and weather, corrected by what the known past deviates from them."""
+        expected = self.expected(table)
+        out = expected[rows_ahead(table, origins, n_leads)]
+        if self.dynamic_ is None:
+            return out
+        L = lag_features(table, zeta_of(table) - expected, origins, n_leads) / self.scale_
+        # Without its intercept: no known deviation means no correction.
+        return out + L @ self.dynamic_.coef
+
+
+def training_origins(n_rows: int, n_leads: int) -> np.ndarray:
+    """All rows as origins, thinned evenly (by an odd stride, which meets every hour) where pairs would be too many."""
+    stride = -(-n_rows * n_leads // _MOST_PAIRS)
+    stride += stride % 2 == 0 and stride > 1
+    return np.arange(0, max(n_rows - 1, 1), max(stride, 1))
+
+
+def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """What is known at each origin of the deviation from the static model, by lead.
+
+    Unknown values are 0, which is the deviation to expect.
+
+    Returns
+    -------
+    ndarray of shape (n_origins, n_leads, n_features)
+        The last value and means of the last hours, each fading with the lead; the last day's mean and the week's; the
+        last known value at the same time of day, apart for pairs of unlike day types; and a week before.
+    """
+    per_day = rows_per_day(table.step)
+    hours = np.arange(1, n_leads + 1) * table.step_hours
+    rows = target_rows(origins, n_leads)
+    means = [trailing_mean(deviation, width) for width in (1, max(1, per_day // 4), per_day, 7 * per_day)]
+    now = [known_at(series, origins, origins)[:, None] for series in means]
+    fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
+    same = last_same_slot(deviation, rows, origins, per_day, 1)
+    week = last_same_slot(deviation, rows, origins, 7 * per_day, 1)
+    weekend = is_weekend(table.time)
+    ends = np.minimum(rows, table.n_rows - 1)
+    alike = weekend[ends] == weekend[np.maximum(ends - per_day, 0)]
+    flat = np.ones((1, n_leads))
+    features = [now[0] * fade[0], now[0] * fade[1], now[1] * fade[1], now[2] * fade[2], now[2] * flat, now[3] * flat]
+    features += [same * alike, same * ~alike, week]
+    return np.nan_to_num(np.stack(features, axis=-1))

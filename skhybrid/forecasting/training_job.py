@@ -1,0 +1,77 @@
+"""Training of networks as it is asked for and as it ends: a job of one forecaster, its split, and its result."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable
+
+
+class Split(NamedTuple):
+    """A chronological split of the rows of a training table."""
+
+    train_end: int  # targets of training lie before this row
+    valid_start: int | None  # targets of validation begin here; None: there is no validation block
+
+
+def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
+    """Cut the validation block from the end, with a gap of one horizon before it.
+
+    Parameters
+    ----------
+    n_rows, n_leads : int
+        Rows of the table and of the horizon.
+    fraction : float
+        Share of the rows that validate.
+    per_day : int
+        Rows of a day: two of them must be left to train on, and validation must be longer than one horizon.
+
+    Returns
+    -------
+    Split
+    """
+    n_valid = round(fraction * n_rows)
+    valid_start = n_rows - n_valid
+    train_end = valid_start - n_leads
+    if n_valid <= n_leads or train_end < max(2 * per_day, 2 * n_leads):
+        return Split(n_rows, None)
+    return Split(train_end, valid_start)
+
+
+class TrainingJob(NamedTuple):
+    """The networks of one forecaster: the same settings and rows, one network per seed."""
+
+    settings: Any  # DisturbanceForecaster: its constructor's arguments and ``case_``
+    table: ZoneTable  # training table with history ``zeta``
+    target: np.ndarray  # (n_rows,), NaN where missing
+    base: Any  # the baseline to correct, fitted before the validation block; None: there is none
+    split: Split
+    n_leads: int  # rows of the horizon
+    seeds: tuple[int, ...]  # of weights, dropout and batches
+
+
+class JobResult(NamedTuple):
+    """Result of a job."""
+
+    network: Any  # FittedNetwork: the network that is used, or all of them, to be averaged
+    weight: float  # share in [0, 1] of its correction that is used; 1 where there is no baseline
+    history: list[dict[str, float]]  # epochs of the network with the lowest validation error
+    repeats: pd.DataFrame  # one row per seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``used``
+
+
+def draw_seed(random_state: int | np.random.RandomState | None) -> int:
+    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
+    if random_state is None:
+        return int(np.random.default_rng().integers(2**31 - 1))
+    if isinstance(random_state, int | np.integer):
+        return int(random_state)
+    return int(random_state.randint(2**31 - 1))
+
+
+def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:
+    """A seed for each of several networks: the first is ``seed`` itself, so that one network is the first of ten."""
+    others = np.random.SeedSequence(seed).generate_state(n_repeats)
+    return (seed, *(int(value) for value in others[: n_repeats - 1]))

@@ -1,0 +1,240 @@
+"""Diagnostics of a fitted identification: tests of its one-step errors, and a report of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+from sklearn.utils.validation import check_is_fitted
+
+from ..._time import rows_covering
+from .findings import ErrorPattern
+from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """Tests of the errors of a model, and what their pattern means.
+
+    Attributes
+    ----------
+    name : str
+        Of the model.
+    innovations : DataFrame
+        ``innovation`` and ``std`` [K] of every row; all else is about their ratio.
+    sampling_time : Timedelta
+    autocorrelation : DataFrame
+        Index ``lag`` (Timedelta); ``acf``, ``band`` (95 %), ``n_pairs``.
+    ljung_box : DataFrame
+        Index ``lag`` (Timedelta); ``statistic``, ``dof``, ``p_value``.
+    cumulative_periodogram : DataFrame
+        Index ``frequency`` [1/h]; ``cumulative``, ``expected``, ``band`` (Kolmogorov-Smirnov, 95 %).
+    cross_correlation : DataFrame
+        Index ``lag`` (Timedelta; positive where the input is earlier), columns (input, ``ccf``/``band``/``t``);
+        errors and inputs prewhitened.
+    tests : DataFrame
+        One row per test: ``statistic``, ``p_value`` and ``passed`` at the level.
+    findings : tuple of str
+        What the patterns mean.
+    level : float
+        Of every test.
+    """
+
+    name: str
+    innovations: pd.DataFrame
+    sampling_time: pd.Timedelta
+    autocorrelation: pd.DataFrame
+    ljung_box: pd.DataFrame
+    cumulative_periodogram: pd.DataFrame
+    cross_correlation: pd.DataFrame
+    tests: pd.DataFrame
+    findings: tuple[str, ...]
+    level: float = 0.01
+
+    @property
+    def standardised(self) -> pd.Series:
+        """``innovation / std`` of every row; NaN where missing."""
+        return (self.innovations["innovation"] / self.innovations["std"]).rename("standardised")
+
+    @property
+    def share_outside(self) -> float:
+        """Share of the autocorrelations outside the 95 % band; 0.05 for white noise."""
+        table = self.autocorrelation.dropna()
+        return float((table["acf"].abs() > table["band"]).mean())
+
+    @property
+    def whiteness(self) -> float:
+        """p-value of whiteness: Bonferroni's of the Ljung-Box rows."""
+        return float(min(1.0, len(self.ljung_box) * self.ljung_box["p_value"].min()))
+
+    def __str__(self) -> str:
+        n, n_missing = int(self.standardised.notna().sum()), int(self.standardised.isna().sum())
+        rms = float(np.sqrt((self.innovations["innovation"] ** 2).mean()))
+        lines = [f"{self.name}: {n} one-step errors ({n_missing} rows without), rms {rms:.3g} K"]
+        shown = self.tests.assign(passed=np.where(self.tests["passed"], "yes", "NO"))
+        lines += [shown.to_string(float_format=lambda value: f"{value:.3g}")]
+        return "\n".join([*lines, *(f"- {finding}" for finding in self.findings)])
+
+    def _repr_html_(self) -> str:
+        shown = self.tests.assign(passed=np.where(self.tests["passed"], "yes", "<b>no</b>"))
+        table = shown.to_html(float_format=lambda value: f"{value:.3g}", escape=False, border=0)
+        items = "".join(f"<li>{escape(finding)}</li>" for finding in self.findings)
+        return f"<h4>Diagnostics of {escape(self.name)}</h4>{table}<ul>{items}</ul>"
+
+
+def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", level: float = 0.01) -> Diagnostics:
+    """Test the one-step errors of a fitted identification.
+
+    Parameters
+    ----------
+    estimator : fitted identification
+        With ``innovations(X)``.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        With the measured temperature as column ``T_za``: the training table, or new rows.
+    output : int, default=0
+        Which measured temperature, for a network with several.
+    max_lag : timedelta-like, default="1D"
+        Longest lag of the correlations.
+    level : float, default=0.01
+        Of every test.
+
+    Returns
+    -------
+    Diagnostics
+        Print it: one screen.
+
+    Raises
+    ------
+    ValueError
+        If X has no ``T_za``, or too few rows were measured.
+
+    Examples
+    --------
+    >>> from skhybrid import GrayBoxRC
+    >>> from skhybrid.datasets import make_office
+    >>> from skhybrid.identification import diagnose
+    >>> office = make_office(n_days=4, random_state=0)
+    >>> found = diagnose(GrayBoxRC(known=office.theta).fit(office.X, office.y), office.X)
+    >>> bool(found.tests.loc["white (Ljung-Box)", "passed"])  # the unmeasured gains are in the errors
+    False
+    """
+    check_is_fitted(estimator)
+    table = estimator._read_X(X)
+    found = estimator.innovations(table)
+    half = found.shape[1] // 2  # one column per output, then their standard deviations
+    errors = found.iloc[:, [output, half + output]].set_axis(["innovation", "std"], axis=1)
+    roles = estimator.network_.inputs(tuple(sorted(table.inputs)))
+    inputs = pd.DataFrame({role: table.inputs[role] for role in roles}, index=errors.index)
+    # one autoregressive and one moving-average root: OD's by definition, and a filter with one noise ratio has as many
+    n_fitted = 2 if len(estimator.disturbance_) else 0
+    return diagnose_residuals(
+        errors,
+        inputs,
+        sampling_time=estimator.sampling_time_,
+        n_fitted=n_fitted,
+        max_lag=max_lag,
+        level=level,
+        name=type(estimator).__name__,
+    )
+
+
+def diagnose_residuals(
+    innovations: pd.DataFrame,
+    inputs: pd.DataFrame | None = None,
+    *,
+    sampling_time: Any = None,
+    n_fitted: int = 0,
+    max_lag: Any = "1D",
+    level: float = 0.01,
+    name: str = "model",
+) -> Diagnostics:
+    """Test one-step errors that were computed already, as :func:`diagnose` does.
+
+    Parameters
+    ----------
+    innovations : DataFrame
+        Columns ``innovation`` and ``std`` [K], one row per step; NaN where nothing was measured.  Absent stamps are
+        rows without a measurement.
+    inputs : DataFrame, optional
+        Inputs of the same rows, by name; one that never changes is left out.
+    sampling_time : timedelta-like, optional
+        The step; needed where the index has no time stamps.
+    n_fitted : int
+        Parameters of the noise model that were fitted on these rows.
+    max_lag : timedelta-like, default="1D"
+        Longest lag of the correlations.
+    level : float, default=0.01
+        Of every test.
+    name : str
+        Of the model.
+
+    Returns
+    -------
+    Diagnostics
+
+    Raises
+    ------
+    ValueError
+        If there is no step, or too few rows were measured.
+    """
+    step = _step_of(innovations.index, sampling_time)
+    if isinstance(innovations.index, pd.DatetimeIndex):
+        grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
+        innovations = innovations.reindex(grid)
+        inputs = None if inputs is None else inputs.reindex(grid)
+    hours = step / pd.Timedelta("1h")
+    z = (innovations["innovation"] / innovations["std"]).to_numpy(dtype=np.float64)
+    n_lags = min(rows_covering(max_lag, step, "max_lag"), max(2, len(z) // 4))
+    acf = autocorrelation(z, n_lags)
+    box = ljung_box(z, sorted({max(n_fitted + 1, n_lags // part) for part in (4, 2, 1)}), n_fitted)
+    spectrum = cumulative_periodogram(z)
+    crossed = _cross_table(z, inputs, n_lags)
+    tests = _tests(z, box, spectrum, crossed, level)
+    findings = ErrorPattern(z, innovations.index, step, acf, spectrum, crossed, tests, level).findings()
+    for table in (acf, box, crossed):
+        table.index = pd.TimedeltaIndex(table.index.to_numpy() * step, name="lag").as_unit("ns")
+    spectrum.index = pd.Index(spectrum.index / hours, name="frequency")
+    return Diagnostics(name, innovations, step, acf, box, spectrum, crossed, tests, findings, level)
+
+
+def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
+    if given is not None:
+        return pd.Timedelta(given)
+    if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
+        raise ValueError("the rows have no time stamps: say how far apart they are, such as sampling_time='15min'.")
+    return pd.Timedelta(index[1] - index[0])
+
+
+def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.DataFrame:
+    """Lags from half a ``max_lag`` before the input to half a ``max_lag`` after it."""
+    half = max(1, n_lags // 2)
+    lags = list(range(-half, half + 1))
+    moving = [] if inputs is None else [name for name in inputs if inputs[name].max() > inputs[name].min()]
+    parts = {name: cross_correlation(z, inputs[name], lags) for name in moving if inputs is not None}
+    if not parts:
+        empty = pd.MultiIndex.from_arrays([[], []], names=["input", "value"])
+        return pd.DataFrame(index=pd.Index(lags, name="lag"), columns=empty, dtype=np.float64)
+    return pd.concat(parts, axis=1, names=["input", "value"])
+
+
+def _tests(
+    z: np.ndarray, box: pd.DataFrame, spectrum: pd.DataFrame, crossed: pd.DataFrame, level: float
+) -> pd.DataFrame:
+    worst = box.iloc[int(box["p_value"].to_numpy().argmin())]
+    rows = {
+        "white (Ljung-Box)": (worst["statistic"], min(1.0, len(box) * worst["p_value"])),
+        "white (periodogram)": (spectrum.attrs["statistic"], spectrum.attrs["p_value"]),
+    }
+    for name in crossed.columns.unique("input"):
+        t = crossed[name]["t"].loc[1:]  # an input acts on later temperatures only; before that it is the thermostat
+        rows[f"independent of {name}"] = (float(t.abs().max()), independence(t))
+    known = z[np.isfinite(z)]
+    shape = stats.jarque_bera(known)
+    rows["normal (Jarque-Bera)"] = (float(shape.statistic), float(shape.pvalue))
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=["statistic", "p_value"])
+    table.index.name = "test"
+    return table.assign(passed=~(table["p_value"] < level))

@@ -1,0 +1,389 @@
+"""Base of the fitted identifications: simulations, forecasts, disturbances, innovations and loads of their network."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from .._rolling import RollingForecastMixin
+from .._table import ZoneTable
+from .._threads import one_blas_thread
+from .._time import origin_rows
+from ..control import Plant
+from ..filtering import simulate_path
+from ..thermal import RCNetwork
+from .disturbance_models import checked_kind
+from .filtered_network import FilteredNetwork, ForecastStart
+from .loads import network_load
+from .one_step_errors import Innovations, innovations_table, kalman_innovations
+
+
+class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
+    """Methods of an identified network; a subclass identifies it.
+
+    The hooks ``_forecast_start`` and ``_innovations`` are those of the Kalman filter; a subclass may give its own.
+    """
+
+    network_: RCNetwork
+    theta_: pd.Series
+    filtered_network_: FilteredNetwork
+    _plant: Plant
+
+    @property
+    def _tail(self) -> ZoneTable:  # type: ignore[override]
+        return self.filtered_network_.rolling.tail
+
+    # ------------------------------------------------------------------------------------------------------- hooks
+    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
+        """The states at each origin, and the disturbance that the model expects over the next ``n`` rows."""
+        return self.filtered_network_.expected(table, origins, n)
+
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
+        """Of one segment of rows; ``segment`` is its number in the training table, None where it is not from there."""
+        return kalman_innovations(self.filtered_network_, table, segment)
+
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self.filtered_network_.drive(table, origins, self._forecast_start(table, origins, n_leads))
+
+    def _cold_value(self, table: ZoneTable) -> Any:
+        return self.filtered_network_.cold_value(table)
+
+    def _measured_table(self, X: Any, purpose: str) -> ZoneTable:
+        """X with every measured temperature, or an error that says what it is needed for."""
+        table = self._read_X(X)
+        for role in self.network_.history_roles:
+            if role not in table.history:
+                raise ValueError(f"role {role!r} is missing: {purpose}.")
+        return table
+
+    # -------------------------------------------------------------------------------------------------- simulation
+    def simulate(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> np.ndarray:
+        """Simulate the temperature from the inputs alone.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        heat_gain : array-like of shape (n_samples,), optional
+            Unmeasured heat on the disturbed node [kW], one column per node where there are several; 0 by default.
+        initial_state : array-like of shape (n_states,), optional
+            Node temperatures at the first row [degC], in the order of ``network_.nodes``.  By default the fitted
+            initial state where X begins as the training table did, the filtered state where X follows it, else all
+            nodes at the first ``T_za`` (or the training mean).
+
+        Returns
+        -------
+        ndarray of shape (n_samples,)
+            Temperature of the measured node at every row [degC], one column per node where several are measured; the
+            first is that of the initial state.
+
+        Raises
+        ------
+        ValueError
+            If ``heat_gain`` or ``initial_state`` has another length or a NaN, or ``heat_gain`` other stamps.
+        """
+        check_is_fitted(self)
+        states = self.simulate_states(X, heat_gain, initial_state).to_numpy(copy=True)
+        rows = self.filtered_network_.kalman.measured
+        return states[:, rows[0]].copy() if len(rows) == 1 else states[:, rows]
+
+    def simulate_states(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> pd.DataFrame:
+        """Simulate every node, as :meth:`simulate` does the measured one.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        heat_gain : array-like of shape (n_samples,), optional
+            Unmeasured heat on the disturbed node [kW], one column per node where there are several.
+        initial_state : array-like of shape (n_states,), optional
+            Node temperatures at the first row [degC].
+
+        Returns
+        -------
+        DataFrame of shape (n_samples, n_states)
+            Columns ``T_<node>`` [degC].
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        here, known = table.rows(slice(n_tail, None)), self.filtered_network_
+        heat = _checked_heat(heat_gain, here, self.network_)
+        if initial_state is not None:
+            state = _checked_state(initial_state, self.network_)
+        elif n_tail:
+            state = known.rolling.ahead.mean[: known.kalman.n]
+        else:
+            state = known.start(table).mean[: known.kalman.n]
+        forcing = known.experiment(here).inputs @ known.kalman.B.T + heat @ known.kalman.heat.T
+        path = simulate_path(known.kalman.A, forcing, state)
+        return pd.DataFrame(path[: here.n_rows], index=here.index, columns=list(self.network_.states))
+
+    # ------------------------------------------------------------------------------------------------ disturbances
+    def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> Any:
+        """Estimate the disturbance from the measured temperature.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_samples, n_features)
+            With the measured temperature as column ``T_za``.
+        kind : {"input", "output"}
+            ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
+            temperature has beyond the simulated one [K] (paper Eq. od_pred).
+        smooth : bool
+            False: from rows up to each row, as a forecast may use it; True: from all rows.  An output disturbance is
+            the same either way.
+
+        Returns
+        -------
+        Series of length n_samples, named ``zeta``
+            Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
+
+        Raises
+        ------
+        ValueError
+            If X has no ``T_za``.
+        """
+        check_is_fitted(self)
+        table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
+        names = self._zeta_names(kind)
+        frame = pd.DataFrame(self._zeta(table, kind, smooth), index=table.index, columns=names)
+        return frame[names[0]] if len(names) == 1 else frame
+
+    def _zeta_names(self, kind: str = "input") -> list[str]:
+        nodes = self.network_.disturbed_nodes if checked_kind(kind) == "input" else self.network_.measured_nodes
+        return ["zeta"] if len(nodes) == 1 else [f"zeta_{node}" for node in nodes]
+
+    def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
+        """(N, d) disturbance of every row, each segment after the training table's end or from a cold start."""
+        parts = []
+        for segment in table.segments:
+            whole, n_tail = self._after_tail(segment)
+            parts.append(self.filtered_network_.disturbance(whole, kind, smooth)[n_tail:])
+        return np.concatenate(parts)
+
+    def transform(self, X: Any) -> Any:
+        """X with the causal input disturbance ``zeta`` [kW] as a further column (of each disturbed node).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Without ``T_za`` the disturbance is what the model expects without measurements.
+
+        Returns
+        -------
+        DataFrame or ndarray of shape (n_samples, n_features + 1)
+        """
+        check_is_fitted(self)
+        zeta = self._zeta(self._read_X(X), "input")
+        columns = dict(zip(self._zeta_names(), zeta.T, strict=True))
+        if isinstance(X, ZoneTable):
+            return X.replace(history={**X.history, **columns})
+        return X.assign(**columns) if isinstance(X, pd.DataFrame) else np.column_stack([np.asarray(X, float), zeta])
+
+    def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
+        """Names of the columns that :meth:`transform` returns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of X's columns where it had none in ``fit``.
+
+        Returns
+        -------
+        ndarray of str
+
+        Raises
+        ------
+        ValueError
+            If ``input_features`` are not the columns that ``fit`` saw.
+        """
+        check_is_fitted(self)
+        names = getattr(self, "feature_names_in_", None)
+        if input_features is not None:
+            if names is not None and list(input_features) != list(names):
+                raise ValueError("input_features is not equal to feature_names_in_, the columns that fit saw.")
+            if len(input_features) != self.n_features_in_:
+                raise ValueError(
+                    f"input_features should have length equal to number of features ({self.n_features_in_}), "
+                    f"got {len(input_features)}."
+                )
+            names = input_features
+        if names is None:
+            names = [f"x{j}" for j in range(self.n_features_in_)]
+        return np.array([*names, *self._zeta_names()], dtype=object)
+
+    @one_blas_thread
+    def innovations(self, X: Any) -> pd.DataFrame:
+        """Errors of the model's own predictor, one step ahead.
+
+        CONV predicts by simulation, so that its errors are simulation errors; OD by its ARMA model; ID and the periodic
+        model by their Kalman filters.  The standardised errors ``innovation / std`` of a right model are white and
+        N(0, 1).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            With the measured temperature as column ``T_za``.  Where X begins as the training table did (by its time
+            stamps) the predictor starts as in ``fit``; where X follows it, from its end; else cold.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            ``innovation`` and ``std`` [K] (``innovation_<node>`` and ``std_<node>`` where several nodes are measured);
+            NaN where ``T_za`` is missing, and in the warm-up from which CONV takes its first state.
+
+        Raises
+        ------
+        ValueError
+            If X has no ``T_za``.
+
+        Notes
+        -----
+        CONV, ID and OD minimise squares, which fixes the size of their errors only through the errors themselves:
+        ``std`` is scaled to the training errors (``noise_std_``).  The gain of a Kalman filter does not change with
+        that scale.  After missing rows ``std`` is larger; a fit of ID or OD weighs its errors by it.
+        """
+        check_is_fitted(self)
+        table = self._measured_table(X, "innovations compare predictions with the measurements")
+        in_training, parts = self.filtered_network_.is_training(table), []
+        for number, segment in enumerate(table.segments):
+            longer, n_tail = self._after_tail(segment) if number == 0 else (segment, 0)
+            found = self._innovations(longer, number if in_training else None)
+            parts.append(Innovations(found.error[n_tail:], found.std[n_tail:]))
+        return innovations_table(self.filtered_network_, table, parts)
+
+    # --------------------------------------------------------------------------------------- forecasts and loads
+    def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
+        """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; ``T_za`` is read up to each origin only.
+        origins : sequence of int
+            Row numbers of X.
+        disturbance : array-like of shape (n_origins, n_leads)
+            With a third axis where a network has several disturbed (measured) nodes.
+            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
+            ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
+        kind : {"input", "output"}
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads)
+            Temperature of the rows origin + 1, ... [degC], with a third axis where several nodes are measured; a row
+            beyond X repeats the last one.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        return self.filtered_network_.drive(table, rows, self._under(table, rows, disturbance, kind))
+
+    def _under(self, table: ZoneTable, rows: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
+        return self.filtered_network_.under(table, rows, np.asarray(disturbance, dtype=np.float64), kind)
+
+    def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
+        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
+
+        Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
+        :meth:`predict`.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
+            the plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
+            other limit.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.  Of
+            stages that heat (or cool) alike, each takes its share of the capacity.
+
+        Raises
+        ------
+        ValueError
+            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
+            the higher.
+
+        Notes
+        -----
+        In a network whose plant heats another node than the measured one (a heater, a sensor that lags), the set-point
+        at every step would need a load that swings from step to step.  There the load is sought as if held for the
+        next few steps, so that the temperature comes near the set-point instead of meeting it at each row.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        here = table.rows(slice(n_tail, None))
+        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
+        longest = int(np.diff(np.append(origins, here.n_rows)).max())
+        start = self._forecast_start(table, origins + n_tail, longest)
+        return self._load(table, origins + n_tail, start, setpoint, limits)
+
+    def required_heat(
+        self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input", limits: Any = None
+    ) -> pd.DataFrame:
+        """As :meth:`predict_load`, under a given disturbance.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            As in :meth:`predict_load`.
+        origins : sequence of int
+            Rows of X at which the state is taken from the measurements, beginning with 0.
+        disturbance : array-like of shape (n_origins, n_leads)
+            As in :meth:`drive`; long enough to reach the next origin.
+        kind : {"input", "output"}
+        limits : tuple of (lowest, highest), optional
+            As in :meth:`predict_load`.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        return self._load(table, rows, self._under(table, rows, disturbance, kind), setpoint, limits)
+
+    def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
+        return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
+
+
+def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.ndarray:
+    """(N, d) unmeasured heat of every row [kW]."""
+    n, d = here.n_rows, len(network.disturbed_nodes)
+    stamps = getattr(heat_gain, "index", None)
+    if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
+        raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
+    heat = np.zeros((n, d)) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64)
+    heat = heat.reshape(-1, 1) if d == 1 else heat
+    if heat.shape != (n, d):
+        each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
+        raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
+    _refuse_missing("heat_gain", heat)
+    return heat
+
+
+def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
+    """(n,) node temperatures [degC]."""
+    state = np.asarray(initial_state, dtype=np.float64).reshape(-1)
+    if state.shape != (len(network.nodes),):
+        raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
+    _refuse_missing("initial_state", state)
+    return state
+
+
+def _refuse_missing(name: str, values: np.ndarray) -> None:
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} contains NaN or inf at place {int(np.argmin(np.isfinite(values)))}; fill it.")

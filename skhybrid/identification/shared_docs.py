@@ -1,0 +1,88 @@
+"""Parameter and attribute documentation that the identifications share."""
+
+from __future__ import annotations
+
+import re
+from inspect import cleandoc
+from textwrap import indent
+from typing import TypeVar
+
+_Class = TypeVar("_Class", bound=type)
+
+_BLOCKS = {
+    "network": """
+    network : str or RCNetwork, default="2R2C"
+        A name of the catalogue, or a network of your own.
+    known : dict of parameter to value, optional
+        Parameters that are not searched, such as a nameplate capacity ``{"Q_h": 6.0}`` [kW]; those of the disturbance
+        model may be among them.
+    """,
+    "search": """
+    bounds : dict of parameter to (lower, upper), optional
+        Overrides the paper's bounds.
+    n_starts : int, default=50
+        Random starts, log-uniform within the bounds.
+    """,
+    "data": """
+    horizon : timedelta-like, optional
+        How far ahead ``predict`` looks; None simulates from the first row on.
+    warmup : timedelta-like, default="1D"
+        How much of the training table's end is kept as history; CONV also takes its first state from such a span.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps; 15 minutes by default.
+    n_jobs : int, optional
+        Starts run in parallel.
+    random_state : int, RandomState or None
+        Of the starts; the result is the same under any ``n_jobs``.
+    verbose : int, default=0
+        1 shows a progress bar.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+    priors : dict of parameter to prior, optional
+        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
+        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
+        either sign) does as well.  The fit is then the maximum of the posterior.
+    """,
+    "objective": """
+    objective : {"one_step", "multi_step"}, default="one_step"
+        The errors that are squared: those of the next row (CONV: of the simulation), or those of forecasts at leads up
+        to ``horizon`` (one day where that is None), made every hour after the warm-up.  "multi_step" is for forecasts,
+        "one_step" for the parameters of the building; see :ref:`two_objectives`.
+    """,
+    "theta": """
+    theta_, theta_std_ : Series
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
+    theta_cov_ : DataFrame
+        Covariance of the parameters; see :meth:`theta_interval`.
+    n_days_ : int
+        Days of data on which the standard errors rest.
+    identifiability_ : Identifiability
+        Flat and weak directions, parameters at a bound, parameters that nothing moved.
+    """,
+    "weighted_loss": """
+    loss_, noise_std_ : float
+        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
+        that no missing row precedes [K].
+    """,
+    "fitted": """
+    starts_ : DataFrame
+        One row per start that was made: its loss, whether that is the best, and where it ended.
+    state_space_ : StateSpace
+    initial_state_ : ndarray of shape (n_states,)
+        Node temperatures at the first training row [degC].
+    sampling_time_ : Timedelta
+    network_ : RCNetwork
+    """,
+}
+_PLACE = re.compile(r"^( *)%\((\w+)\)s$", re.MULTILINE)
+
+
+def shared_docs(cls: _Class) -> _Class:
+    """Put the shared blocks into a class docstring, where a line ``%(name)s`` asks for one."""
+    if cls.__doc__:  # absent under python -OO
+        cls.__doc__ = _PLACE.sub(lambda place: indent(cleandoc(_BLOCKS[place[2]]), place[1]), cls.__doc__)
+    return cls

@@ -1,0 +1,118 @@
+"""Standard errors of CONV, ID and OD: the exact Hessian, and the fits without each day."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .identifiability import held_subspace
+from .standard_errors import (
+    ParameterUncertainty,
+    day_of_rows,
+    inverse_information,
+    jackknife_covariance,
+    log_slopes,
+    prior_precision,
+)
+
+
+def least_squares_uncertainty(
+    problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
+) -> ParameterUncertainty:
+    """Uncertainty of the parameters after a fit of CONV, ID or OD.
+
+    Parameters
+    ----------
+    problem : PredictionErrorProblem
+    free : ndarray of shape (p,)
+        Its optimum on the searched scale.
+    noise : float
+        Variance of the errors [K2].
+    names : sequence of str
+        The network's parameters.
+    days : ndarray of int, shape (n,), optional
+        Day of every error, from 0; by default they follow each other evenly.
+    overlap : int, default=0
+        Days over which errors are correlated.
+
+    Returns
+    -------
+    ParameterUncertainty
+
+    Notes
+    -----
+    The exact Hessian is the central difference of exact gradients, by day; where it is not positive definite, the
+    Gauss-Newton matrix replaces it.
+    """
+    p = len(problem.searched)
+    place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
+    n_rows, hours = len(problem.experiment.y), problem.experiment.hours
+    n_days = int(day_of_rows(n_rows, hours)[-1]) + 1
+    if not p:
+        none = np.zeros((0, 0))
+        return ParameterUncertainty((), none, none, none, n_days)
+    noise = max(noise, 1e-300)
+    errors, jacobian = problem.linearised(free)
+    share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
+    day = day_of_rows(len(errors), hours * share) if days is None else days
+    gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
+    scores = _day_scores(errors, jacobian, day)
+    prior = noise * prior_precision(problem)
+    exact = _day_hessians(problem, free, day)
+    by_day = exact if _positive(exact.sum(axis=0) + np.diag(prior)) else gauss
+    total = by_day.sum(axis=0) + np.diag(prior)
+    bread = inverse_information(total / noise)
+    model = bread @ (gauss.sum(axis=0) / noise + np.diag(prior) / noise) @ bread if by_day is exact else bread
+    moves = []
+    for own, own_gauss, score in zip(by_day, gauss, scores, strict=True):
+        left = total - own if _positive(total - own) else gauss.sum(axis=0) + np.diag(prior) - own_gauss
+        moves.append(inverse_information(left / noise) @ (score / noise))
+    scale = log_slopes(problem, free)[place]
+    model = model[np.ix_(place, place)] * scale[:, None] * scale
+    return ParameterUncertainty(
+        tuple(problem.searched[i] for i in place),
+        _without(jacobian, place) / np.sqrt(noise) / scale,
+        model,
+        jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap),
+        n_days,
+    )
+
+
+def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np.ndarray:
+    """(D, p) half gradient of every day's sum of squares."""
+    rows = jacobian * errors[:, None]
+    return np.array([rows[day == d].sum(axis=0) for d in range(day[-1] + 1)])
+
+
+def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, step: float = 1e-4) -> np.ndarray:
+    """(D, p, p) half Hessian of every day's sum of squares, from differences of exact gradients."""
+    out = np.empty((day[-1] + 1, len(free), len(free)))
+    for q in range(len(free)):
+        shift = step * np.eye(len(free))[q]
+        above, below = problem.linearised(free + shift), problem.linearised(free - shift)
+        up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
+        out[:, :, q] = (up - down) / (2.0 * step)
+    return 0.5 * (out + out.transpose(0, 2, 1))
+
+
+def _positive(matrix: np.ndarray) -> bool:
+    """Whether a matrix is positive definite by more than rounding, whatever the units of its rows."""
+    diagonal = np.diag(matrix)
+    if not (np.isfinite(matrix).all() and (diagonal > 0).all()):
+        return False
+    scale = 1.0 / np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(scale[:, None] * matrix * scale)[0] > 1e-9)
+
+
+def _without(jacobian: np.ndarray, place: Sequence[int]) -> np.ndarray:
+    """Columns ``place`` of a Jacobian, less their projection on the other columns."""
+    others = [j for j in range(jacobian.shape[1]) if j not in set(place)]
+    chosen = jacobian[:, list(place)]
+    if not others:
+        return chosen
+    rest = jacobian[:, others]
+    norms = np.linalg.norm(rest, axis=0)
+    rest = rest / np.where(norms > 0, norms, 1.0)
+    return chosen - rest @ np.linalg.lstsq(rest, chosen, rcond=1e-10)[0]

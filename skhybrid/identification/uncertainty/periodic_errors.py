@@ -1,0 +1,137 @@
+"""Standard errors of the periodic model: its Hessian, the coefficients solved inside, and the fits without each day."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import null_space
+
+from ...thermal import Parameter
+from .identifiability import held_subspace
+from .standard_errors import (
+    FEW_DAYS,
+    MOST_PARTS,
+    ParameterUncertainty,
+    day_of_rows,
+    inverse_information,
+    jackknife_covariance,
+    log_slopes,
+    prior_precision,
+    unit,
+)
+
+
+def periodic_uncertainty(
+    problem: Any,
+    free: np.ndarray,
+    theta: Mapping[str, float],
+    turn: Mapping[str, np.ndarray],
+    parameters: Sequence[Parameter],
+) -> ParameterUncertainty:
+    """Uncertainty of the parameters after a fit of the periodic model.
+
+    Parameters
+    ----------
+    problem : PeriodicProblem
+    free : ndarray of shape (p,)
+        Its optimum on the searched scale.
+    theta : mapping of parameter to value
+        Searched, fixed and inner parameters at the optimum.
+    turn : mapping of parameter to ndarray of shape (J,)
+        Derivatives of the parameters that are solved inside, by the inner coefficients.
+    parameters : sequence of Parameter
+        The network's.
+
+    Returns
+    -------
+    ParameterUncertainty
+    """
+    _, _, linear = problem.evaluate(free)
+    p, J = len(free), len(linear.beta)
+    hessian, dbeta = problem.hessian(free) if p else (np.zeros((0, 0)), np.zeros((J, 0)))
+    outer = inverse_information(hessian)
+    searched = {q.name: i for i, q in enumerate(problem.searched)}
+    decided = tuple(q for q in parameters if q.name in searched or np.any(turn.get(q.name, 0.0)))
+    by_free, by_beta = np.zeros((len(decided), p)), np.zeros((len(decided), J))
+    slopes = log_slopes(problem, free)
+    for i, q in enumerate(decided):
+        if q.name in searched:
+            by_free[i, searched[q.name]] = slopes[searched[q.name]]
+        else:
+            by_beta[i] = turn[q.name] / unit(theta[q.name])
+    by_beta *= linear.free  # a coefficient that its sign holds at 0 stays there
+    chain = by_free + by_beta @ dbeta
+    model = chain @ outer @ chain.T + by_beta @ linear.covariance @ by_beta.T
+    days = day_of_rows(len(problem.experiment.y), problem.experiment.hours)
+    n_days = int(days[-1]) + 1
+    moves = np.zeros((0, len(decided)))
+    if len(decided) and n_days >= FEW_DAYS:
+        parts = days // -(-n_days // MOST_PARTS)
+        moves = _moves_without_days(problem, free, linear.beta, outer, parts) @ np.hstack([chain, by_beta]).T
+    data = hessian - np.diag(prior_precision(problem))
+    information = _joint_information(data, dbeta, linear, problem.layout.n_plain, by_free, by_beta)
+    information = _without_scale(information, problem, decided)
+    values, vectors = np.linalg.eigh(information) if len(decided) else (np.zeros(0), np.zeros((0, 0)))
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return ParameterUncertainty(decided, root, model, jackknife_covariance(moves @ held_subspace(model)), n_days)
+
+
+def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Parameter]) -> np.ndarray:
+    """The information less that of the gain's prior on the scale, where neither rows nor known values fix the scale."""
+    experiment = problem.experiment
+    columns = dict(zip(problem.network.inputs(experiment.roles), experiment.inputs.T, strict=False))
+    idle = {s.parameter for s in problem.network.sources(experiment.roles) if not np.any(columns[s.role])}
+    fixes = [name for name in problem.fixed if name[0] in "CRAQ" and name not in idle]
+    if fixes or any(role.startswith("Q_") and np.any(columns[role]) for role in columns):
+        return information
+    way = np.array([-1.0 if p.name[0] == "R" else 1.0 if p.name[0] in "CAQ" else 0.0 for p in decided])
+    way /= max(float(np.linalg.norm(way)), 1.0)
+    across = np.eye(len(way)) - np.outer(way, way)
+    return across @ information @ across
+
+
+def _moves_without_days(
+    problem: Any, free: np.ndarray, beta: np.ndarray, outer: np.ndarray, days: np.ndarray
+) -> np.ndarray:
+    """(D, p + J) moves of the searched parameters, and of the inner coefficients beyond what those explain."""
+    moves = []
+    for d in range(days[-1] + 1):
+        y = problem.experiment.y.copy()
+        if not np.isfinite(y[days == d]).any():
+            continue
+        y[days == d] = np.nan
+        left = replace(problem, experiment=problem.experiment._replace(y=y))
+        _, slope, linear = left.evaluate(free)
+        moves.append(np.concatenate([-outer @ slope, linear.beta - beta]))
+    return np.array(moves)
+
+
+def _joint_information(
+    data: np.ndarray, dbeta: np.ndarray, linear: Any, n_plain: int, by_free: np.ndarray, by_beta: np.ndarray
+) -> np.ndarray:
+    """(k, k) information of the data about the logarithms of the network's parameters, all others free to follow.
+
+    ``data`` (p, p) is the Hessian of the objective with the inner coefficients at their optimum, without the prior.
+    """
+    plain = np.flatnonzero(linear.free[:n_plain])
+    normal = linear.normal
+    rest = np.arange(n_plain, len(normal))
+    cross = normal[np.ix_(plain, rest)]
+    inner = normal[np.ix_(plain, plain)] - cross @ np.linalg.solve(normal[np.ix_(rest, rest)], cross.T)
+    D = dbeta[plain]
+    joint = np.block([[data + D.T @ inner @ D, -D.T @ inner], [-inner @ D, inner]])
+    turn = np.hstack([by_free, by_beta[:, plain]])
+    if not len(turn):
+        return np.zeros((0, 0))
+    back = np.hstack([np.linalg.pinv(turn), null_space(turn)])
+    turned, k = back.T @ joint @ back, len(turn)
+    cross = turned[:k, k:]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(turned)[k:], 1e-12))
+    nuisance = scale[:, None] * turned[k:, k:] * scale
+    values, vectors = np.linalg.eigh(nuisance)
+    held = values > 1e-9
+    reduced = (cross * scale) @ vectors[:, held]
+    return turned[:k, :k] - (reduced / values[held]) @ reduced.T

@@ -1,0 +1,158 @@
+"""The table of a comparison, its likelihood-ratio tests, and the recommendation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from .assessment import Assessment
+from .nested import likelihood_ratio, nesting
+
+#: numbers of the table and their formats
+FORMATS = {
+    "n_parameters": "{:.0f}",
+    "log_likelihood": "{:.1f}",
+    "aic": "{:.1f}",
+    "bic": "{:.1f}",
+    "cv_log_score": "{:.3f}",
+    "cv_rmse": "{:.3f}",
+    "whiteness_p": "{:.2g}",
+    "acf_outside": "{:.2f}",
+    "condition": "{:.2g}",
+    "seconds": "{:.1f}",
+}
+
+
+def comparison_table(fitted: Mapping[str, Assessment]) -> pd.DataFrame:
+    """One row per model; likelihoods over the rows that all models predict."""
+    common = pd.concat([one.density for one in fitted.values()], axis=1).notna().all(axis=1).to_numpy()
+    n, rows = int(common.sum()), {}
+    for name, one in fitted.items():
+        assert one.density is not None  # only such models are passed
+        value, k = float(one.density[common].sum()), one.row["n_parameters"]
+        rows[name] = one.row | {
+            "log_likelihood": value,
+            "aic": 2.0 * k - 2.0 * value,
+            "bic": np.log(n) * k - 2.0 * value,
+            "cv_log_score": np.nan if one.held_out is None else float(one.held_out.mean()),
+            "cv_rmse": np.nan if one.forecasts is None else float(np.sqrt(_squares(one.forecasts).mean())),
+        }
+    columns = [*(c for c in FORMATS if c != "seconds"), "at_bound", "flat", "not_excited", "seconds"]
+    return pd.DataFrame.from_dict(rows, orient="index")[columns].rename_axis("model")
+
+
+def _squares(frame: pd.DataFrame) -> pd.Series:
+    return (frame["y_pred"] - frame["y_true"]) ** 2
+
+
+def likelihood_ratio_tests(fitted: Mapping[str, Assessment], table: pd.DataFrame) -> pd.DataFrame:
+    """One row per nested pair."""
+    rows = []
+    for small, first in fitted.items():
+        for large, second in fitted.items():
+            extra = nesting(first.estimator, second.estimator) if small != large else None
+            if extra is None:
+                continue
+            gain = _number(table, large, "log_likelihood") - _number(table, small, "log_likelihood")
+            statistic, distribution, p_value = likelihood_ratio(gain, len(extra.at_edge), len(extra.inside))
+            white = max(_number(table, name, "whiteness_p") for name in (small, large)) > 0.01
+            names = ", ".join((*extra.at_edge, *extra.inside))
+            rows.append((small, large, names, statistic, distribution, p_value, white))
+    columns = ["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _number(table: pd.DataFrame, name: str, column: str) -> float:
+    return float(table[column].to_numpy(dtype=np.float64)[table.index.get_loc(name)])
+
+
+def ranked(table: pd.DataFrame, purpose: str) -> pd.Index:
+    """Names of all models, the best by the deciding column first."""
+    column, rising = _decisive(table, purpose)
+    return table.sort_values(column, ascending=rising, kind="stable").index
+
+
+def _decisive(table: pd.DataFrame, purpose: str) -> tuple[str, bool]:
+    """The deciding column, and whether less is better."""
+    column, rising = ("cv_rmse", True) if purpose == "forecast" else ("cv_log_score", False)
+    return (column, rising) if table[column].notna().all() else ("bic", True)
+
+
+def recommend(
+    fitted: Mapping[str, Assessment], table: pd.DataFrame, tests: pd.DataFrame, purpose: str, level: float
+) -> tuple[str, str]:
+    """Name of the recommended model, and the reason.
+
+    Nested models are decided by their tests, the others by the deciding column; a model with fewer parameters is
+    preferred if the difference is within its standard error.
+    """
+    reasons, left = [], list(table.index)
+    for test in tests.to_dict("records"):
+        larger = test["p_value"] < level
+        loser = test["smaller"] if larger else test["larger"]
+        if loser in left and len(left) > 1:
+            left.remove(loser)
+        doubt = "" if test["white"] or not larger else ", overstated since their errors are not white"
+        what = f"need {test['extra']}" if larger else f"do not need {test['extra']}"
+        reasons.append(
+            f"The data {what} ({test['larger']} against {test['smaller']}, p = {test['p_value']:.2g}{doubt})."
+        )
+    column, rising = _decisive(table, purpose)
+    best = str(table.loc[left, column].sort_values(ascending=rising, kind="stable").index[0])
+    among = "Of those left, " if len(left) < len(table) else ""
+    reasons.append(f"{among}{best} has the {_in_words(column, _number(table, best, column))}.")
+    chosen = _simplest(fitted, table, left, best, column)
+    if chosen != best:
+        reasons.append(f"{chosen} has fewer parameters and is as good within the standard error of the difference.")
+    return chosen, " ".join([*reasons, *_caveats(chosen, table, purpose)])
+
+
+def _simplest(fitted: Mapping[str, Assessment], table: pd.DataFrame, left: list[str], best: str, column: str) -> str:
+    """The model with the fewest parameters that is as good as the best."""
+    for other in sorted(left, key=lambda name: _number(table, name, "n_parameters")):
+        if _number(table, other, "n_parameters") >= _number(table, best, "n_parameters"):
+            break
+        if _as_good(fitted[other], fitted[best], column):
+            return other
+    return best
+
+
+def _in_words(column: str, value: float) -> str:
+    return {
+        "cv_rmse": f"smallest held-out forecast error, {value:.3g} K",
+        "cv_log_score": f"highest held-out log score one step ahead, {value:.3f} per row",
+        "bic": f"lowest BIC, {value:.1f} (not every model has held-out results)",
+    }[column]
+
+
+def _caveats(chosen: str, table: pd.DataFrame, purpose: str) -> list[str]:
+    row, out = table.loc[[chosen]].to_dict("records")[0], []
+    if row["whiteness_p"] < 0.01:
+        out.append("Its errors are not white: see diagnose().")
+    if row["flat"]:
+        out.append(f"The data do not determine {row['flat']}.")
+    if row["at_bound"]:
+        out.append(f"At a bound: {row['at_bound']}.")
+    if purpose == "parameters" and table["cv_rmse"].notna().all():
+        other = str(table["cv_rmse"].idxmin())
+        if other != chosen:
+            errors = f"{table['cv_rmse'].min():.3g} K against {row['cv_rmse']:.3g} K"
+            out.append(f"For forecasts alone {other} is better ({errors}).")
+    return out
+
+
+def _as_good(other: Assessment, best: Assessment, column: str) -> bool:
+    """Whether the mean difference, by days (log score) or by origins (forecasts), is within one standard error."""
+    if column == "cv_log_score" and other.held_out is not None and best.held_out is not None:
+        worse = (best.held_out.to_numpy() - other.held_out.to_numpy()).astype(np.float64)
+        index = best.held_out.index
+        group = index.normalize() if isinstance(index, pd.DatetimeIndex) else np.arange(len(index)) // 96
+    elif column == "cv_rmse" and other.forecasts is not None and best.forecasts is not None:
+        worse = (_squares(other.forecasts) - _squares(best.forecasts)).to_numpy()
+        group = best.forecasts["origin"].to_numpy()
+    else:
+        return False
+    means = pd.Series(worse).groupby(np.asarray(group)).mean().dropna()
+    return len(means) > 2 and float(means.mean()) < float(means.std() / np.sqrt(len(means)))

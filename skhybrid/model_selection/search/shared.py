@@ -1,0 +1,52 @@
+"""Large objects that many tasks need, sent to each worker once."""
+
+from __future__ import annotations
+
+import uuid
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+
+try:
+    import cloudpickle
+except ImportError:  # before 1.6, joblib brought its own
+    from joblib.externals import cloudpickle
+
+#: most objects that a worker keeps unpacked: the data, and the networks of the splits that it works on
+_MAX_UNPACKED = 32
+_unpacked: OrderedDict[str, Any] = OrderedDict()
+
+
+class Shared:
+    """An object that is packed once, sent to a worker once and unpacked there once.
+
+    It is packed into one array, which joblib's own workers map from disk.  The size of that array tells Dask and Ray to
+    keep the object where it has been sent.  Pass the same ``Shared`` to every task.
+
+    Parameters
+    ----------
+    value : object
+        Must not change any more.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self._value = value
+        self._key = uuid.uuid4().hex
+        self._packed = np.frombuffer(cloudpickle.dumps(value), dtype=np.uint8)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_key": self._key, "_packed": self._packed}
+
+    def __sizeof__(self) -> int:
+        return object.__sizeof__(self) + self._packed.nbytes
+
+    def get(self) -> Any:
+        """The object."""
+        if "_value" in vars(self):
+            return self._value
+        if self._key not in _unpacked:
+            _unpacked[self._key] = cloudpickle.loads(self._packed.tobytes())
+            while len(_unpacked) > _MAX_UNPACKED:
+                _unpacked.popitem(last=False)
+        return _unpacked[self._key]

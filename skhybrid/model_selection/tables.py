@@ -1,0 +1,58 @@
+"""Tables that are read once and handed to every estimator that works on them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import pandas as pd
+from sklearn.base import BaseEstimator
+
+from .._rolling import RollingForecastMixin
+from .._table import read_table
+
+
+def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time: Any = None, fits: bool = True) -> Any:
+    """Read a frame by the data contract, for all estimators that take its columns in the same way.
+
+    Parameters
+    ----------
+    X : object
+        Only a DataFrame with time stamps is read.
+    columns : mapping of role to column, optional
+    sampling_time : timedelta-like, optional
+    fits : bool, default True
+        Whether an estimator is fitted on these rows, so that unlikely units are worth a warning.
+
+    Returns
+    -------
+    ZoneTable or object
+        X itself where it cannot be read: the estimator may need less of it, or says what is wrong with it.
+    """
+    if not isinstance(X, pd.DataFrame) or not isinstance(X.index, pd.DatetimeIndex):
+        return X
+    with warnings.catch_warnings():
+        if not fits:
+            warnings.simplefilter("ignore")
+        try:
+            return read_table(BaseEstimator(), X, columns=columns, sampling_time=sampling_time, reset=True)
+        except (ValueError, TypeError):
+            return X
+
+
+def takes_tables(estimator: Any) -> bool:
+    """Whether an estimator reads its input by the data contract, and so takes a table that was read before."""
+    return isinstance(estimator, RollingForecastMixin)
+
+
+def reading_of(estimator: Any) -> dict[str, Any]:
+    """How an estimator reads a frame: the arguments ``columns`` and ``sampling_time`` of :func:`read_once`."""
+    parts = (estimator, getattr(estimator, "gray_box", None))
+    given = {name: [getattr(part, name, None) for part in parts] for name in ("columns", "sampling_time")}
+    return {name: next((value for value in values if value is not None), None) for name, values in given.items()}
+
+
+def read_alike(estimators: Iterable[Any], reading: Mapping[str, Any]) -> bool:
+    """Whether all estimators take a table that was read in the given way."""
+    return all(takes_tables(one) and reading_of(one) == reading for one in estimators)

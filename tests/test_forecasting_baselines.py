@@ -1,0 +1,167 @@
+"""The baselines against hand computation, and the linear forecaster against what it must find."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.linear_model import Ridge
+
+from skhybrid.forecasting import DisturbanceForecaster
+from skhybrid.forecasting.ridge import ALPHAS, _solve, ridge_by_blocks
+
+
+def _weeks(n_days, seed=0):
+    rng = np.random.default_rng(seed)
+    time = pd.date_range("2023-07-03", periods=24 * n_days, freq="1h", tz="UTC")
+    X = pd.DataFrame({"T_oa": rng.normal(15, 5, len(time)), "q_sol": rng.uniform(0, 1, len(time))}, index=time)
+    return X, pd.Series(rng.normal(size=len(time)), index=time)
+
+
+def test_profile_is_the_mean_by_hour_of_week():
+    X, y = _weeks(21)
+    model = DisturbanceForecaster("profile").fit(X, y)
+    later = _weeks(28)[0].iloc[21 * 24 :]
+    by_hand = y.groupby([y.index.day_of_week, y.index.hour]).mean()
+    expected = [by_hand[d, h] for d, h in zip(later.index.day_of_week, later.index.hour, strict=True)]
+    np.testing.assert_allclose(model.predict(later), expected, rtol=1e-12)
+
+
+def test_profile_falls_back_to_day_type_and_then_to_the_mean():
+    X, y = _weeks(9)  # two Mondays and Tuesdays, one of every other day
+    later = _weeks(28)[0].iloc[21 * 24 :]
+    predicted = pd.Series(DisturbanceForecaster("profile").fit(X, y).predict(later), index=later.index)
+    at_nine = y[y.index.hour == 9]
+    weekend = at_nine.index.day_of_week >= 5
+    assert predicted.iloc[9] == pytest.approx(at_nine[at_nine.index.day_of_week == 0].mean())  # seen twice
+    assert predicted.iloc[3 * 24 + 9] == pytest.approx(at_nine[~weekend].mean())  # a Thursday
+    assert predicted.iloc[6 * 24 + 9] == pytest.approx(at_nine[weekend].mean())  # a Sunday
+    short = DisturbanceForecaster("profile").fit(X.iloc[:24], y.iloc[:24])
+    np.testing.assert_allclose(short.predict(later), y.iloc[:24].mean())
+
+
+def test_profile_follows_local_time_and_the_step():
+    index = pd.date_range(
+        "2023-10-02", periods=96 * 35, freq="15min", tz="Europe/Amsterdam"
+    )  # clocks go back on 29 Oct
+    X = pd.DataFrame({"T_oa": 10.0, "q_sol": 0.0}, index=index)
+    local = index.tz_localize(None)
+    y = pd.Series(((local.hour * 4 + local.minute // 15) + 1000 * local.day_of_week).astype(float), index=index)
+    model = DisturbanceForecaster("profile").fit(X.iloc[: 96 * 21], y.iloc[: 96 * 21])
+    later = X.iloc[96 * 25 :]
+    np.testing.assert_array_equal(model.predict(later)[1:], y.loc[later.index][1:])
+
+
+def test_last_week_repeats_it_and_falls_back_to_the_day_before():
+    X, y = _weeks(21)
+    zeta = y.copy()
+    zeta.iloc[10 * 24 + 5] = np.nan
+    model = DisturbanceForecaster("last_week").fit(X.assign(zeta=zeta).iloc[: 14 * 24], y.iloc[: 14 * 24])
+    paths = model.predict_from(X.assign(zeta=zeta).iloc[14 * 24 :], [0, 3 * 24 - 1])
+    np.testing.assert_array_equal(paths[0], y.iloc[7 * 24 + 1 : 8 * 24 + 1])
+    expected = y.iloc[10 * 24 : 11 * 24].to_numpy().copy()
+    expected[5] = y.iloc[16 * 24 + 5]  # the value a week before is missing: that of the day before
+    np.testing.assert_array_equal(paths[1], expected)
+
+
+def test_last_week_beyond_a_week_repeats_the_last_known_one():
+    X, y = _weeks(35)
+    table = X.assign(zeta=y)
+    model = DisturbanceForecaster("last_week").fit(table.iloc[: 14 * 24], y.iloc[: 14 * 24])
+    path = model.predict_from(table.iloc[14 * 24 :], [0], horizon="9D")[0]
+    last = y.iloc[7 * 24 + 1 : 14 * 24 + 1].to_numpy()
+    np.testing.assert_array_equal(path, np.concatenate([last, last])[: 9 * 24])
+
+
+def test_persistence_holds_the_last_known_value():
+    X, y = _weeks(14)
+    zeta = y.copy()
+    zeta.iloc[250:253] = np.nan
+    model = DisturbanceForecaster("persistence").fit(X.iloc[:200], y.iloc[:200])
+    paths = model.predict_from(X.assign(zeta=zeta).iloc[200:][["T_oa", "q_sol"]], [50])
+    profile = DisturbanceForecaster("profile").fit(X.iloc[:200], y.iloc[:200])
+    np.testing.assert_array_equal(paths[0], np.full(24, y.iloc[199]))  # no zeta in X: the training end is the last
+    cold = X.set_axis(X.index + pd.Timedelta("70D"))
+    np.testing.assert_array_equal(model.predict(cold), profile.predict(cold))
+    model.fit(X.assign(zeta=zeta).iloc[:200], y.iloc[:200])
+    paths = model.predict_from(X.assign(zeta=zeta).iloc[200:], [52, 53])
+    np.testing.assert_array_equal(paths[:, 0], [y.iloc[249], y.iloc[253]])
+
+
+# ------------------------------------------------------------------------------------------------------------- linear
+def test_the_ridge_by_moments_is_scikit_learn_s_ridge():
+    rng = np.random.default_rng(0)
+    D, blocks = rng.normal(size=(120, 7)) + 3.0, np.repeat(np.arange(4), 30)
+    y = D @ rng.normal(size=7) + rng.normal(size=120)
+    fit, left_out = ridge_by_blocks(D, y, blocks)
+    assert fit.alpha in ALPHAS
+    whole = Ridge(fit.alpha).fit(D, y)
+    np.testing.assert_allclose(fit.coef, whole.coef_, rtol=1e-8)
+    np.testing.assert_allclose(fit.predict(D), whole.predict(D), rtol=1e-8)
+    for b in range(4):
+        part = Ridge(fit.alpha).fit(D[blocks != b], y[blocks != b])
+        np.testing.assert_allclose(left_out[blocks == b], part.predict(D[blocks == b]), rtol=1e-8)
+
+
+def test_the_penalty_is_the_one_with_the_least_left_out_error():
+    rng = np.random.default_rng(1)
+    D, blocks = rng.normal(size=(60, 20)), np.repeat(np.arange(3), 20)
+    y = D[:, 0] + 3 * rng.normal(size=60)
+    errors = []
+    for alpha in ALPHAS:
+        parts = [Ridge(alpha).fit(D[blocks != b], y[blocks != b]).predict(D[blocks == b]) for b in range(3)]
+        errors.append(np.mean((np.concatenate(parts) - y) ** 2))
+    assert ridge_by_blocks(D, y, blocks)[0].alpha == ALPHAS[int(np.argmin(errors))]
+    assert _solve(np.eye(4), ALPHAS)[1].shape == (len(ALPHAS), 2)
+
+
+def _regular(n_days, seed=0):
+    """Weekday gains, an effect of weather and a slow deviation."""
+    X, noise = _weeks(n_days, seed)
+    hour, weekend = X.index.hour, X.index.day_of_week >= 5
+    slow = noise.ewm(halflife=12).mean()
+    y = 2.0 * ((hour >= 8) & (hour < 18) & ~weekend) - 0.2 * (X["T_oa"] - 15) + 3 * X["q_sol"] + 2 * slow
+    return X, y, slow
+
+
+def test_ridge_finds_calendar_and_weather_and_corrects_by_what_is_known():
+    X, y, slow = _regular(56)
+    cut = 42 * 24
+    table = X.assign(zeta=y)
+    model = DisturbanceForecaster("ridge").fit(table.iloc[:cut], y.iloc[:cut])
+    origins = np.arange(0, 13 * 24, 5)
+    rows = origins[:, None] + np.arange(1, 25)
+    truth = y.iloc[cut:].to_numpy()[rows]
+    warm = model.predict_from(table.iloc[cut:], origins) - truth
+    cold = model.predict_from(table.iloc[cut:].assign(zeta=np.nan), origins) - truth
+    unknown = 2 * slow.iloc[cut:].to_numpy()[rows]
+    assert np.sqrt((cold**2).mean()) < 1.05 * np.sqrt((unknown**2).mean())  # all but the slow part is found
+    assert np.sqrt((warm[:, 0] ** 2).mean()) < 0.8 * np.sqrt((cold[:, 0] ** 2).mean())
+    assert np.sqrt((warm**2).mean()) < np.sqrt((cold**2).mean())
+
+
+def test_ridge_is_fast():
+    X, y, _ = _regular(56)
+    table, cut = X.assign(zeta=y), 42 * 24
+    began = time.process_time()
+    model = DisturbanceForecaster("ridge").fit(table.iloc[:cut], y.iloc[:cut])
+    fitted = time.process_time()
+    model.predict_from(table.iloc[cut:], np.arange(0, 300, 5))
+    assert fitted - began < 1.0
+    assert time.process_time() - fitted < 0.1
+
+
+def test_a_regressor_is_cloned_seeded_and_near_the_linear_one():
+    X, y, _ = _regular(42)
+    table, cut = X.assign(zeta=y), 35 * 24
+    given = Ridge(1.0)
+    model = DisturbanceForecaster(given, random_state=3).fit(table.iloc[:cut], y.iloc[:cut])
+    assert not hasattr(given, "coef_")
+    assert given.random_state is None
+    assert model.regressor_.random_state == 3
+    linear = DisturbanceForecaster("ridge").fit(table.iloc[:cut], y.iloc[:cut])
+    errors = [np.sqrt(((m.predict(table.iloc[cut:]) - y.iloc[cut:]) ** 2).mean()) for m in (model, linear)]
+    assert errors[0] < 1.2 * errors[1]
+    assert model.set_params(model__alpha=5.0).model.alpha == 5.0
