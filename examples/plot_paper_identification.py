@@ -85,8 +85,8 @@ steps = StepResponseDisplay.from_estimator(models, truth=true, duration="12h")
 # %%
 # Three days ahead, the gain given
 # --------------------------------
-# With all parameters known, a fit only finds the initial state, and the heat gain may be an input.  This tests a network
-# without any model of the disturbance.
+# With all parameters known, a fit only finds the initial state, and the heat gain may be an input.  This tests a
+# network without any model of the disturbance.
 thetas = {"true": office.theta, **{label: model.theta_.to_dict() for label, model in models.items()}}
 informed = X.assign(Q_gain=gain)
 with_gain = pd.DataFrame({"measured": y_test})
