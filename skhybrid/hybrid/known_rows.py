@@ -7,9 +7,9 @@ from typing import Any, Self
 
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import spell
-from .tables import KEPT, concatenate_tables, in_zone_of, last_rows
+from .tables import KEPT, in_zone_of
 
 #: recent rows that are joined to the older ones at once, as joining costs as much for one row as for many
 _JOINED = 96

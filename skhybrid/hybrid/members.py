@@ -19,7 +19,6 @@ from ..schedule import (
     LeadFit,
     NumberedSegment,
     RollingNetwork,
-    Segment,
     fit_leads,
 )
 from ..thermal import RCNetwork
@@ -103,11 +102,11 @@ class ScheduleMember:
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """The series of the training rows, which are large, are rebuilt from the rows themselves."""
+        """The series of the training rows, which are large, are computed again from the rows."""
         return {**self.__dict__, "fit_": self.fit_.without_rows()}
 
     def restore(self, training: ZoneTable) -> None:
-        """Rebuild the series of the training rows."""
+        """Compute the series of the training rows after the state was loaded."""
         self.fit_ = self.fit_.with_rows(self.fit_.make_segment(training, training.history["T_za"]))
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
@@ -118,15 +117,12 @@ class ScheduleMember:
         """Rows as the fit takes them."""
         whole = rows.whole
         return NumberedSegment(
-            self._segment(rows.table, rows.T),
+            self.fit_.make_segment(rows.table, rows.T),
             rows.begin,
             rows.joined,
             rows.first,
-            None if whole is None else cache(lambda: self._segment(*whole())),
+            None if whole is None else cache(lambda: self.fit_.make_segment(*whole())),
         )
-
-    def _segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
-        return self.fit_.make_segment(table, T)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""

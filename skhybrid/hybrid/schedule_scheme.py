@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from ..control.setpoints import Band, Limits
 from ..exceptions import ScaleNotIdentifiableWarning, warn_user
@@ -23,7 +23,6 @@ from .known_rows import KnownRows
 from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
-from .tables import concatenate_tables, last_rows
 
 #: temperatures that the black box regresses on
 _LAGS = 24

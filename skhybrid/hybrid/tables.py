@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable
+from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
 #: the disturbance is forecast by hours (paper 3.3)
@@ -60,34 +59,6 @@ def utc_of(table: ZoneTable) -> pd.DatetimeIndex:
 def stamps_ns(table: ZoneTable) -> np.ndarray:
     """(n_rows,) stamps in UTC [ns], or on the assumed clock where the table has none."""
     return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
-
-
-def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
-    """Tables that follow each other, with the same roles, as one."""
-    first, *others = tables
-    if not others:
-        return first
-
-    def joined(stamps: str) -> pd.DatetimeIndex:
-        return pd.DatetimeIndex(getattr(first, stamps).append([getattr(table, stamps) for table in others]))
-
-    return first.replace(
-        inputs={role: np.concatenate([table.inputs[role] for table in tables]) for role in first.inputs},
-        history={role: np.concatenate([table.history[role] for table in tables]) for role in first.history},
-        index=first.index.append([table.index for table in others]),
-        time=joined("time"),
-        utc=None if first.utc is None else joined("utc"),
-    )
-
-
-def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
-    """The last rows of tables that follow each other, as one; all of them where there are fewer."""
-    parts: list[ZoneTable] = []
-    while n_rows > 0 and len(parts) < len(tables):
-        table = tables[-1 - len(parts)]
-        parts.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
-        n_rows -= table.n_rows
-    return concatenate_tables(parts[::-1])
 
 
 # -------------------------------------------------------------------------------------------- steps of the disturbance

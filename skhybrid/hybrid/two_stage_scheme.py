@@ -11,7 +11,7 @@ import pandas as pd
 from joblib import Memory
 from sklearn.base import clone
 
-from .._table import ZoneTable
+from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 from ..control.setpoints import Band, Limits
 from ..forecasting.features import rows_per_day
@@ -30,7 +30,6 @@ from .tables import (
     KEPT,
     Steps,
     average,
-    concatenate_tables,
     disturbance_step,
     fit_forecaster,
     forecast_steps,

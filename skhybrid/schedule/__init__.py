@@ -18,7 +18,6 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
-    "Part",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
