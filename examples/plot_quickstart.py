@@ -32,7 +32,7 @@ X.describe().loc[["min", "mean", "max"]].round(2)
 # nameplate fixes the scale of the network, which temperatures alone cannot.
 n_train = len(X) - PER_DAY
 nameplate = {"Q_h": 6.0}  # kW
-hybrid = HybridPredictor(random_state=0).fit(X[:n_train], y[:n_train])
+hybrid = HybridPredictor(known=nameplate).fit(X[:n_train], y[:n_train])
 conventional = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_train], y[:n_train])
 
 # %%
@@ -61,8 +61,7 @@ fig.autofmt_xdate()
 # %%
 # The learned schedules
 # ---------------------
-# The hybrid learns schedules of unmeasured heat and of additional conductance, for working days and weekends.  Only
-# stages of the plant are logged here, so these kW are relative.
+# The hybrid learns schedules of unmeasured heat and of additional conductance, for working days and weekends.
 ScheduleDisplay.from_estimator(hybrid)
 
 # %%
