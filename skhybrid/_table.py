@@ -115,15 +115,6 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     """Join tables that follow each other.
 
     Inputs that one of them lacks are dropped, and history that one of them lacks is NaN in its rows.
-
-    Parameters
-    ----------
-    tables : sequence of ZoneTable
-        At least one.
-
-    Returns
-    -------
-    ZoneTable
     """
     first, last = tables[0], tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
@@ -147,7 +138,7 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
 
 
 def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
-    """Join two tables (:func:`concatenate_tables`); the rows of ``first`` count as history."""
+    """Join two tables by :func:`concatenate_tables`; the rows of ``first`` count as history."""
     return concatenate_tables([first, second]).replace(n_history=first.n_rows)
 
 
@@ -163,13 +154,7 @@ def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
 
 
 def refuse_gap(table: ZoneTable) -> None:
-    """Refuse a table of several segments.
-
-    Raises
-    ------
-    ValueError
-        Naming the stamps around the first gap.
-    """
+    """Raise a ValueError that names the stamps around the first gap, where there is one."""
     if len(table.breaks) > 1:
         row = table.breaks[1]
         raise ValueError(
@@ -312,8 +297,9 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
-    for role in set(inputs) & set(table.history):  # may hold NaN, which an input may not
-        read_input(inputs[role], repr(role), table.index)
+    for role in table.history:
+        if role in inputs:  # history may have missing values, an input may not
+            read_input(inputs[role], repr(role), table.index)
     return table.replace(inputs=inputs, history=history)
 
 

@@ -23,7 +23,7 @@ from skhybrid.hybrid.residual_correction import residual_correction
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import NumberedSegment, fit_leads, forecast_from_origins, loads, make_segment
-from skhybrid.schedule.required_heat import _increasing
+from skhybrid.schedule.part_load import increasing_curve
 from skhybrid.thermal import get_network
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ScaleNotIdentifiableWarning")
@@ -600,9 +600,9 @@ def test_a_curve_that_does_not_rise_is_mended_as_little_as_can_be(given):
     truth = minimize(
         lambda x: np.sum((x - curve) ** 2), stage, method="SLSQP", constraints=[steps, ends], options={"ftol": 1e-12}
     )
-    np.testing.assert_allclose(_increasing(curve, stage), truth.x, atol=1e-4)
+    np.testing.assert_allclose(increasing_curve(curve, stage), truth.x, atol=1e-4)
     if given == "steep":
-        np.testing.assert_allclose(_increasing(curve, stage), curve, atol=1e-12)
+        np.testing.assert_allclose(increasing_curve(curve, stage), curve, atol=1e-12)
 
 
 def test_the_load_keeps_within_a_band_and_within_limits(piece):

@@ -1,7 +1,7 @@
 """The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5).
 
-A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``: what it expects of
-each row when nothing of the past is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
+A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``, its expectation of
+each row when no past disturbance is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
 """
 
 from __future__ import annotations

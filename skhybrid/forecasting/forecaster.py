@@ -85,15 +85,15 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
     n_repeats : int, default 1
-        How many networks are trained, from seeds that ``random_state`` gives; they are trained side by side, and each
-        is to the bit what it would be alone.
+        How many networks are trained, from seeds that ``random_state`` gives; they are trained as one stack, and each
+        is, to rounding, what it would be alone.
     repeats : {"best", "mean"}, default "best"
         What becomes of several: the one with the lowest validation error forecasts (paper 4.4, which chooses by the
         test error), or the mean of all.
     device : str, default "cpu"
-        Where networks are trained: ``"cpu"``, by compiled kernels; ``"cuda"`` or another device of torch's, by torch's
-        own operators, worth while for large networks or very many at once (:func:`~skhybrid.forecasting.fit_many`);
-        ``"auto"``, a GPU where torch finds one.  Forecasts are computed on the CPU.
+        Where torch trains networks: ``"cpu"``; ``"cuda"`` or another of its devices, worth while for large networks or
+        hundreds at once (:func:`~skhybrid.forecasting.fit_many`); ``"auto"``, a GPU where torch finds one.  Forecasts
+        are computed on the CPU.
 
     Attributes
     ----------
@@ -236,6 +236,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ------
         ValueError
             If a parameter, the table or the target is refused (design 9).
+        ImportError
+            If ``model`` is a network and torch or skorch is missing; nothing has been read then.
         """
         job = self._begin(X, y, {})
         if job is not None:
@@ -245,9 +247,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return self
 
     def _begin(self, X: Any, y: Any, shared: dict[Any, Any]) -> TrainingJob | None:
-        """All of ``fit`` but the training of networks, which is handed back as a job; None where there is none.
+        """Do all of ``fit`` but the training of networks, which is returned as a job; None where there is none.
 
-        ``shared`` keeps what other forecasters of the same X and y need as well: the table and fitted baselines.
+        ``shared`` stores what other forecasters of the same X and y need as well: the table and fitted baselines.
         """
         check_parameters(self)
         require_networks(self.model)
@@ -274,7 +276,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return job
 
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
-        """The training table with its history ``zeta``, and the target; the same objects for all who share them."""
+        """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing)
         if "zeta" not in table.history:
@@ -283,7 +285,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return shared.setdefault(key, (table, target))
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
-        """A network is trained on what a baseline of the earlier rows leaves over; it forecasts on that of all rows."""
+        """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
@@ -341,7 +343,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return pd.Series(values, index=future.index, name="zeta")
 
     def _past(self, history: pd.DataFrame) -> ZoneTable:
-        """The rows before the origin, behind the end of the training table where they follow it."""
+        """The rows before the origin, after those of the training table where they continue it."""
         table = self._read(self._as_fitted(history), reset=False)
         column = (self.columns or {}).get("zeta", "zeta")
         if "zeta" not in table.history and column in history:
