@@ -18,6 +18,7 @@ TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
 SAME_THING = {
     "base",  # the base class of its folder
     "posterior",  # of the parameters: sampled in identification, drawn in inspection
+    "run",  # of a study: the function and its command
 }
 MOST_LINES, MOST_LINES_OF_A_FUNCTION = 400, 40
 
@@ -29,7 +30,9 @@ def body_length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def foreign_private_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Assignments to a private attribute of an object other than ``self`` or ``cls``."""
+    """Assignments to a private attribute of a foreign object: one that no class of the module sets on itself."""
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
+    known = {node.attr for node in nodes if isinstance(node.ctx, ast.Store) and node.value.id in ("self", "cls")}
     for node in ast.walk(tree):
         targets = node.targets if isinstance(node, ast.Assign) else []
         if isinstance(node, ast.AugAssign | ast.AnnAssign):
@@ -37,7 +40,7 @@ def foreign_private_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
         parts = [part for target in targets for part in ast.walk(target) if isinstance(part, ast.Attribute)]
         for part in parts:
             own = isinstance(part.value, ast.Name) and part.value.id in ("self", "cls")
-            if part.attr.startswith("_") and not own:
+            if part.attr.startswith("_") and not own and part.attr not in known:
                 yield node.lineno, ast.unparse(part)
 
 

@@ -18,9 +18,9 @@ from .._transaction import unchanged_on_failure
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
 from .features import rows_per_day, zeta_of
-from .models import check_parameters, fit_baseline, is_network
+from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
-from .tables import as_fitted, read_weather
+from .reading import as_fitted, read_weather
 from .training_job import JobResult, TrainingJob, chronological_split, draw_seed, repeat_seeds
 
 

@@ -16,7 +16,7 @@ from .._time import ASSUMED_START
 from ..control.setpoints import Band, Limits
 from ..forecasting.features import rows_per_day
 from ..forecasting.joint_fit import fit_each
-from ..forecasting.models import BASELINES
+from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network

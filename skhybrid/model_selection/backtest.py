@@ -13,7 +13,7 @@ from sklearn.utils.validation import _num_samples, check_is_fitted
 from .._table import ZoneTable
 from .._time import ASSUMED_START, even_step, rows_of
 from ..forecasting.quantiles import quantile_columns
-from .tables import read_once, reading_of, takes_tables
+from .single_reading import read_once, reading_of, takes_tables
 
 _DAY = pd.Timedelta("1D")
 _COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")

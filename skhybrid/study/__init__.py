@@ -1,7 +1,7 @@
 """A whole study: from a log and its settings to fitted models, a comparison, a forecast and a report."""
 
+from .compared_models import StudyModel, Yesterday, make_models
 from .data import StudyData, read_log, split_log
-from .models import StudyModel, Yesterday, make_models
 from .outputs import format_table, write_outputs
 from .proposal import propose_settings
 from .report import study_picture, verdict, write_report

@@ -12,7 +12,7 @@ import pandas as pd
 
 from .. import __version__
 from ..persistence import atomic_path, save_model
-from .models import HYBRID
+from .compared_models import HYBRID
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 

@@ -15,9 +15,9 @@ import pandas as pd
 from .._table import ZoneTable
 from .._threads import one_blas_thread
 from ..model_selection import backtest
-from ..model_selection.tables import read_once, takes_tables
+from ..model_selection.single_reading import read_once, takes_tables
+from .compared_models import HYBRID, StudyModel, identified_by, make_models
 from .data import StudyData, standstill
-from .models import HYBRID, StudyModel, identified_by, make_models
 from .settings import Settings
 
 #: quantiles of the intervals that are shown: 80 % lie between them

@@ -12,7 +12,7 @@ from sklearn.model_selection import ParameterGrid
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
-from ...forecasting.models import BASELINES
+from ...forecasting.named_models import BASELINES
 
 #: columns that identify a candidate; those of its size follow
 IDENTITY = ("framework", "case", "disturbance", "name")

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...forecasting.extras import require_networks
 from ...forecasting.joint_fit import fit_each
-from ...forecasting.models import is_network
+from ...forecasting.named_models import is_network
 
 #: the module that loads torch and skorch
 _TRAINING = "skhybrid.forecasting.networks.jobs"

@@ -17,7 +17,7 @@ from sklearn.utils import _safe_indexing
 from ..._table import ZoneTable
 from ...forecasting import DisturbanceForecaster
 from ..scorers import MeasuredRmse
-from ..tables import read_alike, read_once, reading_of, takes_tables
+from ..single_reading import read_alike, read_once, reading_of, takes_tables
 from .candidates import BASELINE, forecaster_prefix, last_step
 from .networks import fit_together, preload_networks
 from .shared import Shared
