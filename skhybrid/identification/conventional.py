@@ -11,7 +11,7 @@ from ..thermal import RCNetwork
 from .disturbance_models import Conventional
 from .experiment import Experiment
 from .filtered_network import ForecastStart
-from .gain_filter import without_disturbance
+from .gain_filter import GainFilter, without_disturbance
 from .least_squares import LeastSquaresIdentifier
 from .one_step_errors import Innovations, simulation_errors
 from .shared_docs import shared_docs
@@ -63,18 +63,19 @@ class GrayBoxRC(LeastSquaresIdentifier):
         known, span = self.filtered_network_, rows_covering(self.warmup, table.step)
         kalman, experiment = known.kalman, known.experiment(table)
         free_run, size = known.open_loop(experiment, known.open_start(table)), (len(origins), n)
-        states = [self._state_at(experiment, free_run, int(origin), span) for origin in origins]
+        plain = without_disturbance(kalman, experiment.hours)
+        states = [_state_at(plain, experiment, free_run, int(origin), span) for origin in origins]
         nothing = np.zeros((*size, kalman.n_gains)), np.zeros((*size, len(kalman.measured)))
         return ForecastStart(np.array(states), *nothing)
 
-    def _state_at(self, experiment: Experiment, free_run: np.ndarray, origin: int, span: int) -> np.ndarray:
-        """Filtered over the warm-up before the origin; simulated where nothing was measured in it."""
-        first = max(0, origin + 1 - span)
-        last = experiment.rows(slice(first, origin + 1))
-        if not np.isfinite(last.y).any():
-            return free_run[origin]
-        plain = without_disturbance(self.filtered_network_.kalman, experiment.hours)
-        begin = plain.cold(last.firsts)
-        if first == 0:
-            begin = begin._replace(mean=np.append(free_run[0], np.zeros(plain.n_gains)))
-        return plain.run(last, begin).nodes[-1]
+
+def _state_at(plain: GainFilter, experiment: Experiment, free_run: np.ndarray, origin: int, span: int) -> np.ndarray:
+    """Filtered over the warm-up before the origin; simulated where nothing was measured in it."""
+    first = max(0, origin + 1 - span)
+    last = experiment.rows(slice(first, origin + 1))
+    if not np.isfinite(last.y).any():
+        return free_run[origin]
+    begin = plain.cold(last.firsts)
+    if first == 0:
+        begin = begin._replace(mean=np.append(free_run[0], np.zeros(plain.n_gains)))
+    return plain.run(last, begin).nodes[-1]
