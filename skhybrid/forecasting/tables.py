@@ -48,10 +48,10 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
         min_rows=2 if reset else 1,
         expected_step=None if reset else forecaster.sampling_time_,
     )
-    if modes and reset and isinstance(X, pd.DataFrame) and not plant_roles(table.inputs):
+    if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
         raise ValueError(
             f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "
-            f"{', '.join(map(repr, X.columns))}."
+            f"{', '.join(map(repr, table.order))}."
         )
     return table
 
