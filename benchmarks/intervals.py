@@ -44,7 +44,7 @@ def models(memory: str) -> dict[str, object]:
     return {
         "ARX": ARXRegressor(),
         "ARX re-fitted": ARXRegressor(adapt="refit"),
-        "hybrid": HybridPredictor(memory=memory, random_state=0),
+        "hybrid": HybridPredictor(),
     }
 
 

@@ -37,10 +37,8 @@ from skhybrid.model_selection.search.design_matrix import DesignMatrix
 
 COMMAND = "python benchmarks/search_speed.py"
 #: cases of a block and its epochs: every size of paper 3.2 for each of them.
-BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 12)}
+BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 4)}
 N_DAYS, N_LEADS, PATIENCE, N_ROUNDS = 28, 24, 150, 2
-#: candidates that a worker of our search takes at once
-CHUNK = 6
 TRAINING = {"learning_rate": 0.003, "batch_size": 128, "validation_fraction": 0.2}
 
 
@@ -165,7 +163,6 @@ def design_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
         cv=[(rows, rows)],
         n_jobs=2,
         refit=False,
-        chunk_size=CHUNK,
         error_score="raise",
         verbose=0,
     )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         thermal,
     )
     from .forecasting import ARXRegressor, DisturbanceForecaster
-    from .hybrid import HybridPredictor
+    from .hybrid import HybridPredictor, SchedulePredictor, TwoStagePredictor
     from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
     from .thermal import RCNetwork
 
@@ -44,6 +44,8 @@ _MODULE_OF = {
     "OutputDisturbanceID": "identification",
     "PeriodicDisturbanceID": "identification",
     "RCNetwork": "thermal",
+    "SchedulePredictor": "hybrid",
+    "TwoStagePredictor": "hybrid",
 }
 _SUBMODULES = (
     "datasets",
@@ -67,6 +69,8 @@ __all__ = [
     "OutputDisturbanceID",
     "PeriodicDisturbanceID",
     "RCNetwork",
+    "SchedulePredictor",
+    "TwoStagePredictor",
     "__version__",
     "datasets",
     "exceptions",

@@ -23,6 +23,8 @@ ROLES: tuple[tuple[str, str, str], ...] = (
     ("zeta", "kW or degC", "the estimated disturbance, as history"),
 )
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
+#: no temperature of a building is further from 0 [degC]
+_MOST_DEGREES = 1e3
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
 
@@ -119,6 +121,17 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
     return np.ascontiguousarray(v, dtype=np.float64)
+
+
+def refuse_impossible(v: np.ndarray, role: str, name: str, index: pd.Index) -> None:
+    """Refuse temperatures that no sensor can have measured."""
+    bad = np.abs(v) > _MOST_DEGREES
+    if role.startswith("T_") and bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"{name} holds {v[row]:.3g} degC in {int(bad.sum())} rows (first at {index[row]}), which is no "
+            "temperature: likely a fill value of the file; set it to NaN."
+        )
 
 
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:

@@ -26,6 +26,7 @@ from ._columns import (
     numeric,
     read_history,
     read_input,
+    refuse_impossible,
     refuse_shape,
     role_of,
     warn_units,
@@ -114,15 +115,6 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     """Join tables that follow each other.
 
     Inputs that one of them lacks are dropped, and history that one of them lacks is NaN in its rows.
-
-    Parameters
-    ----------
-    tables : sequence of ZoneTable
-        At least one.
-
-    Returns
-    -------
-    ZoneTable
     """
     first, last = tables[0], tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
@@ -146,7 +138,7 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
 
 
 def append_tables(first: ZoneTable, second: ZoneTable) -> ZoneTable:
-    """Join two tables (:func:`concatenate_tables`); the rows of ``first`` count as history."""
+    """Join two tables by :func:`concatenate_tables`; the rows of ``first`` count as history."""
     return concatenate_tables([first, second]).replace(n_history=first.n_rows)
 
 
@@ -162,13 +154,7 @@ def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
 
 
 def refuse_gap(table: ZoneTable) -> None:
-    """Refuse a table of several segments.
-
-    Raises
-    ------
-    ValueError
-        Naming the stamps around the first gap.
-    """
+    """Raise a ValueError that names the stamps around the first gap, where there is one."""
     if len(table.breaks) > 1:
         row = table.breaks[1]
         raise ValueError(
@@ -287,6 +273,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.T
     inputs = {
         role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
     }
+    for role, v in {**inputs, **history}.items():
+        refuse_impossible(v, role, f"column {names[role]}", index)
     if wanted.reset:
         warn_units({**inputs, **history}, names)
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values))
@@ -309,8 +297,9 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
-    for role in set(inputs) & set(table.history):  # may hold NaN, which an input may not
-        read_input(inputs[role], repr(role), table.index)
+    for role in table.history:
+        if role in inputs:  # history may have missing values, an input may not
+            read_input(inputs[role], repr(role), table.index)
     return table.replace(inputs=inputs, history=history)
 
 
@@ -364,8 +353,10 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
             f"Input y contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
             "choose a span with more measurements."
         )
-    if role is not None and role not in table.history:
-        warn_units({role: target}, {role: "y"})
+    if role is not None:
+        refuse_impossible(target, role, "y", table.index)
+        if role not in table.history:
+            warn_units({role: target}, {role: "y"})
     return target
 
 

@@ -1,4 +1,4 @@
-"""Time stamps, durations and forecast origins: the part of the data contract that is about time."""
+"""Time stamps, durations and forecast origins of the data contract."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-#: a jump over missing rows that is at least this long parts a table into segments; a shorter one is a faulty log
+#: a jump over missing rows divides a table into segments from this length on; a shorter one is an error of the log
 SHORTEST_GAP = pd.Timedelta("3h")
-#: wall clock that a table without time stamps is assumed to start at (a Monday).
+#: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 
 
@@ -18,7 +18,7 @@ ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 def read_index(
     index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None, gaps: bool = False
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
-    """Step, local wall clock, stamps in UTC and first rows of the segments; one segment where ``gaps`` is false."""
+    """Step, local wall clock, stamps in UTC and first rows of the segments; without ``gaps`` there is one segment."""
     given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
@@ -44,10 +44,10 @@ def read_index(
 
 
 def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
-    """First rows of the segments of an index that long gaps part; (0,) where it is no such index.
+    """First rows of the segments between long gaps; (0,) where the index is not evenly spaced but for such gaps.
 
-    A gap is a jump of a whole number of steps and of :data:`SHORTEST_GAP` or more.  A shorter one would begin a new
-    state for the sake of a few rows, and is better mended.
+    A gap is a jump by a whole number of steps, of :data:`SHORTEST_GAP` or more.  A shorter one is better filled, since
+    each segment needs an initial state of its own.
     """
     jumps = np.diff(utc.as_unit("ns").asi8)
     usual = int(np.median(jumps))
@@ -61,12 +61,18 @@ def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
 
 
 def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
-    """The one step of an index, or a ValueError that shows the first stamps that break it."""
+    """The step of an evenly spaced index.
+
+    Raises
+    ------
+    ValueError
+        Naming the first stamps that are out of order or another step apart.
+    """
     gaps = np.diff(utc.as_unit("ns").asi8)
     hint = ", or localize it if this is daylight saving" if getattr(shown, "tz", None) is None else ""
     if (gaps <= 0).any():
         row = int(np.argmax(gaps <= 0))
-        what = "stands twice" if gaps[row] == 0 else "goes back in time"
+        what = "has duplicates" if gaps[row] == 0 else "goes back in time"
         raise ValueError(
             f"the index {what}: {shown[row]} is followed by {shown[row + 1]}; sort it and drop duplicates "
             f"(skhybrid.datasets.regularize does){hint}."
@@ -81,23 +87,23 @@ def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
     return pd.Timedelta(usual, unit="ns")
 
 
-def _spells_time(index: pd.Index) -> bool:
+def _looks_like_time(index: pd.Index) -> bool:
     if isinstance(index, pd.PeriodIndex | pd.TimedeltaIndex):
         return True
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # no common format: then it spells no time
+        warnings.simplefilter("ignore", UserWarning)  # no common format: not a time
         return bool(pd.to_datetime(index[:3].astype(str), errors="coerce").notna().all())
 
 
 def _refuse_disorder(index: pd.Index) -> None:
-    """Refuse an index of unread time stamps, or of numbers that are not those of consecutive rows."""
+    """Refuse an index of time stamps as text, or of numbers that do not belong to consecutive rows."""
     if not pd.api.types.is_numeric_dtype(index):
-        if _spells_time(index):
+        if _looks_like_time(index):
             raise ValueError(
-                f"the index begins with {index[0]!r}, which spells a time stamp but is none; convert it with "
-                "pd.to_datetime (periods with .to_timestamp())."
+                f"the index begins with {index[0]!r}, which looks like a time stamp but is not one; convert it "
+                "with pd.to_datetime (periods with .to_timestamp())."
             )
-        return  # labels that say nothing of time: the rows are taken as they stand
+        return  # labels without a meaning in time: the rows are taken in their order
     gaps = np.diff(index.to_numpy(dtype=np.float64))
     if (gaps <= 0).any():
         row = int(np.argmax(gaps <= 0))
@@ -129,7 +135,7 @@ def _positive(value: Any, name: str) -> pd.Timedelta:
 
 
 def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
-    """How many steps a duration such as "1D" is.
+    """Number of steps in a duration such as "1D".
 
     Raises
     ------
@@ -143,7 +149,7 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
 
 
 def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
-    """How many steps cover a duration, which need not be a multiple of the step.
+    """Number of steps that cover a duration, which need not be a multiple of the step.
 
     Raises
     ------
@@ -154,7 +160,7 @@ def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> in
 
 
 def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
-    """Rows that are forecast origins: row 0 and the starts of local days (and of ``origin_step`` within them).
+    """Rows that are forecast origins: row 0, and the starts of local days and of each ``origin_step`` within them.
 
     Parameters
     ----------
@@ -163,11 +169,19 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     horizon : timedelta-like or None
         None: the first row is the only origin.
     origin_step : timedelta-like, optional
-        Distance of origins, counted from the first row's local midnight; default = ``horizon``.
+        Distance of origins, counted from the local midnight before the first row; default ``horizon``.
+    step : timedelta-like, optional
+        Sampling time; the distance must be a multiple of it.
 
     Returns
     -------
-    ndarray of int, increasing, beginning with 0.
+    ndarray of int, shape (n_origins,)
+        Increasing, beginning with 0.
+
+    Raises
+    ------
+    ValueError
+        If the distance is not a positive duration or no multiple of the step.
     """
     if horizon is None:
         return np.zeros(1, dtype=np.int64)
@@ -182,6 +196,7 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
 
 
 def spell(step: pd.Timedelta) -> str:
+    """A duration as text, such as "15 min"."""
     seconds = step.total_seconds()
     for unit, size in (("h", 3600), ("min", 60)):
         if seconds % size == 0:

@@ -93,7 +93,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
     io = import_skops()
 
     try:
-        body = io.dumps(_to_data(estimator, type(estimator).__name__))
+        data = _to_data(estimator, type(estimator).__name__)
+        body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
     unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))

@@ -1,4 +1,4 @@
-"""The data contract and rolling forecasts: what a table may look like, what is refused, and in which words."""
+"""The data contract: tables that are read, tables that are refused, the words of a refusal, and tables read once."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator
 
-from skhybrid import GrayBoxRC
-from skhybrid._table import append_tables, read_table, read_target, role_of
+from skhybrid import ARXRegressor, GrayBoxRC, _table
+from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
+from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import RoleWarning, UnitWarning
 
@@ -28,7 +29,7 @@ def office():
 
 
 def gray_box(office, X=None, y=None, **settings):
-    """A fit of which everything is known, and so done at once."""
+    """A fit with all parameters known, which takes no time."""
     X, y = (office.X if X is None else X), (office.y if y is None else y)
     return GrayBoxRC(**{"known": office.theta, **settings}).fit(X, y)
 
@@ -325,7 +326,7 @@ def test_one_instant_in_two_zones_is_one_table(office):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ([0, 1, 1, 2], "stands twice: 2023-07-08 00:15:00 is followed by 2023-07-08 00:15:00; sort it and drop"),
+        ([0, 1, 1, 2], "has duplicates: 2023-07-08 00:15:00 is followed by 2023-07-08 00:15:00; sort it and drop"),
         ([0, 2, 1, 3], "goes back in time: 2023-07-08 00:30:00 is followed by 2023-07-08 00:15:00"),
         (
             [0, 1, 2, 4, 5],
@@ -344,9 +345,9 @@ def test_disorder_of_time_stamps(office, rows, message):
     ("index", "message"),
     [
         (lambda i: i.where(np.arange(len(i)) != 5), "NaT at row 5; every row needs a time stamp"),
-        (lambda i: i.astype(str), "begins with '2023-07-08 00:00:00', which spells a time stamp but is none"),
-        (lambda i: i.to_period("15min"), "spells a time stamp but is none.*to_timestamp"),
-        (lambda i: i - i[0], "spells a time stamp but is none"),
+        (lambda i: i.astype(str), "begins with '2023-07-08 00:00:00', which looks like a time stamp but is not one"),
+        (lambda i: i.to_period("15min"), "looks like a time stamp but is not one.*to_timestamp"),
+        (lambda i: i - i[0], "looks like a time stamp but is not one"),
         (
             lambda i: pd.Index(np.roll(np.arange(len(i)), 3)),
             "not in time order: index 383 is followed by 0.*never shuffled",
@@ -430,8 +431,8 @@ def test_origins():
     assert origin_rows(time[:1], "1D").tolist() == [0]
 
 
-# --------------------------------------------------------------------------------------- tables behind one another
-def test_table_behind_another():
+# ------------------------------------------------------------------------------------------------- tables joined
+def test_table_after_another():
     whole = stamped(20, u_heat=0.5, T_za=np.arange(20.0) + 10, tz="Europe/Berlin", start="2023-10-29 01:00")
     first, second = read(whole[:12]), read(whole[12:].drop(columns="T_za"))
     assert second.follows(first)
@@ -450,3 +451,175 @@ def test_table_behind_another():
     part = both.rows(slice(12, None))
     pd.testing.assert_index_equal(part.time, second.time, exact="equiv")
     np.testing.assert_array_equal(part.inputs["T_oa"], second.inputs["T_oa"])
+
+
+def test_concatenated_tables_are_the_whole_again():
+    whole = read(stamped(30, u_heat=np.linspace(0, 1, 30), T_za=np.arange(30.0), tz="UTC"))
+    parts = [whole.rows(slice(a, b)) for a, b in ((0, 7), (7, 8), (8, 30))]
+    for joined, first in ((concatenate_tables(parts), 0), (last_rows(parts, 23), 7), (last_rows(parts, 5), 25)):
+        assert joined.n_rows == 30 - first
+        assert joined.n_history == 0
+        assert (joined.order, joined.step) == (whole.order, whole.step)
+        for role in ("T_oa", "u_heat"):
+            np.testing.assert_array_equal(joined.inputs[role], whole.inputs[role][first:])
+        np.testing.assert_array_equal(joined.T_za, whole.T_za[first:])
+        for name in ("index", "time", "utc"):
+            pd.testing.assert_index_equal(getattr(joined, name), getattr(whole, name)[first:], exact="equiv")
+    assert last_rows(parts, 99).n_rows == 30
+    assert last_rows(parts, 0).n_rows == 0
+    assert concatenate_tables([read(np.zeros((4, 2))), read(np.ones((3, 2)))]).utc is None
+
+
+# ------------------------------------------------------------------------------------------- tables that are read once
+@pytest.fixture
+def parsed(monkeypatch):
+    """The tables that are parsed, in a list that grows."""
+    seen, parse = [], _table._parse
+
+    def counted(estimator, X, *rest):
+        seen.append(X)
+        return parse(estimator, X, *rest)
+
+    monkeypatch.setattr(_table, "_parse", counted)
+    return seen
+
+
+def test_roles_of_a_parsed_table_are_selected(parsed):
+    whole = read(stamped(6, note=[*"abcdef"], q_sol=0.2, u_heat=0.5, T_x=7.0, T_za=20.0, zeta=np.nan))
+    assert len(parsed) == 1
+    reader = BaseEstimator()
+    found = read_table(reader, whole, required=["T_oa", "q_sol", "T_za"], needed=lambda r: r != "T_x", reset=True)
+    assert list(found.inputs) == ["T_oa", "q_sol", "u_heat"]
+    assert list(found.history) == ["T_za", "zeta"]
+    assert found.inputs["u_heat"] is whole.inputs["u_heat"]
+    assert list(reader.feature_names_in_) == ["T_oa", "q_sol", "u_heat", "T_x", "T_za", "zeta"]
+    assert reader.n_features_in_ == 6
+    other = BaseEstimator()
+    assert set(read_table(other, whole, reset=False).inputs) == {"T_oa", "q_sol", "u_heat", "T_x"}
+    assert not hasattr(other, "feature_names_in_")
+    # as in a frame, a role can be left out on purpose, and the irradiance of a facade stands for the sun
+    left = read(whole, columns={"T_za": None, "q_sol": None}, required=["q_sol", "T_za"])
+    assert (set(left.inputs), set(left.history)) == ({"T_oa", "u_heat", "T_x"}, {"zeta"})
+    facade = read(read(stamped(4, q_sol_south=0.1)), required=["T_oa", "q_sol"])
+    assert list(facade.inputs) == ["T_oa", "q_sol_south"]
+    assert len(parsed) == 2
+
+
+def test_parsed_tables_that_are_refused():
+    table = read(stamped(6, u_heat=0.5, T_za=20.0))
+    reader = BaseEstimator()
+    for settings, message in [
+        ({"required": ["T_oa", "q_sol"]}, "role 'q_sol' is missing: the table has 'T_oa', 'u_heat', 'T_za'"),
+        ({"min_rows": 7}, r"the table has 6 row\(s\), but at least 7 are required"),
+        ({"expected_step": pd.Timedelta("1h")}, "a sampling time of 15 min, but BaseEstimator was fitted at 1 h"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read_table(reader, table, reset=False, **settings)
+    X = stamped(80)
+    gappy = read(X.drop(X.index[30:50]), gaps=True)
+    assert gappy.breaks == (0, 30)
+    with pytest.raises(ValueError, match="gap: 2023-07-08 07:15:00 is followed by 2023-07-08 12:30:00; give one"):
+        read_table(reader, gappy, reset=True)
+    assert not hasattr(reader, "feature_names_in_")
+    assert read(gappy, gaps=True).breaks == (0, 30)
+    hole = read(stamped(6, T_za=[20, 20, np.nan, 20, 20, 20]))
+    with pytest.raises(ValueError, match=r"column 'T_za' contains NaN in 1 rows .first at 2023-07-08 00:30:00"):
+        read(hole, history_roles=("zeta",))
+
+
+@pytest.mark.parametrize("adapt", [None, "refit"])
+def test_a_public_call_parses_its_table_once(office, parsed, adapt):
+    train, later = slice(0, 288), slice(288, None)
+    model = ARXRegressor(adapt=adapt, horizon="6h")
+    X, y = office.X[later], office.y[later]
+    for call in (
+        lambda: model.fit(office.X[train], office.y[train]),
+        lambda: model.predict(X),
+        lambda: model.predict_from(X, [0, 30]),
+        lambda: model.predict_quantiles(X),
+        lambda: model.predict_quantiles_from(X, [0, 30]),
+        lambda: model.score(X, y),
+    ):
+        parsed.clear()
+        call()
+        assert len(parsed) == 1
+    again = ARXRegressor(adapt=adapt, horizon="6h")
+    table = read(office.X[train])
+    parsed.clear()
+    np.testing.assert_array_equal(again.fit(table, office.y[train]).coef_, model.coef_)
+    np.testing.assert_array_equal(again.predict(read(X)), model.predict(X))
+    assert len(parsed) == 2  # of X, here and by the other model
+
+
+# ------------------------------------------------------------------------------------------ nothing half-fitted is left
+class Steps(BaseEstimator):
+    """Sets an attribute, fails if it is told so, and sets another one."""
+
+    def __init__(self, error=None):
+        self.error = error
+
+    @unchanged_on_failure
+    def fit(self, value):
+        self.first_ = [value]
+        if value > 1:
+            self.only_later_ = value
+        if self.error is not None:
+            raise self.error
+        self.last_ = value
+        return self
+
+
+@pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), SystemExit(1)])
+def test_a_method_that_fails_changes_nothing(error):
+    fresh = Steps(error)
+    with pytest.raises(type(error)):
+        fresh.fit(1)
+    assert vars(fresh) == {"error": error}
+    model = Steps().fit(1)
+    first = model.first_
+    model.error = error
+    with pytest.raises(type(error)) as caught:
+        model.fit(2)
+    assert caught.value is error
+    assert vars(model) == {"error": error, "first_": [1], "last_": 1}
+    assert model.first_ is first
+    model.error = None
+    assert (model.fit(3).first_, model.only_later_, model.last_) == ([3], 3, 3)
+
+
+def _nan_input(X, y):
+    return X.assign(u_heat=np.nan), y
+
+
+def _infinite_target(X, y):
+    return X, y.where(np.arange(len(y)) != 9, np.inf)
+
+
+@pytest.mark.parametrize("broken", [_nan_input, _infinite_target])
+def test_a_failed_refit_leaves_the_fitted_estimator(office, broken):
+    model = ARXRegressor().fit(office.X[:288], office.y[:288])
+    before, expected = dict(vars(model)), model.predict(office.X[288:])
+    with pytest.raises(ValueError, match=r"NaN|infinity"):
+        model.fit(*broken(office.X[["T_oa", "u_heat"]][:200], office.y[:200]))
+    assert vars(model).keys() == before.keys()
+    assert all(value is before[name] for name, value in vars(model).items())
+    np.testing.assert_array_equal(model.predict(office.X[288:]), expected)
+
+
+@pytest.mark.parametrize("step", ["_choose_alpha", "_left_out_intervals"])
+def test_an_interrupted_refit_leaves_the_fitted_estimator(office, step, monkeypatch):
+    """In the middle of a fit, when some attributes are those of the new table."""
+
+    def interrupt(*args):
+        raise KeyboardInterrupt
+
+    model, fresh = ARXRegressor().fit(office.X[:288], office.y[:288]), ARXRegressor()
+    before, expected = dict(vars(model)), model.predict(office.X[288:])
+    with monkeypatch.context() as patch:
+        patch.setattr(ARXRegressor, step, interrupt)
+        for estimator in (model, fresh):
+            with pytest.raises(KeyboardInterrupt):
+                estimator.fit(office.X[["T_oa", "q_sol"]], office.y)
+    assert vars(model) == before
+    np.testing.assert_array_equal(model.predict(office.X[288:]), expected)
+    assert vars(fresh) == vars(ARXRegressor())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +17,7 @@ from skhybrid.filtering import (
     divided_difference,
     filter_channels,
     filter_channels_adjoint,
+    iterate_lags,
     kalman_filter,
     one_step_errors,
     simulate_inverse,
@@ -114,7 +118,7 @@ class Model(NamedTuple):
     A: np.ndarray
     forcing: np.ndarray
     Q: np.ndarray
-    klass: np.ndarray
+    noise_class: np.ndarray
     c: np.ndarray
     R: float
     y: np.ndarray
@@ -159,7 +163,7 @@ def dense_prior(m):
         for j in range(k + 1):
             to_states[k * n : k * n + n, j * n : j * n + n] = np.linalg.matrix_power(m.A, k - j)
     drive = np.concatenate([m.s0[None], m.forcing[:-1]]).ravel()
-    noise = block_diag(m.P0, *m.Q[m.klass[:-1]])
+    noise = block_diag(m.P0, *m.Q[m.noise_class[:-1]])
     covariance = to_states @ noise @ to_states.T
     return Dense((to_states @ drive).reshape(N, n), covariance.reshape(N, n, N, n))
 
@@ -180,7 +184,7 @@ MODELS = [drawn_model(seed=0), drawn_model(n=2, seed=1), drawn_model(n=4, seed=2
 
 
 def run_track(m):
-    return kalman_filter(m.A, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
+    return kalman_filter(m.A, m.forcing, m.Q, m.noise_class, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
 
 
 def run_errors(m, K):
@@ -224,7 +228,7 @@ def drawn_channels(m, J=4, seed=5):
 
 def run_channels(m, ch):
     return filter_channels(
-        m.A, ch.columns, ch.series, m.forcing, m.Q, m.klass, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0
+        m.A, ch.columns, ch.series, m.forcing, m.Q, m.noise_class, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0
     )
 
 
@@ -267,7 +271,9 @@ def drawn_pair(seed=40):
 
 
 def run_pair(p, ch):
-    return filter_channels(p.m.A, ch.columns, ch.series, p.m.forcing, p.m.Q, p.m.klass, p.C, p.R, p.y, p.m.s0, p.m.P0)
+    return filter_channels(
+        p.m.A, ch.columns, ch.series, p.m.forcing, p.m.Q, p.m.noise_class, p.C, p.R, p.y, p.m.s0, p.m.P0
+    )
 
 
 def test_two_outputs_are_taken_in_together():
@@ -288,7 +294,7 @@ def test_two_outputs_are_taken_in_together():
         x, P = x + gain @ e, P - gain @ C @ P
         assert_close(found.states[k, :, 0], x, 1e-9)
         assert_close(found.covariances[k], P, 1e-9)
-        x, P = m.A @ x + m.forcing[k], m.A @ P @ m.A.T + m.Q[m.klass[k]]
+        x, P = m.A @ x + m.forcing[k], m.A @ P @ m.A.T + m.Q[m.noise_class[k]]
 
 
 def test_adjoint_of_two_outputs():
@@ -296,7 +302,7 @@ def test_adjoint_of_two_outputs():
     m, ch, rng = p.m, drawn_channels(p.m), np.random.default_rng(41)
     result = run_pair(p, ch)
     errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=result.S.shape)
-    adjoint = filter_channels_adjoint(m.A, ch.series, m.klass, p.C, p.y, len(m.Q), result, errors_bar, S_bar)
+    adjoint = filter_channels_adjoint(m.A, ch.series, m.noise_class, p.C, p.y, len(m.Q), result, errors_bar, S_bar)
     d, dR = drawn_direction(m, 42), rng.uniform(0.1, 0.2, 2)
     along = np.sum(adjoint.A * d.A) + np.sum(adjoint.Q * d.Q) + np.sum(adjoint.P0 * d.P0) + adjoint.R @ dR
 
@@ -344,7 +350,7 @@ def test_adjoint_has_the_derivatives_of_any_scalar(m):
     rng = np.random.default_rng(30)
     errors_bar, S_bar = rng.normal(size=result.errors.shape), rng.normal(size=result.S.shape)
     adjoint = filter_channels_adjoint(
-        m.A, ch.series, m.klass, m.c[None], m.y[:, None], len(m.Q), result, errors_bar, S_bar
+        m.A, ch.series, m.noise_class, m.c[None], m.y[:, None], len(m.Q), result, errors_bar, S_bar
     )
 
     def scalar(one, channels=ch):
@@ -408,6 +414,72 @@ def test_inverse_against_a_loop(lower, upper):
     assert (clipped > 0) == np.isfinite(upper)
 
 
+@pytest.mark.parametrize("ahead", [2, 5])
+def test_inverse_with_a_hold_and_a_band_against_a_loop(ahead):
+    """Each step applies the heat that, held, brings the output into the band of the last step of the hold."""
+    rng = np.random.default_rng(11)
+    N, n = 30, 3
+    A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n), rng.normal(size=n)
+    forcing, low = rng.normal(size=(N, n)), rng.normal(size=N)
+    high = low + rng.uniform(0.5, 2.0, N)
+    applied, path = simulate_inverse(A, forcing, heat, c, low, high, np.full(N, -2.0), np.full(N, 2.0), s0, ahead)
+    s, inside = s0, 0
+    for k in range(N):
+        outputs = []
+        for q in (0.0, 1.0):  # the output at the end of the hold is linear in the heat
+            x = s
+            for step in range(ahead):
+                x = A @ x + forcing[min(k + step, N - 1)] + heat * q
+            outputs.append(c @ x)
+        last = min(k + ahead - 1, N - 1)
+        wanted = np.clip(outputs[0], low[last], high[last])
+        best = (wanted - outputs[0]) / (outputs[1] - outputs[0])
+        assert applied[k] == pytest.approx(np.clip(best, -2.0, 2.0), abs=1e-9)
+        s = A @ s + forcing[k] + heat * applied[k]
+        assert path[k] == pytest.approx(c @ s, abs=1e-9)
+        inside += applied[k] == 0.0
+    assert 0 < inside < N
+    assert (np.abs(applied) == 2.0).any()
+
+
+def test_autoregressions_against_a_loop():
+    """Each of its own coefficients, the oldest value first; values stay within the bounds."""
+    rng = np.random.default_rng(12)
+    n, n_lags, n_leads = 3, 4, 25
+    begin, coefs = rng.uniform(-1.0, 1.0, (n, n_lags)), rng.normal(scale=0.3, size=(n, n_lags))
+    driven = rng.normal(scale=0.3, size=(n, n_leads))
+    found = iterate_lags(begin, coefs, driven, -1.2, 1.2)
+    bounded = 0
+    for i in range(n):
+        values = list(begin[i])
+        for lead in range(n_leads):
+            value = values[-1] + driven[i, lead] + sum(c * v for c, v in zip(coefs[i], values[-n_lags:], strict=True))
+            values.append(np.clip(value, -1.2, 1.2))
+            bounded += abs(value) > 1.2
+        np.testing.assert_allclose(found[i], values[n_lags:], atol=1e-12)
+    assert 0 < bounded < n * n_leads
+
+
+def test_kernels_run_uncompiled():
+    """``NUMBA_DISABLE_JIT=1`` gives the same numbers from plain Python, for whoever steps through them."""
+    code = (
+        "import numpy as np\n"
+        "from skhybrid.filtering import simulate_path, solve_lq_path, kalman_filter\n"
+        "assert type(simulate_path).__name__ == 'function'\n"
+        "A, F, one = np.array([[0.9]]), np.ones((4, 1)), np.ones(1)\n"
+        "path = solve_lq_path(A, F, one, one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied\n"
+        "run = kalman_filter(A, F, np.ones((1, 1, 1)), np.zeros(4, int), A, one, F, one, A)\n"
+        "print(*simulate_path(A, F, one)[:, 0], *path, *run.states[:, 0])"
+    )
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    A, F, one = np.array([[0.9]]), np.ones((4, 1)), np.ones(1)
+    path = solve_lq_path(A, F, one, one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied
+    run = kalman_filter(A, F, np.ones((1, 1, 1)), np.zeros(4, np.int64), A, one, F, one, A)
+    expected = [*simulate_path(A, F, one)[:, 0], *path, *run.states[:, 0]]
+    np.testing.assert_allclose([float(value) for value in out.stdout.split()], expected, rtol=1e-12)
+
+
 def likeliest_heat(A, forcing, heat, c, wanted, penalty, s0, before=None):
     """Heat of all steps by plain least squares; ``before`` is that of the step before the first one."""
     N = len(forcing)
@@ -428,7 +500,7 @@ def likeliest_heat(A, forcing, heat, c, wanted, penalty, s0, before=None):
 
 @pytest.mark.parametrize(("lower", "upper"), [(-np.inf, np.inf), (-0.8, 0.6), (0.0, 0.9)])
 @pytest.mark.parametrize("beyond", [0, 7])
-def test_tracker_against_least_squares(lower, upper, beyond):
+def test_lq_path_against_least_squares(lower, upper, beyond):
     """Every step's heat is the first of the least squares over the steps that are left, cut at the limits."""
     rng = np.random.default_rng(5)
     N, n, penalty = 30, 4, 0.3
@@ -454,7 +526,7 @@ def test_kernels_leave_their_arguments_alone():
     copies = [np.copy(v) for v in (*m, *ch)]
     result = run_channels(m, ch)
     ones = np.ones_like(result.errors), np.ones_like(result.S)
-    filter_channels_adjoint(m.A, ch.series, m.klass, m.c[None], m.y[:, None], 3, result, *ones)
+    filter_channels_adjoint(m.A, ch.series, m.noise_class, m.c[None], m.y[:, None], 3, result, *ones)
     smooth_states(m.A, *run_track(m))
     run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)

@@ -1,4 +1,4 @@
-"""The black box: against a direct regression and a plain loop, its refit, and its marks on reference data."""
+"""ARX against a direct regression and a plain loop, its refit, and its errors on reference data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def room(n_days=21, seed=0, noise=0.01):
 
 
 def direct(model, X, y, n_lags, n_input_lags):
-    """The regression's columns, its coefficients by least squares on an extended system, row by row."""
+    """The columns of the regression, built row by row, its target, and the function that builds a row."""
     T, hour, weekend = y.to_numpy(), X.index.hour, X.index.day_of_week >= 5
     rows = range(n_lags - 1, len(X) - 1)
     inputs = {name: X[name].to_numpy() for name in ("T_oa", "u_heat")}
@@ -77,14 +77,28 @@ def test_a_refit_is_a_fit_on_training_plus_history():
     for origin, path in zip(origins, paths, strict=True):
         known = cut + origin + 1
         whole = ARXRegressor(**settings)
-        # The same units as in training: only coefficients are learned anew.
+        # only the coefficients are fitted again: means and scales are those of the training
         whole.fit(X.iloc[:cut], y.iloc[:cut])
         D, d, _ = whole._design.pairs(whole.view(whole._read_X(X.iloc[:known]), y.iloc[:known].to_numpy()))
         whole.coef_ = _solved(D, d, 3.0)
         np.testing.assert_allclose(path, whole.predict_from(later, [origin])[0], rtol=1e-9)
     static = ARXRegressor(**settings).fit(X.iloc[:cut], y.iloc[:cut]).predict_from(later, origins)
-    np.testing.assert_allclose(paths[1], static[1], rtol=1e-4)  # one pair is new: from training into the first row
+    np.testing.assert_allclose(paths[1], static[1], rtol=1e-4)  # one new pair: the last training row and the first row
     assert not np.allclose(paths[0], static[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("adapt", [None, "refit"])
+def test_a_forecast_changes_nothing_of_the_estimator(adapt):
+    X, y = room(14)
+    model = ARXRegressor(adapt=adapt).fit(X[:960], y[:960])
+    before, moments = dict(vars(model)), [sums.copy() for sums in model._moments]
+    first = model.predict_quantiles(X[960:])
+    model.predict_from(X[960:], [5, 200])
+    assert vars(model).keys() == before.keys()
+    assert all(value is before[name] for name, value in vars(model).items())
+    for sums, kept in zip(model._moments, moments, strict=True):
+        np.testing.assert_array_equal(sums, kept)
+    np.testing.assert_array_equal(model.predict_quantiles(X[960:]), first)
 
 
 def test_training_rows_are_not_counted_twice():
@@ -94,7 +108,7 @@ def test_training_rows_are_not_counted_twice():
     np.testing.assert_allclose(model.predict(X), static.predict(X), rtol=1e-9)
 
 
-def test_missing_temperatures_are_left_out_and_bridged():
+def test_missing_temperatures_are_left_out_and_held():
     X, y = room(14)
     holes = y.copy()
     holes.iloc[200:260] = np.nan
@@ -102,7 +116,7 @@ def test_missing_temperatures_are_left_out_and_bridged():
     assert np.isfinite(model.coef_).all()
     later = X.assign(T_za=holes)
     assert np.isfinite(model.predict(later)).all()
-    # In the middle of the hole the last known temperature stands for all that is missing.
+    # within the gap all missing values are the last known temperature
     held = later.copy()
     held.iloc[200:260, held.columns.get_loc("T_za")] = holes.iloc[199]
     np.testing.assert_array_equal(model.predict_from(later, [230]), model.predict_from(held, [230]))
@@ -164,9 +178,9 @@ def test_a_wrong_setting_is_named(settings, message):
         ARXRegressor(**settings).fit(X, y)
 
 
-# -------------------------------------------------------------------------------------------------------------- marks
+# ------------------------------------------------------------------------------------------------------ reference data
 @pytest.mark.parametrize(("adapt", "low", "high"), [(None, 0.70, 0.80), ("refit", 0.57, 0.66)])
-def test_the_office_s_marks(shared_data, adapt, low, high):
+def test_error_on_the_office(shared_data, adapt, low, high):
     """../shared/data/README.md: 0.75 static, 0.60 re-fitted, by a slightly different regression."""
     raw = pd.read_csv(shared_data / "small_office_chicago_irregular.csv", index_col=0, parse_dates=True)
     X = pd.DataFrame({"T_oa": raw["T_out_degC"], "T_za": raw["T_in_degC"]})
@@ -178,7 +192,7 @@ def test_the_office_s_marks(shared_data, adapt, low, high):
     assert low < np.sqrt(((model.predict_from(later, origins) - truth) ** 2).mean()) < high
 
 
-def test_a_dutch_home_s_mark(shared_data):
+def test_error_on_a_dutch_home(shared_data):
     """../shared/data/README.md: 0.41."""
     raw = pd.read_csv(shared_data / "dutch_home_2.csv", index_col=0, parse_dates=True)
     names = {"T_out_degC": "T_oa", "ghi_kW_m2": "q_sol", "T_in_degC": "T_za"}

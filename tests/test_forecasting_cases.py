@@ -1,4 +1,4 @@
-"""The appendix's model cases, against rows copied from the paper's tables; and the features that they name."""
+"""The model cases against rows of the paper's tables, and the features of a case."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skhybrid.forecasting import DisturbanceForecaster, ModelCase, list_cases, l
 from skhybrid.forecasting.cases import cases_of, resolve_case
 from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode, trailing_mean
 
-# Rows of tables a1 (MLP, CNN) and a2 (RNN, LSTM): days | past | future.
+# rows of tables a1 (MLP, CNN) and a2 (RNN, LSTM): days | past | future.
 PAPER = {
     ("mlp", "case01"): "1 | zeta how T_oa q_sol | how T_oa q_sol",
     ("mlp", "case02"): "4 | zeta | T_oa q_sol",
@@ -44,7 +44,7 @@ def test_there_are_21_and_17_cases_and_all_differ():
         content = {(case.pattern_days, case.past, case.future) for case in cases_of(model).values()}
         assert len(content) == counts[model]
         assert all(case.past[0] == "zeta" for case in cases_of(model).values())
-    # In table a2 past and future differ by zeta alone.
+    # in table a2 past and future differ only by zeta
     assert all(case.past == ("zeta", *case.future) for case in cases_of("lstm").values())
 
 
@@ -56,7 +56,7 @@ def test_cases_as_a_table():
 
 
 @pytest.mark.parametrize("name", ["DEEP_AR_LSTM_FORECAST-case01", "LSTM-case01", "case01"])
-def test_the_paper_s_long_names_resolve(name):
+def test_long_names_of_the_paper_are_known(name):
     assert resolve_case(name, "lstm") is cases_of("lstm")["case01"]
 
 
@@ -66,16 +66,16 @@ def test_an_unknown_case_is_refused(name):
         resolve_case(name, "mlp")
 
 
-def test_a_case_of_one_s_own():
+def test_a_case_of_the_user():
     mine = ModelCase("mine", 3, ["zeta", "hod"], ["hod", "T_oa"])
     assert resolve_case(mine, "lstm") is mine
     assert mine.past == ("zeta", "hod")
     assert mine.features == ("zeta", "hod", "T_oa")
     for wrong, message in [
-        ({"past": ("CO2",)}, "past of case 'x' holds 'CO2'"),
+        ({"past": ("CO2",)}, "past of case 'x' has the unknown feature 'CO2'"),
         ({"future": ("zeta",)}, "not known ahead"),
         ({"pattern_days": 0}, "not a whole number from 1"),
-        ({"past": (), "future": ()}, "names no feature"),
+        ({"past": (), "future": ()}, "has no feature"),
     ]:
         with pytest.raises(ValueError, match=message):
             ModelCase(**({"name": "x", "pattern_days": 1, "past": ("zeta",), "future": ()} | wrong))
@@ -120,7 +120,7 @@ def test_the_past_is_read_as_known_at_the_origin():
         known_at(series, np.array([[-1, 3, 5], [8, 9, 0]]), origins), [[np.nan, 3, np.nan], [8, np.nan, 0]]
     )
     series[2] = np.nan
-    # Period 3, leads 1 ... 4 of origin 4: rows 5, 6, 7, 8 -> 2 (missing), 3, 4, and 8 - 6 = 2 (missing).
+    # period 3, leads 1 ... 4 of origin 4: rows 5, 6, 7, 8 -> 2 (missing), 3, 4, and 8 - 6 = 2 (missing).
     rows = 4 + np.arange(1, 5)[None, :]
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 1), [[np.nan, 3, 4, np.nan]])
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 2), [[np.nan, 3, 4, np.nan]])

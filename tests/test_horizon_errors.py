@@ -40,7 +40,7 @@ class Filter:
         return self.A + self.dA @ t, self.Q + self.dQ @ t
 
     def gains(self, t):
-        """Kalman's recursion as it stands in a textbook."""
+        """Kalman's recursion as in a textbook."""
         A, Q = self.at(t)
         P, out = self.P0, np.zeros((len(self.seen), len(A)))
         for k, seen in enumerate(self.seen):
@@ -60,8 +60,17 @@ def test_filter_gains_are_those_of_the_textbook():
         np.testing.assert_allclose(dgains[..., q], numeric, atol=1e-8)
 
 
+def test_gains_go_on_from_the_variance_of_a_segment_before():
+    f = Filter()
+    whole = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)
+    first = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen[:9])
+    rest = filter_gains(f.A, f.Q, f.c, f.R, first.variance, f.dA, f.dQ, f.seen[9:])
+    np.testing.assert_allclose(np.vstack([first.gains, rest.gains]), whole.gains, atol=1e-10)
+    np.testing.assert_allclose(rest.variance, whole.variance, atol=1e-10)
+
+
 def test_settled_gains_are_still_those_of_the_textbook():
-    """Behind many rows, and behind a gap in the settled part."""
+    """After many rows, and after a gap in the settled part."""
     f = Filter(n_rows=400)
     f.seen[300:310] = False
     gains, dgains, _ = filter_gains(f.A, f.Q, f.c, f.R, f.P0, f.dA, f.dQ, f.seen)

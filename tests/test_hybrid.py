@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import warnings
+from copy import deepcopy
 
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
@@ -18,9 +20,15 @@ from skhybrid import (
     InputDisturbanceID,
     OutputDisturbanceID,
     PeriodicDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+    _table,
 )
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import ScaleNotIdentifiableWarning
+from skhybrid.hybrid import takes_two_stages
 from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter
 
 DAY = 96
@@ -50,16 +58,83 @@ def test_an_identification_alone_is_followed_by_ridge(office):
     assert model.disturbance_step_ == pd.Timedelta("1h")
 
 
-def test_nothing_given_learns_the_disturbance_through_the_network(office):
-    rows = slice(0, 7 * DAY)
-    model = HybridPredictor().fit(office.X[rows], office.y[rows])
-    asked = HybridPredictor(forecaster=DisturbanceForecaster("linear")).fit(office.X[rows], office.y[rows])
+def test_the_front_takes_the_schedule_model_or_two_stages(office):
+    """Each forecasts to the bit as the estimator that it stands for; a capacity never changes the scheme."""
+    X, y, later = office.X[: 7 * DAY], office.y[: 7 * DAY], office.X[7 * DAY : 9 * DAY]
+    known = {"Q_h": 5.0}
+    gray_box, forecaster = InputDisturbanceID(n_starts=1), DisturbanceForecaster("profile")
+    for front, itself, scheme in (
+        (HybridPredictor(known=known), SchedulePredictor(known=known), "schedule"),
+        (HybridPredictor(network="2R2C", known=known), SchedulePredictor("2R2C", known=known), "schedule"),
+        (
+            HybridPredictor(gray_box, forecaster, known=known, random_state=0),
+            TwoStagePredictor(clone(gray_box).set_params(known=known), forecaster, random_state=0),
+            "two-stage",
+        ),
+        (
+            HybridPredictor(forecaster=forecaster, network="1R1C", known=known, random_state=0),
+            TwoStagePredictor(PeriodicDisturbanceID("1R1C", known=known), forecaster, random_state=0),
+            "two-stage",
+        ),
+    ):
+        front, itself = clone(front).fit(X, y), clone(itself).fit(X, y)
+        assert front.scheme_ == itself.scheme_ == scheme
+        np.testing.assert_array_equal(front.predict(later), itself.predict(later))
+        assert takes_two_stages(front) == (scheme == "two-stage")
+        assert hasattr(front, "weights_") == (scheme == "schedule")
+
+
+def test_the_default_blends_a_network_and_arx(office):
+    model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
     assert model.gray_box is None
     assert model.forecaster is None
     assert set(model.weights_.columns) == {"network", "network, short memory", "ARX", "day before"}
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
-    later = office.X[7 * DAY : 9 * DAY]
-    np.testing.assert_array_equal(model.predict(later), asked.predict(later))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"memory": "somewhere"}, "memory='somewhere' does nothing with the schedule model"),
+        ({"n_jobs": 2}, "n_jobs=2 does nothing with the schedule model"),
+        ({"known": {"R_zo": 4.0}}, "known= gives 'R_zo', but the schedule model takes capacities"),
+        ({"known": {"Q_h": np.nan}}, "known= gives Q_h the value nan"),
+        ({"gray_box": InputDisturbanceID(n_starts=1), "network": "1R1C"}, "network= does nothing beside a gray_box"),
+        (
+            {"gray_box": InputDisturbanceID(known={"Q_h": 6.0}), "known": {"Q_h": 5.0}},
+            "known= does nothing beside a gray_box that has its own",
+        ),
+        (
+            {"forecaster": DisturbanceForecaster("ridge", case="case03")},
+            "forecaster__case='case03' does nothing with model='ridge'",
+        ),
+        ({"network": "2R2C", "memory": "somewhere"}, "memory='somewhere' does nothing"),
+    ],
+)
+def test_a_parameter_that_does_nothing_is_refused(settings, message, office):
+    model = HybridPredictor(**settings)
+    with pytest.raises(ValueError, match=message):
+        model.fit(office.X[:DAY], office.y[:DAY])
+    assert not hasattr(model, "scheme_")
+
+
+def test_a_search_cannot_compare_copies_of_the_schedule_model(office):
+    grid = {"forecaster__case": ["case01", "case03"]}
+    search = GridSearchCV(HybridPredictor(), grid, cv=RollingOriginSplit("5D", "1D", n_splits=2))
+    with pytest.raises(ValueError, match="forecaster__case does nothing with the schedule model, which has no forec"):
+        search.fit(office.X[: 8 * DAY], office.y[: 8 * DAY])
+
+
+def test_kw_are_relative_where_nothing_says_how_large_they_are(office):
+    X, y = office.X[: 5 * DAY], office.y[: 5 * DAY]
+    for model in (HybridPredictor(), SchedulePredictor()):
+        with pytest.warns(ScaleNotIdentifiableWarning, match="kW are relative: u_heat is taken to give 6 kW at 1"):
+            model.fit(X, y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ScaleNotIdentifiableWarning)
+        SchedulePredictor(known={"Q_c": -6.0}).fit(X, y)
+        measured = X.assign(Q_hvac=6.0 * (X["u_heat"] - X["u_cool"])).drop(columns=["u_heat", "u_cool"])
+        SchedulePredictor().fit(measured, y)
 
 
 def test_it_forecasts_better_than_without_a_disturbance(hybrid, office):
@@ -168,12 +243,12 @@ def test_adaptation_refits_on_full_weeks_only(hybrid, office):
     X = office.X[28 * DAY :]
     adapted, frozen = hybrid.predict(X), still.predict(X)
     np.testing.assert_array_equal(adapted[: 6 * DAY], frozen[: 6 * DAY])
-    # only what came behind the training is new, wherever the table begins
+    # only what came after the training is new, wherever the table begins
     late = [36 * DAY - 1]
     assert not np.array_equal(hybrid.predict_from(office.X, late), still.predict_from(office.X, late))
     assert not np.array_equal(adapted[8 * DAY :], frozen[8 * DAY :])
     assert np.isfinite(adapted).all()
-    far = make_office(n_days=16, start="2024-01-15", random_state=1).X  # months behind the training
+    far = make_office(n_days=16, start="2024-01-15", random_state=1).X  # months after the training
     assert np.isfinite(hybrid.predict(far)).all()
     assert not np.array_equal(hybrid.predict(far)[10 * DAY :], still.predict(far)[10 * DAY :])
 
@@ -243,14 +318,18 @@ def test_pipeline_grid_search_is_the_same_in_parallel(office):
 
 
 def test_settings_of_default_parts_can_be_set():
-    model = HybridPredictor(horizon="6h")
-    model.set_params(forecaster__case="case03", gray_box__network="1R1C", disturbance="output")
-    assert (model.forecaster.model, model.forecaster.case, model.forecaster.horizon) == ("ridge", "case03", "6h")
-    assert isinstance(model.gray_box, PeriodicDisturbanceID)
-    assert model.gray_box.network == "1R1C"
+    for model in (TwoStagePredictor(horizon="6h"), HybridPredictor(horizon="6h", disturbance="output")):
+        model.set_params(forecaster__model="lstm", forecaster__case="case03", gray_box__network="1R1C")
+        assert (model.forecaster.model, model.forecaster.case, model.forecaster.horizon) == ("lstm", "case03", "6h")
+        assert isinstance(model.gray_box, PeriodicDisturbanceID)
+        assert model.gray_box.network == "1R1C"
     assert HybridPredictor().set_params(forecaster=None).forecaster is None
     with pytest.raises(ValueError, match="Invalid parameter 'cases'"):
-        HybridPredictor().set_params(forecaster__cases="case03")
+        TwoStagePredictor().set_params(forecaster__cases="case03")
+    model = HybridPredictor().set_params(disturbance="output", forecaster__model="profile")
+    assert model.forecaster.model == "profile"
+    model = HybridPredictor().set_params(forecaster=DisturbanceForecaster(), forecaster__case="case03")
+    assert model.forecaster.case == "case03"
 
 
 def test_a_missing_role_names_the_callers_columns(office):
@@ -294,3 +373,84 @@ def test_bad_settings_are_refused(settings, message, office):
 def test_set_point_of_another_index_is_refused(hybrid, office):
     with pytest.raises(ValueError, match="setpoint bears other time stamps"):
         hybrid.predict_load(office.X[28 * DAY : 29 * DAY], office.y[:DAY])
+
+
+# --------------------------------------------------------------------------------------------- reads and model size
+@pytest.mark.parametrize("scheme", ["schedule", "two-stage"])
+def test_a_table_is_read_once_per_call(scheme, office, monkeypatch):
+    reads = []
+    parse = _table._parse
+    monkeypatch.setattr(_table, "_parse", lambda *args: reads.append(args) or parse(*args))
+    gray_box = None if scheme == "schedule" else InputDisturbanceID(n_starts=1)
+    model = HybridPredictor(gray_box, known={"Q_h": 6.0}, random_state=0)
+    X, n = office.X, 12 * DAY
+
+    def count(call):
+        reads.clear()
+        call()
+        return len(reads)
+
+    assert count(lambda: model.fit(X[:n], office.y[:n])) == 1
+    assert model.scheme_ == scheme
+    history, future = X[n : n + 9 * DAY], X[n + 9 * DAY : n + 10 * DAY]
+    for name, call in {
+        "predict": lambda: model.predict(history),
+        "predict_from": lambda: model.predict_from(history, [3, DAY]),
+        "quantiles": lambda: model.predict_quantiles(history),
+        "load": lambda: model.predict_load(history, 21.0),
+        "drift": lambda: model.drift(history),
+        "forecast": lambda: model.forecast(history, future, quantiles=(0.1, 0.9)),
+        "update": lambda: model.update(history),
+        "forecast from now": lambda: model.forecast(None, future, quantiles=(0.1, 0.9)),
+        "partial_fit": lambda: model.partial_fit(future, future["T_za"]),
+    }.items():
+        assert count(call) == 1, name
+
+
+def test_a_forecaster_of_another_kind_is_given_frames(office):
+    """A regressor that knows no tables of this package, by the methods that a forecaster needs."""
+    model = TwoStagePredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), _MeanOfDay(), adapt="linear")
+    model.fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    assert model.forecaster_.columns_ == ["T_oa", "q_sol", "u_heat", "u_cool", "zeta"]
+    assert np.isfinite(model.predict(office.X[7 * DAY : 9 * DAY])).all()
+    assert np.isfinite(model.predict_quantiles(office.X[7 * DAY : 9 * DAY])).all()
+    model.update(office.X[7 * DAY : 8 * DAY])
+    assert np.isfinite(model.forecast(None, office.X[8 * DAY : 9 * DAY])).all(axis=None)
+
+
+class _MeanOfDay(BaseEstimator):
+    def fit(self, X, y):
+        assert isinstance(X, pd.DataFrame)
+        assert X.index.equals(y.index)
+        self.columns_, self.mean_ = list(X.columns), float(y.mean())
+        return self
+
+    def predict_from(self, X, origins, horizon):
+        assert isinstance(X, pd.DataFrame)
+        return np.full((len(origins), int(horizon / (X.index[1] - X.index[0]))), self.mean_)
+
+
+def test_a_saved_default_of_four_weeks_is_small_and_the_same(office, tmp_path):
+    """One copy of the training rows and nothing that can be computed from them."""
+    n = 28 * DAY
+    model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:n], office.y[:n])
+    save_model(model, tmp_path / "zone.skops")
+    assert (tmp_path / "zone.skops").stat().st_size < 0.8e6
+    assert len(pickle.dumps(model)) < 1e6
+    X, y = office.X[n:], office.y[n:]
+    calls = (
+        lambda m: m.predict(X),
+        lambda m: m.predict_quantiles(X),
+        lambda m: m.predict_load(X, (20.0, 24.0)),
+        lambda m: m.drift(X)["statistic"],
+        lambda m: m.forecast(None, X[:DAY]),
+        lambda m: m.update(X[:50]).forecast(None, X[50 : 2 * DAY]),
+        lambda m: m.partial_fit(X[50:DAY], y[50:DAY]).predict(X[DAY:]),
+        lambda m: m.weights_,
+        lambda m: m.gray_box_.coef_,
+        lambda m: m.zeta_,
+    )
+    for again in (load_model(tmp_path / "zone.skops"), pickle.loads(pickle.dumps(model))):
+        one = deepcopy(model)
+        for call in calls:
+            np.testing.assert_array_equal(call(again), call(one))

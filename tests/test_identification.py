@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import pickle
 import warnings
+from copy import copy
 
 import numpy as np
 import pandas as pd
 import pytest
-from skhybrid.datasets.office import TRUE_THETA
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
 from skhybrid._table import ZoneTable
 from skhybrid.datasets import make_office
+from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
+from skhybrid.identification.rolling_state import advance, rolling_state
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 
 ALL = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID]
@@ -516,3 +518,31 @@ def test_a_table_is_read_once_and_may_have_been_read_before(kind, call, fitted, 
     assert len(reads) == 2
     np.testing.assert_array_equal(READS[call](model, table, y), of_frame)
     assert len(reads) == 2
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_a_copy_follows_new_rows_by_itself(kind, fitted, office):
+    """The rolling state is replaced, never changed, so that a shallow copy has its own."""
+    X = office.X
+    model = clone(fitted[kind]).set_params(known=office.theta).fit(X[:960], office.y[:960])
+    before, twin = model.predict(X[960:]), copy(model)
+    rows = model._read_X(X[960:1056])
+    for part in (slice(0, 1), slice(1, 50), slice(50, 96)):
+        found = advance(twin, rows.rows(part), "output")
+        expected = model.estimate_disturbance(X[960:1056], kind="output").to_numpy()[part]
+        np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
+    np.testing.assert_array_equal(model.predict(X[960:]), before)
+    assert rolling_state(twin).tail.index[-1] == X.index[1055]
+    assert rolling_state(model).tail.index[-1] == X.index[959]
+    if kind in (InputDisturbanceID, PeriodicDisturbanceID):  # the others go back over rows that the copy has dropped
+        in_one = model.predict_from(X[960:], [100], horizon="1D")
+        np.testing.assert_allclose(twin.predict_from(X[1056:], [4], horizon="1D"), in_one, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [InputDisturbanceID, PeriodicDisturbanceID])
+def test_a_search_may_start_where_another_fit_ended(kind, fitted, office):
+    model = fitted[kind]
+    again = clone(model).fit(office.X, office.y, theta_init={**model.theta_, **model.disturbance_})
+    assert len(again.starts_) == 1
+    assert again.loss_ == pytest.approx(model.loss_, rel=1e-5)
+    pd.testing.assert_series_equal(again.theta_, model.theta_, rtol=0.02)

@@ -202,13 +202,13 @@ def test_arx_takes_its_weeks_out_by_moments(office, arx):
     np.testing.assert_allclose(arx.intervals_.offsets(one, LEVELS), expected, rtol=1e-9)
 
 
-def test_the_published_scheme_leaves_weeks_out(office):
+def test_the_two_stage_scheme_leaves_weeks_out(office):
     """Its own errors in the training are larger than those of the forecaster that saw the week."""
     X, y = office.X[: 21 * 96], office.y[: 21 * 96]
     model = HybridPredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), adapt=None, random_state=0).fit(X, y)
-    left_out = model._scheme.calibration_errors(model._training, y.to_numpy(), 96)
+    left_out = model._scheme.left_out_errors(96)
     seen = y.to_numpy()[np.minimum(left_out.origins[:, None] + np.arange(1, 97), len(y) - 1)]
-    seen = seen - model._scheme.forecast(model._training, left_out.origins, 96).temperature
+    seen = seen - model._scheme.forecast(model._scheme.rows.training, left_out.origins, 96).temperature
     known = np.isfinite(left_out.errors)
     assert left_out.errors.shape == (len(left_out.origins), 96)
     assert np.mean(left_out.errors[known] ** 2) > 1.02 * np.mean(seen[known] ** 2)

@@ -1,4 +1,4 @@
-"""``update``, ``forecast(None, ...)`` and ``partial_fit``: the live state is that of the whole table."""
+"""Online updating: after ``update`` and ``partial_fit`` the state is that of the whole table."""
 
 from __future__ import annotations
 
@@ -71,10 +71,10 @@ MODELS = {
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_live_state_is_that_of_the_whole_table(name, office):
+def test_the_state_is_that_of_the_whole_table(name, office):
     """Row by row, in hours and in days, over more than a full week, after which the baselines are re-fitted."""
     X = office.X.copy()
-    X.loc[X.index[N_TRAIN : N_TRAIN + 7], "T_za"] = np.nan  # asleep at first,
+    X.loc[X.index[N_TRAIN : N_TRAIN + 7], "T_za"] = np.nan  # not measured at first,
     X.loc[X.index[N_TRAIN + 300 : N_TRAIN + 350], "T_za"] = np.nan  # and for half a day later
     model = MODELS[name]().fit(X[:N_TRAIN], office.y[:N_TRAIN])
     whole, now = deepcopy(model), N_TRAIN
@@ -82,9 +82,9 @@ def test_the_live_state_is_that_of_the_whole_table(name, office):
         _follow(model, X, now, now + n_rows, sizes)
         now += n_rows
         future = X[now : now + DAY].drop(columns="T_za")
-        live, along = model.forecast(None, future), whole.forecast(X[N_TRAIN:now], future)
-        assert live.index.equals(along.index)
-        np.testing.assert_allclose(live, along, rtol=0, atol=1e-8)
+        ahead, along = model.forecast(None, future), whole.forecast(X[N_TRAIN:now], future)
+        assert ahead.index.equals(along.index)
+        np.testing.assert_allclose(ahead, along, rtol=0, atol=1e-8)
         origins = np.array([2, DAY])
         np.testing.assert_allclose(
             model.predict_from(X[now : now + 3 * DAY], origins),
@@ -110,10 +110,11 @@ def test_update_returns_itself_and_forgets_no_more_than_it_should(office, fitted
 
 def test_nothing_grows_but_the_record_of_what_is_to_be_learned(office, fitted):
     model = _follow(deepcopy(fitted), office.X, N_TRAIN, N_TRAIN + 12 * DAY, [5])
-    kept = sum(table.n_rows for table in (model._tail, *model._recent))
-    assert kept <= 15 * DAY + DAY
+    rows = model._scheme.rows
+    assert rows.n_rows - rows.training.n_rows <= 15 * DAY + DAY
+    assert rows.end().n_rows <= 15 * DAY + DAY
     assert model.gray_box_._tail.n_rows == 1
-    assert len(model._scheme._ledger.labels) <= 24 * 22
+    assert len(model._scheme._aggregation.labels) <= 24 * 22
 
 
 def test_a_forecast_from_now_reads_no_temperature_ahead(office, fitted):
@@ -175,18 +176,120 @@ def test_a_table_without_stamps_goes_on_with_its_clock(office, fitted):
         model.update(stamped.to_numpy()[a:b], office.y[a:b].to_numpy())
         other.update(named[a:b], office.y[a:b].to_numpy())
     future = named[N_TRAIN + DAY : N_TRAIN + 2 * DAY]
-    live = model._from_now(future.reset_index(drop=True).set_axis(range(4), axis=1))
-    np.testing.assert_allclose(live.temperature[0], other.forecast(None, future)["T_za"], rtol=0, atol=1e-10)
+    ahead = model.forecast(None, future.reset_index(drop=True).set_axis(range(4), axis=1))
+    np.testing.assert_allclose(ahead["T_za"], other.forecast(None, future)["T_za"], rtol=0, atol=1e-10)
 
 
-def test_a_living_model_can_be_kept(office, fitted, tmp_path):
+def test_an_updated_model_can_be_saved(office, fitted, tmp_path):
     model = deepcopy(fitted).update(office.X[N_TRAIN : N_TRAIN + 8 * DAY + 3])
     future = office.X[N_TRAIN + 8 * DAY + 4 : N_TRAIN + 9 * DAY]
     save_model(model, tmp_path / "zone.skops")
     for again in (load_model(tmp_path / "zone.skops"), pickle.loads(pickle.dumps(model))):
         row = office.X[N_TRAIN + 8 * DAY + 3 : N_TRAIN + 8 * DAY + 4]
-        live = deepcopy(again).update(row).forecast(None, future)
-        np.testing.assert_array_equal(live, deepcopy(model).update(row).forecast(None, future))
+        ahead = deepcopy(again).update(row).forecast(None, future)
+        np.testing.assert_array_equal(ahead, deepcopy(model).update(row).forecast(None, future))
+
+
+# ------------------------------------------------------------------------------------------------ what is refused
+SCHEMES = {
+    "schedule": lambda: HybridPredictor(known=KNOWN),
+    "two-stage": lambda: _hybrid(adapt="full"),
+}
+
+
+@pytest.fixture(scope="module", params=SCHEMES)
+def either(request, office):
+    model = SCHEMES[request.param]().fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
+    return model.update(office.X[N_TRAIN : N_TRAIN + 5])
+
+
+def _all_that_it_says(model, office):
+    first = N_TRAIN + 5
+    X = office.X[first : first + 2 * DAY]
+    return {
+        "predict": model.predict(X),
+        "quantiles": model.predict_quantiles(X),
+        "ahead": model.forecast(None, X[:DAY]),
+        "load": model.predict_load(X, 21.0),
+        "drift": model.drift(X)["statistic"],
+        "theta": model.gray_box_.theta_,
+        "zeta": model.zeta_,
+    }
+
+
+def _assert_unchanged(model, before, office):
+    for name, found in _all_that_it_says(model, office).items():
+        np.testing.assert_array_equal(found, before[name], err_msg=name)
+
+
+@pytest.mark.parametrize("bad", [9.96921e36, -9999.0, 1e300])
+@pytest.mark.parametrize("method", ["update", "partial_fit", "fit", "predict"])
+def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, either, office):
+    """Such as the fill value of netCDF files."""
+    model = deepcopy(either)
+    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    for column in ("T_za", "T_oa"):
+        X = office.X[N_TRAIN + 5 : N_TRAIN + 25].copy()
+        X.iloc[7, X.columns.get_loc(column)] = bad
+        given = (X,) if method in ("update", "predict") else (X, X["T_za"])
+        stamp = str(X.index[7])
+        with pytest.raises(ValueError, match=f"'{column}' holds .* in 1 rows .first at {stamp}.*fill value"):
+            getattr(model, method)(*given)
+    if method in ("partial_fit", "fit"):
+        X = office.X[N_TRAIN + 5 : N_TRAIN + 25]
+        y = X["T_za"].copy()
+        y.iloc[3] = bad
+        with pytest.raises(ValueError, match=r"^y holds .* in 1 rows"):
+            getattr(model, method)(X, y)
+    assert vars(model).keys() == attributes.keys()
+    assert all(vars(model)[name] is value for name, value in attributes.items())
+    _assert_unchanged(model, before, office)
+
+
+PLACES = {
+    "schedule": (
+        ("schedule_scheme.ARXMember.fit", "fit"),
+        ("schedule_scheme.BlendRecord", "fit"),
+        ("known_rows.KnownRows.appended", "update"),
+        ("schedule_scheme.KnownRows.of", "partial_fit"),
+        ("schedule_scheme.ARXMember.fit", "partial_fit"),
+        ("known_rows.KnownRows.retrained", "partial_fit"),
+    ),
+    "two-stage": (
+        ("two_stage_scheme.fit_forecaster", "fit"),
+        ("base.intervals_from", "fit"),
+        ("known_rows.KnownRows.appended", "update"),
+        ("hourly_aggregation.HourlyAggregation.added", "update"),
+        ("two_stage_scheme.identify_again", "partial_fit"),
+        ("two_stage_scheme.fit_forecaster", "partial_fit"),
+        ("two_stage_scheme.HourlyAggregation.since", "partial_fit"),
+    ),
+}
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, office, monkeypatch):
+    """Wherever it is interrupted, and however much it has done by then."""
+    model = deepcopy(either)
+    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    rows = slice(N_TRAIN + 5, N_TRAIN + 5 + DAY)
+
+    def interrupted(*args, **kwargs):
+        raise error
+
+    for place, method in PLACES[model.scheme_]:
+        given = (office.X[rows],) if method == "update" else (office.X[rows], office.y[rows])
+        with monkeypatch.context() as patch:
+            patch.setattr(f"skhybrid.hybrid.{place}", interrupted)
+            with pytest.raises(error):
+                getattr(model, method)(*given)
+        assert vars(model).keys() == attributes.keys(), place
+        assert all(vars(model)[name] is value for name, value in attributes.items()), place
+    _assert_unchanged(model, before, office)
+    twin = deepcopy(either).partial_fit(office.X[rows], office.y[rows])
+    model.partial_fit(office.X[rows], office.y[rows])
+    later = office.X[rows.stop : rows.stop + DAY]
+    np.testing.assert_array_equal(model.predict(later), twin.predict(later))
 
 
 # ------------------------------------------------------------------------------------------------- partial_fit
@@ -243,7 +346,7 @@ def test_full_identifies_again_from_where_it_was(gray_box, office):
     assert len(model.gray_box_.starts_) == 1
     assert model.gray_box_.loss_ == pytest.approx(whole.gray_box_.loss_, rel=1e-3, abs=0.5)
     late = deepcopy(whole).set_params(adapt="full")
-    with pytest.raises(ValueError, match="adapt was set to 'full' behind fit"):
+    with pytest.raises(ValueError, match="adapt was set to 'full' after fit"):
         late.partial_fit(office.X[now : now + DAY], office.y[now : now + DAY])
 
 
@@ -253,24 +356,25 @@ def test_the_first_partial_fit_fits(office, fitted):
     np.testing.assert_array_equal(model.predict(X), fitted.predict(X))
 
 
-# ------------------------------------------------------------------------------------------------------- ledger
-def test_the_ledger_gathers_as_a_plain_loop_does():
+# --------------------------------------------------------------------------------------------- hourly aggregation
+def test_hours_are_averaged_as_by_a_plain_loop():
     rng = np.random.default_rng(0)
     stamps = np.arange(300) * 15 * 60 * 10**9 + 7 * 60 * 10**9
     rows = rng.normal(size=(300, 2))
     rows[rng.uniform(size=300) < 0.4, 1] = np.nan
-    ledger = HourlyAggregation(["T_oa", "zeta"], pd.Timedelta("1h"), True, None)
+    hourly = HourlyAggregation(["T_oa", "zeta"], pd.Timedelta("1h"), True, None)
     for a, b in _blocks(260, [1, 2, 9, 31]):
-        ledger.add(stamps[a:b], rows[a:b])
+        hourly = hourly.added(stamps[a:b], rows[a:b])
     hours = stamps // (3600 * 10**9)
     with np.errstate(invalid="ignore"):
         truth = {h: [np.mean(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in rows[hours == h].T]
                  for h in np.unique(hours)}  # fmt: skip
-    np.testing.assert_array_equal(ledger.labels // (3600 * 10**9), np.unique(hours[:260])[:-1])
-    bins = ledger.extended(stamps[260:], rows[260:], 10)
-    shown = bins.frame.index.asi8 // pd.Timedelta("1h").as_unit(bins.frame.index.unit).value
-    np.testing.assert_allclose(bins.frame.to_numpy()[1:], [truth[h] for h in shown[1:]], atol=1e-12)
-    np.testing.assert_array_equal(shown[bins.of_row], hours[259:])
+    np.testing.assert_array_equal(hourly.labels // (3600 * 10**9), np.unique(hours[:260])[:-1])
+    steps = hourly.extended(stamps[260:], rows[260:], 10)
+    shown = steps.table.utc.as_unit("ns").asi8 // pd.Timedelta("1h").value
+    found = np.column_stack([steps.table.inputs["T_oa"], steps.table.history["zeta"]])
+    np.testing.assert_allclose(found[1:], [truth[h] for h in shown[1:]], atol=1e-12)
+    np.testing.assert_array_equal(shown[steps.of_row], hours[259:])
     assert len(shown) == 1 + 10 + len(np.unique(hours[259:]))
-    ledger.drop_before(int(ledger.labels[-3]))
-    assert len(ledger.labels) == 3
+    assert len(hourly.since(int(hourly.labels[-3])).labels) == 3
+    assert len(hourly.labels) > 3

@@ -79,12 +79,12 @@ def _plain_loop(spec, weights, zeta, past, future, base):
         columns = past[:, k] if lead < 0 else future[:, lead]
         x = np.append(before, columns) if spec.reads_zeta else columns
         for i in range(spec.n_layers):
-            gates = np.append(x, h[i]) @ weights[f"cell{i}.weight"] + weights[f"cell{i}.bias"]
+            gates = weights[f"cell{i}.weight"] @ np.append(x, h[i]) + weights[f"cell{i}.bias"]
             h[i], c[i] = _cell(spec.kind, gates, c[i])
             x = h[i]
         if lead >= 0:
-            z = np.maximum(x @ weights["hidden.weight"] + weights["hidden.bias"], 0.0)
-            outputs.append(base[lead] + (z @ weights["out.weight"] + weights["out.bias"])[0])
+            z = np.maximum(weights["hidden.weight"] @ x + weights["hidden.bias"], 0.0)
+            outputs.append(base[lead] + (weights["out.weight"] @ z + weights["out.bias"])[0])
     return outputs
 
 
@@ -110,8 +110,8 @@ def test_the_cell_is_torch_s_own(kind):
     order = torch.arange(16).view(4, 4)[[0, 1, 3, 2]].flatten() if kind == "lstm" else torch.arange(4)
     cell = (nn.RNN if kind == "rnn" else nn.LSTM)(4, 4, batch_first=True)
     with torch.no_grad():
-        cell.weight_ih_l0.copy_(weights["cell0.weight"][:4, order].T)
-        cell.weight_hh_l0.copy_(weights["cell0.weight"][4:, order].T)
+        cell.weight_ih_l0.copy_(weights["cell0.weight"][order, :4])
+        cell.weight_hh_l0.copy_(weights["cell0.weight"][order, 4:])
         cell.bias_ih_l0.copy_(weights["cell0.bias"][order])
         cell.bias_hh_l0.zero_()
         x = torch.cat([windows["zeta"][0, :, :-1, None], windows["past"][0].transpose(1, 2)], dim=2)
@@ -127,8 +127,8 @@ _TORCH = {"relu": nn.ReLU(), "selu": nn.SELU(), "gelu": nn.GELU()}
 
 def _linear(weights, name):
     weight = weights[f"{name}.weight"]
-    layer = nn.Linear(*weight.shape)
-    layer.load_state_dict({"weight": weight.T, "bias": weights[f"{name}.bias"]})
+    layer = nn.Linear(*weight.T.shape)
+    layer.load_state_dict({"weight": weight, "bias": weights[f"{name}.bias"]})
     return layer
 
 
@@ -206,11 +206,11 @@ def test_the_draws_of_a_seed_are_those_of_widths_rounded_up_to_four():
         return torch.empty(*shape).uniform_(-bound, bound, generator=g)
 
     cell = drawn(5**-0.5, 4 + 8, 8)
-    assert torch.equal(weights["cell0.weight"], torch.cat([cell[:4, :5], cell[4:9, :5]]))
+    assert torch.equal(weights["cell0.weight"], torch.cat([cell[:4, :5], cell[4:9, :5]]).T)
     assert torch.equal(weights["cell0.bias"], drawn(5**-0.5, 8)[:5])
-    assert torch.equal(weights["hidden.weight"], drawn(5**-0.5, 8, 8)[:5, :5])
+    assert torch.equal(weights["hidden.weight"], drawn(5**-0.5, 8, 8)[:5, :5].T)
     drawn(5**-0.5, 8)
-    assert torch.equal(weights["out.weight"], drawn(5**-0.5, 8, 4)[:5, :1])
+    assert torch.equal(weights["out.weight"], drawn(5**-0.5, 8, 4)[:5, :1].T)
 
 
 MIXED = [{"activation": "relu"}, {"activation": "gelu", "dropout": 0.3}, {"activation": "selu", "dropout": 0.1}]
@@ -244,7 +244,7 @@ def test_dropout_drops_its_share_and_rescales():
     before = torch.get_rng_state()
     stack = _stack([_spec("mlp", dropout=share) for share in (0.4, 0.4, 0.0)], 0, 1, 2)
     found = draw_kept(stack, 4000, _generators(0, 1, 2)).factors(slice(None))
-    assert found.shape == (3, 2, 4000, 5)
+    assert found.shape == (3, 2, 5, 4000)
     for factors in found[:2]:
         assert float((factors == 0).float().mean()) == pytest.approx(0.4, abs=0.02)
         assert float(factors.mean()) == pytest.approx(1.0, abs=0.02)
@@ -365,7 +365,7 @@ def _differentiable_loop(spec, weights, mask, phi, zeta, past, future, base):
         columns = past[:, k] if lead < 0 else future[:, lead]
         x = torch.cat([before[None], columns]) if spec.reads_zeta else columns
         for i in range(spec.n_layers):
-            gates = torch.cat([x, h[i]]) @ weights[f"cell{i}.weight"] + weights[f"cell{i}.bias"]
+            gates = weights[f"cell{i}.weight"] @ torch.cat([x, h[i]]) + weights[f"cell{i}.bias"]
             if spec.kind == "rnn":
                 h[i] = torch.tanh(gates)
             else:
@@ -374,6 +374,6 @@ def _differentiable_loop(spec, weights, mask, phi, zeta, past, future, base):
                 h[i] = torch.sigmoid(o_gate) * torch.tanh(c[i])
             x = h[i]
         if lead >= 0:
-            z = phi(x @ weights["hidden.weight"] + weights["hidden.bias"]) * mask[lead]
-            outputs.append(base[lead] + (z @ weights["out.weight"] + weights["out.bias"])[0])
+            z = phi(weights["hidden.weight"] @ x + weights["hidden.bias"]) * mask[lead]
+            outputs.append(base[lead] + (weights["out.weight"] @ z + weights["out.bias"])[0])
     return torch.stack(outputs)

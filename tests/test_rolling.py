@@ -1,4 +1,4 @@
-"""Rolling forecasts: which origin a forecast is made from, what it knows, and daylight saving in between."""
+"""Rolling forecasts: their origins, the rows that they know, and daylight saving."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def office():
 
 
 def gray_box(office, X=None, y=None, **settings):
-    """A fit of which everything is known, and so done at once."""
+    """A fit with all parameters known, which takes no time."""
     X, y = (office.X if X is None else X), (office.y if y is None else y)
     return GrayBoxRC(known=office.theta, **settings).fit(X, y)
 
 
 class Clock(RollingForecastMixin, BaseEstimator):
-    """Forecasts the origin's row + lead / 1000, read from :func:`clocked`: every forecast tells where it was made."""
+    """Forecasts row of the origin + lead / 1000 on a table of :func:`clocked`: each value shows its origin."""
 
     def __init__(self, horizon=None, origin_step=None):
         self.horizon = horizon
@@ -48,7 +48,7 @@ class Clock(RollingForecastMixin, BaseEstimator):
 
 
 def clocked(n, start="2023-07-08 21:00"):
-    """T_za is a tenth of the row's number."""
+    """A table whose T_za is a tenth of the row number."""
     index = pd.date_range(start, periods=n, freq="15min")
     return pd.DataFrame({"T_oa": 10.0, "T_za": np.arange(n) / 10}, index=index)
 
@@ -56,7 +56,7 @@ def clocked(n, start="2023-07-08 21:00"):
 @pytest.mark.parametrize(
     ("horizon", "step", "every"), [("1D", None, 96), ("1D", "3h", 12), ("2h", None, 8), (None, None, 0)]
 )
-def test_prediction_is_of_the_last_origin_before_the_row(horizon, step, every):
+def test_each_row_is_predicted_from_the_last_origin_before_it(horizon, step, every):
     X = clocked(250)
     found = Clock(horizon, step).fit(X).predict(X)
     assert found[0] == -1.0
@@ -66,7 +66,7 @@ def test_prediction_is_of_the_last_origin_before_the_row(horizon, step, every):
         assert found[row] == pytest.approx(origin + (row - origin) / 1000)
 
 
-def test_table_that_follows_training_has_its_end_as_history():
+def test_a_table_after_training_has_the_end_of_training_as_history():
     X = clocked(300)
     model = Clock("1D").fit(X[:150])
     found = model.predict(X[150:])
@@ -96,7 +96,7 @@ def test_forecasts_of_chosen_origins():
 
 
 @pytest.mark.parametrize("origins", [[-1], [200], [1.5], [True, False], 3, [[1, 2]]])
-def test_origins_that_are_no_rows(origins):
+def test_origins_that_are_no_rows_are_refused(origins):
     X = clocked(200)
     with pytest.raises(ValueError, match="origins must be row numbers of X, from 0 to 199"):
         Clock().fit(X).predict_from(X, origins)
@@ -121,7 +121,7 @@ def test_score_leaves_out_what_was_not_measured(office):
     assert model.score(office.X, y, sample_weight=weight) != pytest.approx(expected)
 
 
-def test_a_refused_fit_leaves_nothing_that_counts_as_fitted(office):
+def test_an_estimator_is_not_fitted_after_a_refused_fit(office):
     model = GrayBoxRC(known=office.theta)
     with pytest.raises(ValueError, match="'T_oa' contains NaN"):
         model.fit(office.X.assign(T_oa=np.nan), office.y)
@@ -129,7 +129,7 @@ def test_a_refused_fit_leaves_nothing_that_counts_as_fitted(office):
         model.predict(office.X)
 
 
-def test_horizon_that_is_no_multiple(office):
+def test_a_horizon_that_is_no_multiple_of_the_step_is_refused(office):
     with pytest.raises(ValueError, match="horizon='20min' is not a positive multiple of the sampling time of 15 min"):
         gray_box(office, horizon="20min")
     model = gray_box(office)
@@ -145,7 +145,7 @@ def test_horizon_that_is_no_multiple(office):
     ("tz", "day", "length"),
     [("Europe/Berlin", "2023-03-25", 23), ("Europe/Berlin", "2023-10-28", 25), ("America/Havana", "2023-11-04", 25)],
 )
-def test_every_row_is_forecast_across_a_change(office, tz, day, length):
+def test_every_row_is_forecast_across_a_clock_change(office, tz, day, length):
     X = office.X.set_axis(pd.date_range(day, periods=len(office.X), freq="15min", tz=tz))
     y = office.y.set_axis(X.index)
     model = gray_box(office, X, y, horizon="1D")

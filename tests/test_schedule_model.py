@@ -59,7 +59,7 @@ def table(office):
 
 @pytest.fixture(scope="module")
 def T(office):
-    """With half a day that nobody measured within the training, and some hours behind it."""
+    """With half a day missing within the training, and some hours missing after it."""
     y = office.y.to_numpy().copy()
     y[2 * DAY + 5 : 2 * DAY + 29] = np.nan
     y[9 * DAY + 3 : 9 * DAY + 12] = np.nan
@@ -86,7 +86,7 @@ def test_the_model_and_its_derivatives_by_logarithms():
     n = len(M.A)
     assert M.F[n, n] == pytest.approx(phi)
     np.testing.assert_allclose(M.F[:n, :n], M.A)
-    np.testing.assert_allclose(M.F[:n, n], M.B[:, 1 + model.zone])  # tracked heat enters as any heat on the air does
+    np.testing.assert_allclose(M.F[:n, n], M.B[:, 1 + model.zone])  # the gain enters as any heat into the air does
     np.testing.assert_allclose(np.diag(M.Q), [*[sigma_x**2 * 0.5] * n, sigma_g**2 * (1 - phi**2)])
     leads = np.array([1, 3, 7])
     rows, drows = lead_rows(M.F, M.dF, model.zone, leads)
@@ -109,7 +109,7 @@ def test_a_steady_kilowatt_warms_every_node_by_its_resistance():
 
 
 # ---------------------------------------------------------------------------------------------------------- channels
-def test_what_an_emitter_holds_back():
+def test_lag_of_an_emitter():
     rng = np.random.default_rng(0)
     heat, step, tau = rng.uniform(0, 3, 50), 0.5, 2.0
     z, expected = heat[0], np.empty(50)
@@ -146,8 +146,8 @@ def test_names_groups_and_places_of_the_channels(table):
     np.testing.assert_allclose(sum(own[f"ua_hour_{h}"] for h in range(24)), away, atol=1e-12)
 
 
-def test_a_turned_day_is_one_of_the_other_kind(table):
-    """With every day turned the schedules are those of a clock on which weekends and weekdays have changed places."""
+def test_a_swapped_day_is_one_of_the_other_type(table):
+    """With every day swapped the schedules are those of a calendar whose weekends and weekdays have changed places."""
     rng, plan = np.random.default_rng(0), make_plan(get_network("4R3C"), table, {}, calendar=True)
     names = make_channels(plan, table).names
     coef = dict(zip(names, rng.normal(size=len(names)), strict=True))
@@ -170,7 +170,7 @@ def test_a_turned_day_is_one_of_the_other_kind(table):
 
 
 def test_a_weekend_that_moves_is_learned_by_its_days():
-    """Closed on Fridays and Saturdays from the third week on: Fridays turn, and Sundays do; the others do not."""
+    """Closed on Fridays and Saturdays from the fourth week on: Fridays and Sundays are swapped, the others are not."""
     office = make_office(n_days=35, sampling_time="30min", random_state=5)
     X, at = office.X, 21 * DAY
     early = X.set_axis(X.index - pd.Timedelta("1D"))  # the same days, a day earlier on the calendar
@@ -178,13 +178,13 @@ def test_a_weekend_that_moves_is_learned_by_its_days():
     table, T = as_table(moved), moved["T_za"].to_numpy()
     fit = fit_leads(get_network("4R3C"), table.rows(slice(at)), T[:at], DAY)
     assert len(fit.plan.contrast) == 2
-    turned = [f"gain_swapped_{d}" for d in range(7)]
-    before = pd.Series(fit.coef[: len(fit.channel_names)], fit.channel_names)[turned]
+    swapped = [f"gain_swapped_{d}" for d in range(7)]
+    before = pd.Series(fit.coef[: len(fit.channel_names)], fit.channel_names)[swapped]
     assert before.abs().max() < 0.15
     later = NumberedSegment(fit.make_segment(table, T), at, joined=True)
     last = np.array([len(T) - 1])
     coef = forecast_from_origins(fit, later, last, 1, "linear").states[0].coef
-    after = pd.Series(coef[: len(fit.channel_names)], fit.channel_names)[turned].to_numpy() - before
+    after = pd.Series(coef[: len(fit.channel_names)], fit.channel_names)[swapped].to_numpy() - before
     assert set(after.nlargest(2).index) == {"gain_swapped_4", "gain_swapped_6"}
     assert after.nlargest(2).min() > 0.15
     assert after.nsmallest(5).max() < 0.1
@@ -304,7 +304,7 @@ def test_coefficients_solve_the_bounded_ridge(seed):
 
 # --------------------------------------------------------------------------------------------------------- objective
 def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
-    """A segment whose temperature was made by a network with an emitter that holds back 60 %, with gaps."""
+    """A segment whose temperature was made by a network with an emitter that delays 60 %, with gaps."""
     network, part = get_network(network), table.rows(slice(n_rows))
     plan = make_plan(network, part, {}, calendar=True)
     model = FilterModel.of(network, 0.5, 2.0)
@@ -463,9 +463,9 @@ def test_left_out_errors_are_by_coefficients_without_the_block(fit):
 
 # --------------------------------------------------------------------------------------------- forecasts and learning
 def brute_force(fit, psi, coef, segment, origin, n_leads):
-    """Everything in one state space: Kalman's filter on temperatures and tracked heat, then the network runs free.
+    """Everything in one state space: Kalman's filter on temperatures and gain, then the network runs free.
 
-    Returns the path, and the tracked heat at the origin.
+    Returns the path, and the gain at the origin.
     """
     M, model, channels = fit.model.matrices(psi), fit.model, segment.channels
     n = len(M.A)
@@ -485,12 +485,12 @@ def brute_force(fit, psi, coef, segment, origin, n_leads):
         if segment.seen[k]:
             gain = P @ c / (c @ P @ c + NOISE**2)
             x, P = x + gain * (segment.y[k] - x[model.zone]), P - np.outer(gain, c @ P)
-    path, tracked = np.empty(n_leads), x[n]
+    path, gain_at_origin = np.empty(n_leads), x[n]
     for h in range(n_leads):
         x = M.F @ x
         x[:n] += v[origin + h]
         path[h] = x[model.zone]
-    return path, tracked
+    return path, gain_at_origin
 
 
 @pytest.mark.parametrize("origin", [0, N_TRAIN - 1, 9 * DAY + 5, 12 * DAY + 7], ids=["first", "seam", "gap", "later"])
@@ -502,16 +502,16 @@ def test_forecasts_are_those_of_the_whole_state_space(fit, later, origin):
     assert not len(found.errors)
 
 
-def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_what_is_tracked(fit, later, table):
-    """The filter's heat fades from the origin on; far ahead the schedule is left."""
+def test_the_unmeasured_heat_of_a_forecast_is_schedule_and_filtered_gain(fit, later, table):
+    """The filter's gain decays from the origin on; far ahead the schedule is left."""
     origin = 10 * DAY
     found = forecast_from_origins(fit, later, np.array([origin]), 4 * DAY, None)
     shown = ScheduledNetwork.of(fit)
     planned = shown.heat_at(table).to_numpy()[origin + 1 : origin + 1 + 4 * DAY]
-    _, tracked = brute_force(fit, fit.psi, fit.coef, later.segment, origin, 1)
-    assert abs(tracked) > 1e-3
+    _, gain_at_origin = brute_force(fit, fit.psi, fit.coef, later.segment, origin, 1)
+    assert abs(gain_at_origin) > 1e-3
     fading = np.exp(-0.5 / shown.disturbance_["tau_g"]) ** np.arange(1, 4 * DAY + 1)
-    np.testing.assert_allclose(found.heat[0], planned + tracked * fading, atol=1e-9)
+    np.testing.assert_allclose(found.heat[0], planned + gain_at_origin * fading, atol=1e-9)
 
 
 def history(later, origins, leads, every=2):
@@ -520,7 +520,7 @@ def history(later, origins, leads, every=2):
 
 @pytest.mark.parametrize(("memory", "days"), [(0, 30.0), (1, 7.0)], ids=["long", "short"])
 def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
-    """Training forecasts, and three times those of the history that had ended by the origin, halved in so many days."""
+    """Training forecasts, and three times those of the history that had ended by the origin, halved per half-life."""
     leads = fit.sample.leads
     origins = np.array([N_TRAIN, N_TRAIN + 30, 10 * DAY + 3])
     sample = history(later, origins, leads)
@@ -547,7 +547,7 @@ def test_linear_adaptation_is_a_direct_solve(fit, later, memory, days):
 
 
 @pytest.mark.parametrize(("adapt", "memory"), [("linear", 0), ("full", 0), ("full", 1)])
-def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
+def test_nothing_after_an_origin_changes_a_forecast(fit, later, adapt, memory):
     origins = np.array([N_TRAIN + 1, 12 * DAY, N_TRAIN + 11 * DAY])
     sample = history(later, origins, fit.sample.leads)
     clean = forecast_from_origins(fit, later, origins, DAY, adapt, memory)
@@ -566,7 +566,7 @@ def test_nothing_behind_an_origin_changes_a_forecast(fit, later, adapt, memory):
 
 
 @pytest.mark.parametrize("adapt", [None, "linear", "full"])
-def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
+def test_forecasts_do_not_depend_on_the_other_origins(fit, later, adapt):
     origins = np.array([N_TRAIN, N_TRAIN + 1, N_TRAIN + 2, N_TRAIN + 3, N_TRAIN + 50, N_TRAIN + 11 * DAY])
     together = forecast_from_origins(fit, later, origins, DAY, adapt)
     for i, origin in enumerate(origins):
@@ -577,23 +577,23 @@ def test_forecasts_do_not_hang_on_the_other_origins(fit, later, adapt):
 
 @pytest.mark.parametrize("adapt", ["linear", "full"])
 def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
-    """Shown the last rows only, and all of them at a re-fit, a learner forecasts what one with all rows does."""
+    """Given the last rows only, and all of them at a refit, a network forecasts what one with all rows does."""
     origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
     whole = [forecast_from_origins(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
-    learner, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
+    network, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
     for i, origin in enumerate(origins):
-        first, end = learner.row, int(origin) + 1 + DAY
+        first, end = network.row, int(origin) + 1 + DAY
 
         def rows(origin=int(origin)):
             asked.append(origin)
             return later.segment.between(0, origin + 1)
 
         window = later._replace(segment=later.segment.between(first, end), first=first, whole=rows)
-        learner.advance(window, int(origin))
-        paths, heats = learner.forecast(window, DAY)
+        network.advance(window, int(origin))
+        paths, heats = network.forecast(window, DAY)
         np.testing.assert_allclose(paths, [known.paths[i] for known in whole], atol=1e-9)
         np.testing.assert_allclose(heats, [known.heat[i] for known in whole], atol=1e-9)
-    np.testing.assert_allclose(learner.errors, np.stack([known.errors for known in whole], axis=-1), atol=1e-9)
+    np.testing.assert_allclose(network.errors, np.stack([known.errors for known in whole], axis=-1), atol=1e-9)
     assert set(asked) == ({int(origins[3])} if adapt == "full" else set())
 
 
@@ -615,7 +615,7 @@ def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later, me
 
 def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     """Every ten days; the row of the mark is the last one that counts."""
-    later = later._replace(begin=N_TRAIN + 3)  # so that a lead of the sample ends at the row behind the mark
+    later = later._replace(begin=N_TRAIN + 3)  # so that a lead of the sample ends at the row after the mark
     mark = N_TRAIN + 3 + 10 * DAY
     origins = np.array([mark - 1, mark, mark + 20])
 
@@ -625,10 +625,10 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
         ).states
 
     y = later.segment.y
-    before, at, behind = (known.psi for known in learned(y))
+    before, at, after = (known.psi for known in learned(y))
     np.testing.assert_array_equal(before, fit.psi)
     assert not np.array_equal(at, before)
-    np.testing.assert_array_equal(at, behind)
+    np.testing.assert_array_equal(at, after)
     changed = y.copy()
     changed[mark + 1 :] += 5.0
     np.testing.assert_array_equal(learned(changed)[2].psi, at)
@@ -638,7 +638,7 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
 
 
 def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
-    """Where the rows are not behind the training, a re-fit sees them and the training, and nothing behind its mark."""
+    """Where the rows do not follow the training, a refit sees them and the training, and nothing after its mark."""
     part = table.rows(slice(2 * DAY + 3, None))
     y = T[2 * DAY + 3 :]
     mark, found = 10 * DAY, []
@@ -657,7 +657,7 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
 
 
 def test_full_adaptation_is_a_fit_on_the_window(fit, later):
-    """From where the last fit ended: the re-fitted point beats it on the rows that it was fitted on."""
+    """The refitted point beats the one before on the rows that it was fitted on."""
     mark = N_TRAIN + 10 * DAY
     psi = forecast_from_origins(fit, later, np.array([mark]), 1, "full").states[0].psi
     origins = np.arange(DAY, mark, 4)

@@ -176,11 +176,11 @@ def test_estimators_that_share_a_network_live_apart(office, estimator):
     pd.testing.assert_frame_equal(
         fitted.forecast(None, now), clone(estimator).fit(office.X[rows], office.y[rows]).forecast(None, now)
     )
-    assert [one.scheme for one in made] == ["published"] * 2
+    assert [one.scheme_ for one in made] == ["two-stage"] * 2
     with pytest.raises(ValueError, match="rows were taken in"):
         made[0].with_forecasters(forecasters)
-    with pytest.raises(ValueError, match="linear scheme"):
-        fitted.with_forecasters([DisturbanceForecaster("linear")], "input")
+    with pytest.raises(ValueError, match="the schedule model learns network and disturbance as one"):
+        HybridPredictor(known={"Q_h": 6.0}).fit(office.X[rows], office.y[rows]).with_forecasters(forecasters)
 
 
 # ------------------------------------------------------------------------------------------------------------ failures
@@ -329,9 +329,9 @@ def test_what_cannot_be_searched_is_refused(changed, said, office, estimator):
         DesignMatrixSearchCV(**given).fit(office.X, office.y)
 
 
-def test_the_linear_scheme_shares_no_network(estimator):
+def test_the_schedule_model_shares_no_network(estimator):
     assert candidates.shares_network(estimator, {"forecaster__model": "ridge", "disturbance": "output"})
-    assert not candidates.shares_network(estimator, {"forecaster__model": "linear"})
+    assert not candidates.shares_network(HybridPredictor(), {"known": {"Q_h": 6.0}})
     assert not candidates.shares_network(estimator, {"forecaster__no_such": 1})
     assert not candidates.shares_network(Ridge(), {"alpha": 1.0})
 
@@ -426,7 +426,6 @@ def test_a_search_over_forecasters_reads_each_split_once_and_the_table_for_the_r
     assert reads == [SPLIT, SPLIT, WHOLE]
 
 
-@pytest.mark.xfail(strict=False, reason="the two-stage scheme hands frames to its own parts")
 def test_a_search_over_hybrids_reads_each_split_once_and_the_table_for_the_refit(office, estimator, reads):
     matrix = design_matrix(**SIX, size={"hidden_size": [3]})
     DesignMatrixSearchCV(estimator, matrix, cv=CV, verbose=0).fit(office.X, office.y)

@@ -108,7 +108,7 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
 
 
 def _columns(frame: pd.DataFrame) -> list[pd.Series]:
-    """The columns of a frame, that of heating first where their names tell."""
+    """The columns of a frame, that of heating first where their names contain "heat" and "cool"."""
     columns = [frame.iloc[:, j] for j in range(frame.shape[1])]
     heat, cool = ([j for j, name in enumerate(frame) if word in str(name).lower()] for word in ("heat", "cool"))
     if len(columns) == 2 and len(heat) == len(cool) == 1 and heat != cool:

@@ -1,11 +1,13 @@
-"""The one place where kernels are compiled.
+"""The decorators that compile kernels.
 
-Kernels are plain NumPy functions; set ``NUMBA_DISABLE_JIT=1`` to step through them uncompiled.
+Kernels are plain NumPy functions: with ``NUMBA_DISABLE_JIT=1`` they run uncompiled, to be stepped through.  numba keeps
+the compiled code beside the source (``cache=True``) and renews it when the kernel's own file changes, but not when a
+kernel of another file that it calls does: delete ``__pycache__`` then.
 """
 
 from numba import njit
 
-#: decorator of every kernel: compiled on first call, kept on disk
+#: decorator of a kernel: compiled on first call, kept on disk
 compiled = njit(cache=True)
-#: the same where sums may be taken in any order, so that they run on several numbers at once; NaN stays NaN
+#: the same with sums in any order, so that they become vector instructions; NaN stays NaN
 compiled_sums = njit(cache=True, fastmath={"reassoc", "contract"})

@@ -1,4 +1,4 @@
-"""A linear recursion that is bounded: an autoregression driven by inputs."""
+"""Autoregression with inputs, iterated over a horizon within bounds."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from ._compile import compiled
 
 @compiled
 def iterate_lags(begin, coefs, driven, lowest, highest):
-    """Go on with each of several series by its own coefficients.
+    """Iterate several autoregressions, each with its own coefficients.
 
     Parameters
     ----------
     begin : ndarray of shape (n, n_lags)
-        Last values, the oldest first.
+        Last known values, the oldest first.
     coefs : ndarray of shape (n, n_lags)
-        What each of them adds to the next step, the oldest first.
+        Effect of each of them on the change over the next step, the oldest first.
     driven : ndarray of shape (n, n_leads)
-        What everything else adds to each step.
+        Change over each step by everything else.
     lowest, highest : float
-        Values are held within these.
+        Bounds of the values.
 
     Returns
     -------
@@ -32,9 +32,9 @@ def iterate_lags(begin, coefs, driven, lowest, highest):
     for i in range(n):
         values[:n_lags] = begin[i]
         for lead in range(n_leads):
-            step = driven[i, lead]
+            change = driven[i, lead]
             for lag in range(n_lags):
-                step += coefs[i, lag] * values[lead + lag]
-            values[n_lags + lead] = min(max(values[n_lags + lead - 1] + step, lowest), highest)
+                change += coefs[i, lag] * values[lead + lag]
+            values[n_lags + lead] = min(max(values[n_lags + lead - 1] + change, lowest), highest)
         out[i] = values[n_lags:]
     return out

@@ -1,11 +1,11 @@
-"""One Kalman filter for many channels, with the reverse-mode derivative of whatever is made of its innovations.
+"""One Kalman filter for many channels, and its adjoint: derivatives of any scalar function of the innovations.
 
 A channel is a measurement series or the response to one input; all share the covariances and the gains.  The filter is
 linear in its channels, so a model that is linear in some coefficients has innovations ``e_y + sum_j beta_j e_j``
 (variable projection, design ruling 4).  The adjoint costs about two filter passes, however many parameters there are.
 
-Several measured outputs of a row are taken in one after the other, which for independent noises is the joint update.
-The innermost loops run over the channels, whose numbers lie side by side, so that one instruction serves several.
+The measured outputs of a row update the state one after the other, which for independent noises is the joint update.
+The innermost loops run over the channels, which are contiguous in memory, so that they become vector instructions.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ._compile import compiled, compiled_sums
 
 
 class ChannelFilter(NamedTuple):
-    """Innovations of every channel, and what the adjoint needs again."""
+    """Innovations of every channel, and the arrays that the adjoint needs."""
 
     errors: np.ndarray  # (N, o, J); 0 where nothing was measured
     S: np.ndarray  # (N, o) innovation variance; 1 where nothing was measured
@@ -28,7 +28,7 @@ class ChannelFilter(NamedTuple):
 
 
 class ChannelAdjoint(NamedTuple):
-    """Derivatives of a scalar by the filter's ingredients."""
+    """Derivatives of a scalar by each argument of the filter."""
 
     A: np.ndarray  # (n, n)
     columns: np.ndarray  # (n, J)
@@ -39,7 +39,7 @@ class ChannelAdjoint(NamedTuple):
 
 
 @compiled
-def _covariance_pass(A, Q, klass, C, R, y, P0, S, gains, covariances):
+def _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances):
     """Gains, innovation variances and filtered covariances of every row, into the last three arguments."""
     N, o = y.shape
     n = A.shape[0]
@@ -70,7 +70,7 @@ def _covariance_pass(A, Q, klass, C, R, y, P0, S, gains, covariances):
                 work[i, j] = total
         for i in range(n):
             for j in range(i + 1):
-                total = Q[klass[k], i, j]
+                total = Q[noise_class[k], i, j]
                 for m in range(n):
                     total += work[i, m] * A[j, m]
                 P[i, j] = total
@@ -111,7 +111,7 @@ def _state_pass(A, columns, series, known, C, y, x, S, gains, errors, states):
                 x[i, j] = after[i, j]
 
 
-def filter_channels(A, columns, series, known, Q, klass, C, R, y, s0, P0):
+def filter_channels(A, columns, series, known, Q, noise_class, C, R, y, s0, P0):
     """Filter channel 0 (the measurement) and the responses to the inputs ``series``.
 
     Parameters
@@ -123,7 +123,7 @@ def filter_channels(A, columns, series, known, Q, klass, C, R, y, s0, P0):
         Input of each channel; column 0 is not used.
     known : ndarray of shape (N, n)
         Forcing of channel 0 by the inputs whose effect is not a coefficient.
-    Q, klass
+    Q, noise_class
         As in :func:`skhybrid.filtering.kalman_filter`.
     C, R : ndarray of shape (o, n) and (o,)
         Output rows, and the variance of each output's noise.
@@ -140,7 +140,7 @@ def filter_channels(A, columns, series, known, Q, klass, C, R, y, s0, P0):
     """
     (N, o), (n, J) = y.shape, columns.shape
     S, gains, covariances = np.ones((N, o)), np.zeros((N, o, n)), np.empty((N, n, n))
-    _covariance_pass(A, Q, klass, C, R, y, P0, S, gains, covariances)
+    _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances)
     errors, states, x = np.zeros((N, o, J)), np.empty((N, n, J)), np.zeros((n, J))
     x[:, 0] = s0
     _state_pass(A, columns, series, known, C, y, x, S, gains, errors, states)
@@ -187,7 +187,7 @@ def _state_pass_back(A, series, C, y, errors, states, gains, errors_bar, A_bar, 
 
 
 @compiled
-def _covariance_pass_back(A, klass, C, y, S, gains, covariances, S_bar, gains_bar, A_bar, Q_bar, R_bar, P_bar):
+def _covariance_pass_back(A, noise_class, C, y, S, gains, covariances, S_bar, gains_bar, A_bar, Q_bar, R_bar, P_bar):
     """Reverse of ``_covariance_pass``: adds to A_bar, Q_bar and R_bar; ``P_bar`` begins at 0 and ends as that of P0."""
     N, o = y.shape
     n = A.shape[0]
@@ -195,7 +195,7 @@ def _covariance_pass_back(A, klass, C, y, S, gains, covariances, S_bar, gains_ba
     for k in range(N - 1, -1, -1):
         for i in range(n):
             for j in range(n):
-                Q_bar[klass[k], i, j] += P_bar[i, j]
+                Q_bar[noise_class[k], i, j] += P_bar[i, j]
                 total = 0.0
                 for m in range(n):
                     total += P_bar[i, m] * A[m, j]
@@ -226,12 +226,12 @@ def _covariance_pass_back(A, klass, C, y, S, gains, covariances, S_bar, gains_ba
             R_bar[q] += s_bar
 
 
-def filter_channels_adjoint(A, series, klass, C, y, n_classes, result, errors_bar, S_bar):
+def filter_channels_adjoint(A, series, noise_class, C, y, n_classes, result, errors_bar, S_bar):
     """Derivatives of a scalar by A, the columns, the noise and P0, given its derivatives by the innovations.
 
     Parameters
     ----------
-    A, series, klass, C, y
+    A, series, noise_class, C, y
         As given to :func:`filter_channels`.
     n_classes : int
     result : ChannelFilter
@@ -250,6 +250,6 @@ def filter_channels_adjoint(A, series, klass, C, y, n_classes, result, errors_ba
     errors, S, states, gains, covariances = result
     _state_pass_back(A, series, C, y, errors, states, gains, errors_bar, A_bar, columns_bar, known_bar, gains_bar)
     P_bar = np.zeros((n, n))
-    _covariance_pass_back(A, klass, C, y, S, gains, covariances, S_bar, gains_bar, A_bar, Q_bar, R_bar, P_bar)
+    _covariance_pass_back(A, noise_class, C, y, S, gains, covariances, S_bar, gains_bar, A_bar, Q_bar, R_bar, P_bar)
     columns_bar[:, 0] = 0.0
     return ChannelAdjoint(A_bar, columns_bar, known_bar, Q_bar, R_bar, P_bar)

@@ -1,4 +1,4 @@
-"""Steps of a covariance recursion as plain loops: at three rows a library call costs more than the work."""
+"""Covariance recursions of the Kalman filter as plain loops: at three rows a library call costs more than the work."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from ._compile import compiled
 
 
 @compiled
-def sandwich(A, P, B, work, out):
-    """``out += A P B'``."""
+def propagate(A, P, Q, work, out):
+    """``out = A P A' + Q``, symmetric to the bit."""
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
@@ -19,20 +19,97 @@ def sandwich(A, P, B, work, out):
         for j in range(n):
             total = 0.0
             for m in range(n):
-                total += work[i, m] * B[j, m]
-            out[i, j] += total
-
-
-@compiled
-def propagate(A, P, Q, work, out):
-    """``out = A P A' + Q``, symmetric to the bit."""
-    n = A.shape[0]
-    for i in range(n):  # a slice assignment would take seconds to compile, for the shapes that it checks
-        for j in range(n):
-            out[i, j] = Q[i, j]
-    sandwich(A, P, A, work, out)
+                total += work[i, m] * A[j, m]
+            out[i, j] = Q[i, j] + total
     for i in range(n):
         for j in range(i):
             middle = 0.5 * (out[i, j] + out[j, i])
             out[i, j] = middle
             out[j, i] = middle
+
+
+@compiled
+def update_covariance(P, dP, C, R, seen, gain, dgain, Pc, dPc):
+    """Update a covariance and its derivatives by one row's measurements, one after the other, in place.
+
+    ``gain`` (o, n) and ``dgain`` (o, n, p) are written; ``Pc`` (n,) and ``dPc`` (n, p) are work space.
+
+    Returns
+    -------
+    float
+        Largest change of any gain, or relative change of any of its derivatives.
+    """
+    o, n = C.shape
+    p = dP.shape[2]
+    moved = 0.0
+    for j in range(o):
+        if not seen[j]:
+            continue
+        S = R[j]
+        for i in range(n):
+            value = 0.0
+            for m in range(n):
+                value += P[i, m] * C[j, m]
+            Pc[i] = value
+        for i in range(n):
+            S += C[j, i] * Pc[i]
+        for i in range(n):
+            for q in range(p):
+                dPc[i, q] = 0.0
+            for m in range(n):
+                for q in range(p):
+                    dPc[i, q] += dP[i, m, q] * C[j, m]
+        for i in range(n):
+            moved = max(moved, abs(Pc[i] / S - gain[j, i]))
+            gain[j, i] = Pc[i] / S
+        for q in range(p):
+            dS = 0.0
+            for i in range(n):
+                dS += C[j, i] * dPc[i, q]
+            for i in range(n):
+                slope = (dPc[i, q] - gain[j, i] * dS) / S
+                moved = max(moved, abs(slope - dgain[j, i, q]) / (1.0 + abs(slope)))
+                dgain[j, i, q] = slope
+            for i in range(n):
+                for m in range(n):
+                    dP[i, m, q] -= gain[j, i] * dPc[m, q] + dgain[j, i, q] * Pc[m]
+        for i in range(n):
+            for m in range(n):
+                P[i, m] -= gain[j, i] * Pc[m]
+    return moved
+
+
+@compiled
+def propagate_covariance(A, Q, dA, dQ, P, dP, AP, AdP, work):
+    """Propagate a covariance and its derivatives by one row, in place; ``AP``, ``AdP`` and ``work`` are work space."""
+    n, p = A.shape[0], dP.shape[2]
+    for i in range(n):
+        for j in range(n):
+            value = 0.0
+            for m in range(n):
+                value += A[i, m] * P[m, j]
+            AP[i, j] = value
+    # A dP A' is symmetric, and dA P A' and its transpose need A P only
+    for i in range(n):
+        for j in range(n):
+            for q in range(p):
+                AdP[i, j, q] = 0.0
+                work[i, j, q] = 0.0
+            for m in range(n):
+                for q in range(p):
+                    AdP[i, j, q] += A[i, m] * dP[m, j, q]
+                    work[i, j, q] += dA[i, m, q] * AP[j, m]
+    for i in range(n):
+        for j in range(i + 1):
+            for q in range(p):
+                dP[i, j, q] = dQ[i, j, q] + work[i, j, q] + work[j, i, q]
+            for m in range(n):
+                for q in range(p):
+                    dP[i, j, q] += AdP[i, m, q] * A[j, m]
+            for q in range(p):
+                dP[j, i, q] = dP[i, j, q]
+            value = Q[i, j]
+            for m in range(n):
+                value += AP[i, m] * A[j, m]
+            P[i, j] = value
+            P[j, i] = value

@@ -1,4 +1,4 @@
-"""Forecast origins and leads at which errors are evaluated."""
+"""Origins and leads at which forecast errors are evaluated."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: leads that are scored, as shares of the horizon
+#: scored leads, as shares of the horizon
 _LEADS = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 56, 64, 72, 80, 88, 96]) / 96.0
 
 
@@ -23,7 +23,20 @@ class ForecastSample(NamedTuple):
 
 
 def hourly_sample(n_rows: int, n_leads: int, step: float, first: int) -> ForecastSample:
-    """Origins an hour apart (or a step), and the leads that are scored."""
+    """Make origins an hour apart (or a step, if longer) and the scored leads.
+
+    Parameters
+    ----------
+    n_rows, n_leads : int
+    step : float
+        [h].
+    first : int
+        First origin; a quarter of a shorter table.
+
+    Returns
+    -------
+    ForecastSample
+    """
     leads = np.unique(np.maximum(np.round(_LEADS * n_leads), 1).astype(np.int64))
     leads = leads[leads <= max(1, n_rows // 2)]
     every = max(1, round(1.0 / step))

@@ -1,8 +1,8 @@
-"""Errors of forecasts at several leads: simulated responses, what a filter makes of them, and their sensitivities.
+"""Errors of forecasts at several leads: simulated responses, filtered differences from them, and sensitivities.
 
-A forecast from row o is the simulated response plus what the filter has seen of the difference from it,
-``y_hat[o + h] = s[o + h] + c A^h x[o|o]`` with x the filter on ``y - s``.  All of it is linear in the inputs, so that
-each input's response is filtered as the measurement is.
+A forecast from row o is the simulated response plus the filtered difference of the measurement from it,
+``y_hat[o + h] = s[o + h] + c F^h x[o|o]`` with x the filter's state on ``y - s``.  All of it is linear in the inputs,
+so each input's response is filtered as the measurement is.
 """
 
 from __future__ import annotations
@@ -12,15 +12,39 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
-from .innovations import _correct, _spread
+from .covariance import propagate_covariance, update_covariance
+from .rows import load_row, store_row
+
+
+class FilterGains(NamedTuple):
+    """Kalman gains of every row, 0 where nothing was measured, and the variance after the last row."""
+
+    gains: np.ndarray  # (N, m) effect of an error on the state of its own row
+    dgains: np.ndarray  # (N, m, p)
+    variance: np.ndarray  # (m, m) before the row after the last one, with which a next segment begins
+
+
+class InputStates(NamedTuple):
+    """States of a network under each of J inputs by itself."""
+
+    last: np.ndarray  # (n, J) at the last row, before its inputs
+    after: np.ndarray  # (n, J) at the row after it
+
+
+class FilteredSeries(NamedTuple):
+    """Filtered states of J series."""
+
+    states: np.ndarray  # (n_origins, m, J) at the origins, each given its own row
+    last: np.ndarray  # (m, J) at the last row, given it
+    after: np.ndarray  # (m, J) at the row after it
 
 
 class LeadSensitivity(NamedTuple):
-    """One simulated series and what the filter holds of the measurement's difference from it, with derivatives."""
+    """One simulated series and the filtered difference of the measurement from it, with derivatives."""
 
     response: np.ndarray  # (N,) simulated output
     dresponse: np.ndarray  # (N, p)
-    states: np.ndarray  # (n_origins, m) filtered, given the origin's own row
+    states: np.ndarray  # (n_origins, m) filtered states, given the origin's own row
     dstates: np.ndarray  # (n_origins, m, p)
 
 
@@ -39,10 +63,7 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
 
     Returns
     -------
-    gains, dgains : ndarray
-        (N, m) and (N, m, p): what an error adds to the state of its own row.
-    P : ndarray of shape (m, m)
-        Variance before the row behind the last one, with which a next segment begins.
+    FilterGains
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))
@@ -54,26 +75,26 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
     for k in range(N):
         # with every row measured the gains settle; from then on they are left as they are, to rounding
         if not (steady and seen[k]):
-            moved = 1.0
+            change = 1.0
             if seen[k]:
-                moved = _correct(P, dP, C, noise, measured, gain, dgain, Pc, dPc)
-            _spread(A, Q, dA, dQ, P, dP, AP, AdP, work)
-            steady = seen[k] and moved < 1e-12
+                change = update_covariance(P, dP, C, noise, measured, gain, dgain, Pc, dPc)
+            propagate_covariance(A, Q, dA, dQ, P, dP, AP, AdP, work)
+            steady = seen[k] and change < 1e-12
         if seen[k]:
             for i in range(m):
                 gains[k, i] = gain[0, i]
                 for q in range(p):
                     dgains[k, i, q] = dgain[0, i, q]
-    return gains, dgains, P
+    return FilterGains(gains, dgains, P)
 
 
 @compiled
-def _propagate(A, x, ahead):
-    """``ahead = A x`` for the columns of x."""
+def _propagate(A, x, after):
+    """``after = A x`` for the columns of x."""
     n, J = x.shape
     for i in range(n):
         # views of rows, so that the innermost loop runs on several numbers at once
-        row, first, a = ahead[i], x[0], A[i, 0]
+        row, first, a = after[i], x[0], A[i, 0]
         for j in range(J):
             row[j] = a * first[j]
         for r in range(1, n):
@@ -85,7 +106,7 @@ def _propagate(A, x, ahead):
 
 @compiled
 def simulate_inputs(A, B, V, node, begin, out):
-    """Output of a network under each of J inputs by itself.
+    """Simulate the output of a network under each of J inputs by itself.
 
     Parameters
     ----------
@@ -102,21 +123,20 @@ def simulate_inputs(A, B, V, node, begin, out):
 
     Returns
     -------
-    here, ahead : ndarray of shape (n, J)
-        States at the last row, and at the one behind it.
+    InputStates
     """
     n, J = B.shape
     N = V.shape[0]
-    x, ahead = begin.copy(), begin.copy()
+    x, after = begin.copy(), begin.copy()
     for k in range(N):
-        x, ahead = ahead, x
+        x, after = after, x
         for j in range(J):
             out[k, j] = x[node, j]
-        _propagate(A, x, ahead)
+        _propagate(A, x, after)
         for i in range(n):
             for j in range(J):
-                ahead[i, j] += B[i, j] * V[k, j]
-    return x, ahead
+                after[i, j] += B[i, j] * V[k, j]
+    return InputStates(x, after)
 
 
 @compiled
@@ -138,19 +158,15 @@ def filter_series(A, gains, node, S, origins, begin):
 
     Returns
     -------
-    states : ndarray of shape (n_origins, m, J)
-    last : ndarray of shape (m, J)
-        States at the last row, given it.
-    ahead : ndarray of shape (m, J)
-        States at the row behind it.
+    FilteredSeries
     """
     m = A.shape[0]
     N, J = S.shape
     states = np.empty((len(origins), m, J))
-    x, ahead, error = begin.copy(), begin.copy(), np.empty(J)
+    x, after, error = begin.copy(), begin.copy(), np.empty(J)
     at = 0
     for k in range(N):
-        x, ahead = ahead, x
+        x, after = after, x
         if gains[k, node] != 0.0:
             for j in range(J):
                 error[j] = S[k, j] - x[node, j]
@@ -163,20 +179,40 @@ def filter_series(A, gains, node, S, origins, begin):
                 for j in range(J):
                     states[at, i, j] = x[i, j]
             at += 1
-        _propagate(A, x, ahead)
-    return states, x, ahead
+        _propagate(A, x, after)
+    return FilteredSeries(states, x, after)
+
+
+@compiled
+def _add_product(A, dA, x, dx, out, dout):
+    """``out += A x`` and its derivatives."""
+    n, p = A.shape[0], dA.shape[2]
+    for i in range(n):
+        for r in range(n):
+            out[i] += A[i, r] * x[r]
+            for q in range(p):
+                dout[i, q] += dA[i, r, q] * x[r] + A[i, r] * dx[r, q]
+
+
+@compiled
+def _filter_error(gains, dgains, k, e, de, x, dx):
+    """Update the filter's state and its derivatives by row k's error ``e`` and its derivatives ``de``, in place."""
+    for i in range(len(x)):
+        x[i] += gains[k, i] * e
+        for q in range(len(de)):
+            dx[i, q] += dgains[k, i, q] * e + gains[k, i] * de[q]
 
 
 @compiled
 def lead_sensitivities(A, dA, forcing, dforcing, F, dF, gains, dgains, node, y, origins):
-    """Simulate one series, filter the measurement's difference from it, with exact derivatives of both.
+    """Simulate one series and filter the difference of the measurement from it, with exact derivatives of both.
 
     Parameters
     ----------
     A, dA : ndarray of shape (n, n) and (n, n, p)
         The network over one step.
     forcing, dforcing : ndarray of shape (N, n) and (N, n, p)
-        What all inputs add to the states.
+        By all inputs.
     F, dF : ndarray of shape (m, m) and (m, m, p)
         The filter's transition.
     gains, dgains : ndarray of shape (N, m) and (N, m, p)
@@ -194,54 +230,33 @@ def lead_sensitivities(A, dA, forcing, dforcing, F, dF, gains, dgains, node, y, 
     n, m, p, N = A.shape[0], F.shape[0], dA.shape[2], forcing.shape[0]
     response, dresponse = np.empty(N), np.empty((N, p))
     states, dstates = np.empty((len(origins), m)), np.empty((len(origins), m, p))
-    s, ds, s2, ds2 = np.zeros(n), np.zeros((n, p)), np.empty(n), np.empty((n, p))
-    x, dx, x2, dx2 = np.zeros(m), np.zeros((m, p)), np.empty(m), np.empty((m, p))
-    de = np.empty(p)
+    s, ds, x, dx = np.zeros(n), np.zeros((n, p)), np.zeros(m), np.zeros((m, p))
+    s_after, ds_after, x_after, dx_after = np.empty(n), np.empty((n, p)), np.empty(m), np.empty((m, p))
+    nothing, dnothing, de = np.zeros((1, m)), np.zeros((1, m, p)), np.empty(p)
     at = 0
     for k in range(N):
         response[k] = s[node]
         for q in range(p):
             dresponse[k, q] = ds[node, q]
         if gains[k, node] != 0.0:
-            e = y[k] - s[node] - x[node]
             for q in range(p):
                 de[q] = -ds[node, q] - dx[node, q]
-            for i in range(m):
-                x[i] += gains[k, i] * e
-                for q in range(p):
-                    dx[i, q] += dgains[k, i, q] * e + gains[k, i] * de[q]
+            _filter_error(gains, dgains, k, y[k] - s[node] - x[node], de, x, dx)
         while at < len(origins) and origins[at] == k:
-            for i in range(m):
-                states[at, i] = x[i]
-                for q in range(p):
-                    dstates[at, i, q] = dx[i, q]
+            store_row(x, dx, states, dstates, at)
             at += 1
-        for i in range(n):
-            value = forcing[k, i]
-            for q in range(p):
-                ds2[i, q] = dforcing[k, i, q]
-            for r in range(n):
-                value += A[i, r] * s[r]
-                for q in range(p):
-                    ds2[i, q] += dA[i, r, q] * s[r] + A[i, r] * ds[r, q]
-            s2[i] = value
-        for i in range(m):
-            value = 0.0
-            for q in range(p):
-                dx2[i, q] = 0.0
-            for r in range(m):
-                value += F[i, r] * x[r]
-                for q in range(p):
-                    dx2[i, q] += dF[i, r, q] * x[r] + F[i, r] * dx[r, q]
-            x2[i] = value
-        s, s2, ds, ds2 = s2, s, ds2, ds
-        x, x2, dx, dx2 = x2, x, dx2, dx
+        load_row(forcing, dforcing, k, s_after, ds_after)
+        _add_product(A, dA, s, ds, s_after, ds_after)
+        load_row(nothing, dnothing, 0, x_after, dx_after)
+        _add_product(F, dF, x, dx, x_after, dx_after)
+        s, s_after, ds, ds_after = s_after, s, ds_after, ds
+        x, x_after, dx, dx_after = x_after, x, dx_after, dx
     return LeadSensitivity(response, dresponse, states, dstates)
 
 
 @compiled
 def lead_errors(S, states, P, origins, leads, weight):
-    """Weighted errors of every series at every (lead, origin), ``S[o + h] - P[h] x[o]``.
+    """Weighted errors of each series at each origin and lead, ``S[o + h] - P[h] x[o]``.
 
     Parameters
     ----------
@@ -268,48 +283,7 @@ def lead_errors(S, states, P, origins, leads, weight):
             for j in range(J):
                 row[j] = w * simulated[j]
             for i in range(m):
-                a, held = w * P[h, i], states[o, i]
+                a, x = w * P[h, i], states[o, i]
                 for j in range(J):
-                    row[j] -= a * held[j]
+                    row[j] -= a * x[j]
     return out
-
-
-@compiled
-def lead_rows(F, dF, node, leads):
-    """Row ``c F^h`` of every lead h, and its derivatives.
-
-    Parameters
-    ----------
-    F, dF : ndarray of shape (m, m) and (m, m, p)
-    node : int
-        The state that c measures.
-    leads : ndarray of int, shape (L,)
-        Increasing.
-
-    Returns
-    -------
-    rows, drows : ndarray of shape (L, m) and (L, m, p)
-    """
-    m, p, L = F.shape[0], dF.shape[2], len(leads)
-    rows, drows = np.empty((L, m)), np.empty((L, m, p))
-    row, drow, row2, drow2 = np.zeros(m), np.zeros((m, p)), np.empty(m), np.empty((m, p))
-    row[node] = 1.0
-    at = 0
-    for h in range(1, leads[-1] + 1):
-        for j in range(m):
-            value = 0.0
-            for q in range(p):
-                drow2[j, q] = 0.0
-            for i in range(m):
-                value += row[i] * F[i, j]
-                for q in range(p):
-                    drow2[j, q] += drow[i, q] * F[i, j] + row[i] * dF[i, j, q]
-            row2[j] = value
-        row, row2, drow, drow2 = row2, row, drow2, drow
-        if h == leads[at]:
-            for j in range(m):
-                rows[at, j] = row[j]
-                for q in range(p):
-                    drows[at, j, q] = drow[j, q]
-            at += 1
-    return rows, drows

@@ -1,11 +1,11 @@
-"""The innovations-form predictor ``s[k+1] = A s[k] + B v[k] + K[k] e[k]``, ``e[k] = y[k] - C s[k]``.
+"""Innovations-form predictor ``s[k+1] = A s[k] + B v[k] + K[k] e[k]``, ``e[k] = y[k] - C s[k]``, with sensitivities.
 
 One recursion serves every disturbance model; they differ in the states that they append and in the gain ``K``
 (design 4): constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
 
 The constant gain is Kalman's of a process that only its own errors drive, ``z[k+1] = a z[k] + b e[k]``, while every row
-is measured.  A missing one leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the row that is
-measured next has variance 1 + p and gain ``(a p + b) / (1 + p)``, and p dies away by ``(a - b)^2 / (1 + p)`` a row.
+is measured.  A missing row leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the row that is
+measured next has variance 1 + p and gain ``(a p + b) / (1 + p)``, and p decays by ``(a - b)^2 / (1 + p)`` per row.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
+from .covariance import propagate_covariance, update_covariance
+from .rows import store_row
 
 
 class Prediction(NamedTuple):
@@ -25,15 +27,15 @@ class Prediction(NamedTuple):
 
 
 class Model(NamedTuple):
-    """The predictor of one start, with derivatives by p parameters in the last axis; also of S starts at once.
+    """Predictor of one start, with derivatives by p parameters in the last axis.
 
-    With S starts every array has a leading axis S, but ``C``, ``R`` and ``P0``, which all starts share.
+    For S starts at once every array but ``C``, ``R`` and ``P0``, which all starts share, has a leading axis S.
     """
 
     A: np.ndarray  # (n, n)
     B: np.ndarray  # (n, m)
     C: np.ndarray  # (o, n)
-    K: np.ndarray  # (n, o) gain of the rows that no Kalman filter serves
+    K: np.ndarray  # (n, o) constant gain, of the rows that the Kalman filter does not serve
     Q: np.ndarray  # (n, n) process noise of the filter
     R: np.ndarray  # (o,) its measurement variances
     P0: np.ndarray  # (n, n) covariance of the first state
@@ -50,7 +52,7 @@ class Sensitivity(NamedTuple):
 
     errors: np.ndarray  # (S, N, o)
     derrors: np.ndarray  # (S, N, o, p)
-    variances: np.ndarray  # (S, N, o) of the errors: Kalman's, in units of the noise below a constant gain; 1 unseen
+    variances: np.ndarray  # (S, N, o) of the errors: Kalman's; in units of the noise under a constant gain; 1 unseen
     dvariances: np.ndarray  # (S, N, o, p); both have N = 0 where they were not asked for
 
 
@@ -64,7 +66,7 @@ def one_step_errors(A, forcing, K, C, y, s0):
     forcing : ndarray of shape (N, n)
         ``B v[k]``.
     K : ndarray of shape (n_gains, n, o)
-        Gain of every row, predictor form; the last one serves all rows from there on.
+        Gain of every row, in predictor form; the last one serves all later rows.
     C : ndarray of shape (o, n)
     y : ndarray of shape (N, o)
         Measurements, NaN where missing.
@@ -99,90 +101,8 @@ def one_step_errors(A, forcing, K, C, y, s0):
 
 
 @compiled
-def _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc):
-    """One row's sequential measurement updates of the covariance; gains (o, n), their derivatives (o, n, p).
-
-    Returns by how much any gain differs from what it was.
-    """
-    o, n = C.shape
-    p = dP.shape[2]
-    moved = 0.0
-    for j in range(o):
-        if not seen[j]:
-            continue
-        S = R[j]
-        for i in range(n):
-            value = 0.0
-            for m in range(n):
-                value += P[i, m] * C[j, m]
-            Pc[i] = value
-        for i in range(n):
-            S += C[j, i] * Pc[i]
-        for i in range(n):
-            for q in range(p):
-                dPc[i, q] = 0.0
-            for m in range(n):
-                for q in range(p):
-                    dPc[i, q] += dP[i, m, q] * C[j, m]
-        for i in range(n):
-            moved = max(moved, abs(Pc[i] / S - gain[j, i]))
-            gain[j, i] = Pc[i] / S
-        for q in range(p):
-            dS = 0.0
-            for i in range(n):
-                dS += C[j, i] * dPc[i, q]
-            for i in range(n):
-                slope = (dPc[i, q] - gain[j, i] * dS) / S
-                moved = max(moved, abs(slope - dgain[j, i, q]) / (1.0 + abs(slope)))
-                dgain[j, i, q] = slope
-            for i in range(n):
-                for m in range(n):
-                    dP[i, m, q] -= gain[j, i] * dPc[m, q] + dgain[j, i, q] * Pc[m]
-        for i in range(n):
-            for m in range(n):
-                P[i, m] -= gain[j, i] * Pc[m]
-    return moved
-
-
-@compiled
-def _spread(A, Q, dA, dQ, P, dP, AP, AdP, work):
-    """One row's propagation of the covariance and of its derivatives, in place."""
-    n, p = A.shape[0], dP.shape[2]
-    for i in range(n):
-        for j in range(n):
-            value = 0.0
-            for m in range(n):
-                value += A[i, m] * P[m, j]
-            AP[i, j] = value
-    # A dP A' is symmetric, and dA P A' and its transpose need A P only
-    for i in range(n):
-        for j in range(n):
-            for q in range(p):
-                AdP[i, j, q] = 0.0
-                work[i, j, q] = 0.0
-            for m in range(n):
-                for q in range(p):
-                    AdP[i, j, q] += A[i, m] * dP[m, j, q]
-                    work[i, j, q] += dA[i, m, q] * AP[j, m]
-    for i in range(n):
-        for j in range(i + 1):
-            for q in range(p):
-                dP[i, j, q] = dQ[i, j, q] + work[i, j, q] + work[j, i, q]
-            for m in range(n):
-                for q in range(p):
-                    dP[i, j, q] += AdP[i, m, q] * A[j, m]
-            for q in range(p):
-                dP[j, i, q] = dP[i, j, q]
-            value = Q[i, j]
-            for m in range(n):
-                value += AP[i, m] * A[j, m]
-            P[i, j] = value
-            P[j, i] = value
-
-
-@compiled
-def _weigh(C, R, P, dP, k, seen, variances, dvariances):
-    """Variances of one row's errors, each before any of the row's measurements is used, and their derivatives."""
+def _innovation_variances(C, R, P, dP, k, seen, variances, dvariances):
+    """Variances of row k's errors before any of its measurements is used, and their derivatives."""
     o, n = C.shape
     for j in range(o):
         if not seen[j]:
@@ -199,46 +119,47 @@ def _weigh(C, R, P, dP, k, seen, variances, dvariances):
 
 
 @compiled
-def _catch_up(model, k, seen, known, errors, derrors, after, dafter, spread, dspread, variances, dvariances):
-    """One row's correction of the constant gain behind missing rows.
+def _correct_after_gap(model, k, seen, begun, errors, derrors, after, dafter, p, dp, variances, dvariances):
+    """Row k's correction of the constant gain after missing rows, into ``after`` and ``dafter``.
 
-    ``spread`` (o,) is the variance of the last o states, one an output; it is 0 up to the first measured row.
+    The last o states are the processes that the gain drives, one per output; ``p`` (o,) are their variances, 0 up to
+    the first measured row (``begun``).
     """
     A, K, dA, dK = model[0], model[3], model[8], model[10]
     n, o = K.shape
     for j in range(o):
-        i, v = n - o + j, spread[j]
+        i, v = n - o + j, p[j]
         a, b = A[i, i], K[i, j]
         if not seen[j]:
-            if known[j]:
+            if begun[j]:
                 for q in range(dA.shape[2]):
-                    dspread[j, q] = a * (a * dspread[j, q] + 2.0 * v * dA[i, i, q]) + 2.0 * b * dK[i, j, q]
-                spread[j] = a * a * v + b * b
+                    dp[j, q] = a * (a * dp[j, q] + 2.0 * v * dA[i, i, q]) + 2.0 * b * dK[i, j, q]
+                p[j] = a * a * v + b * b
             continue
-        known[j] = True
+        begun[j] = True
         if v == 0.0:
             continue
         S, gap, e = 1.0 + v, a - b, errors[k, j]
         more, left = gap * v / S, gap * gap * v / S
         after[i] += more * e
         variances[k, j] = S
-        gone = left < 1e-16
+        decayed = left < 1e-16
         for q in range(dA.shape[2]):
-            dgap, dv = dA[i, i, q] - dK[i, j, q], dspread[j, q]
+            dgap, dv = dA[i, i, q] - dK[i, j, q], dp[j, q]
             dafter[i, q] += (dgap * v + gap * dv / S) / S * e + more * derrors[k, j, q]
             dvariances[k, j, q] = dv
-            dspread[j, q] = gap * (2.0 * dgap * v + gap * dv / S) / S
-            gone = gone and abs(dspread[j, q]) < 1e-16
-        spread[j] = left
-        if gone:  # to rounding, and before numbers become slow
-            spread[j] = 0.0
+            dp[j, q] = gap * (2.0 * dgap * v + gap * dv / S) / S
+            decayed = decayed and abs(dp[j, q]) < 1e-16
+        p[j] = left
+        if decayed:  # to rounding, and before numbers become denormal, which are slow
+            p[j] = 0.0
             for q in range(dA.shape[2]):
-                dspread[j, q] = 0.0
+                dp[j, q] = 0.0
 
 
 @compiled
-def _compare(C, y, k, s, ds, seen, errors, derrors):
-    """One row's errors and their derivatives; which outputs were measured, and whether all were."""
+def _innovations(C, y, k, s, ds, seen, errors, derrors):
+    """Row k's errors, their derivatives and ``seen``, the outputs that were measured; returns whether all were."""
     o, n = C.shape
     complete = True
     for j in range(o):
@@ -257,8 +178,8 @@ def _compare(C, y, k, s, ds, seen, errors, derrors):
 
 
 @compiled
-def _follow(C, y, k, seen, gain, dgain, s, ds, de):
-    """One row's sequential measurement updates of the state and of its derivatives, in place."""
+def _update_state(C, y, k, seen, gain, dgain, s, ds, de):
+    """Update the state and its derivatives by row k's measurements, one after the other, in place."""
     o, n = C.shape
     p = ds.shape[1]
     for j in range(o):
@@ -278,78 +199,94 @@ def _follow(C, y, k, seen, gain, dgain, s, ds, de):
 
 
 @compiled
-def _keep(kept, at, k, s, ds, states, dstates):
-    """Store what row k leads to expect of the next where it is the next of the increasing rows ``kept``."""
-    if at == len(kept) or kept[at] != k:
+def _propagate_state(A, dA, B, dB, s, ds, inputs, k, after, dafter):
+    """``after = A s + B v[k]`` and its derivatives."""
+    n, m, p = A.shape[0], B.shape[1], dA.shape[2]
+    for i in range(n):
+        value = 0.0
+        for q in range(p):
+            dafter[i, q] = 0.0
+        for j in range(n):
+            value += A[i, j] * s[j]
+            for q in range(p):
+                dafter[i, q] += dA[i, j, q] * s[j] + A[i, j] * ds[j, q]
+        for j in range(m):
+            v = inputs[k, j]
+            if v != 0.0:
+                value += B[i, j] * v
+                for q in range(p):
+                    dafter[i, q] += dB[i, j, q] * v
+        after[i] = value
+
+
+@compiled
+def _add_errors(K, dK, errors, derrors, k, after, dafter):
+    """``after += K e[k]`` and its derivatives."""
+    n, o = K.shape
+    for i in range(n):
+        for j in range(o):
+            e = errors[k, j]
+            after[i] += K[i, j] * e
+            for q in range(dafter.shape[1]):
+                dafter[i, q] += dK[i, j, q] * e + K[i, j] * derrors[k, j, q]
+
+
+@compiled
+def _store_prediction(rows, at, k, s, ds, states, dstates):
+    """Store the state predicted from row k if k is entry ``at`` of the increasing ``rows``; returns the next entry."""
+    if at == len(rows) or rows[at] != k:
         return at
-    for i in range(len(s)):
-        states[at, i] = s[i]
-        for q in range(ds.shape[1]):
-            dstates[at, i, q] = ds[i, q]
+    store_row(s, ds, states, dstates, at)
     return at + 1
 
 
 @compiled
-def _advance(model, inputs, y, filtered, weigh, errors, derrors, variances, dvariances, kept, states, dstates):
-    """The predictor with forward sensitivities over one segment of rows, for one start."""
+def run_predictor(
+    model, inputs, y, n_filtered, with_variances, errors, derrors, variances, dvariances, rows, states, dstates
+):
+    """Run the predictor of one start with forward sensitivities, into ``errors`` and all arguments after it.
+
+    ``states`` (n_rows, n) are those predicted from the increasing ``rows``; the other arguments are as in
+    :func:`one_step_sensitivities`, without the axis of starts.
+    """
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
-    n, m, o, p, N = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], inputs.shape[0]
+    n, o, p = A.shape[0], C.shape[0], dA.shape[2]
     s, after, ds, dafter = s0.copy(), np.empty(n), ds0.copy(), np.empty((n, p))
     P, dP = P0.copy(), np.zeros((n, n, p))
     gain, dgain, Pc, dPc = np.zeros((o, n)), np.zeros((o, n, p)), np.empty(n), np.empty((n, p))
     AP, AdP, work = np.empty((n, n)), np.empty((n, n, p)), np.empty((n, n, p))
     seen, de = np.empty(o, np.bool_), np.empty(p)
-    known, spread, dspread = np.zeros(o, np.bool_), np.zeros(o), np.zeros((o, p))
+    begun, gap, dgap = np.zeros(o, np.bool_), np.zeros(o), np.zeros((o, p))
     steady, at = False, 0
-    for k in range(N):
-        complete = _compare(C, y, k, s, ds, seen, errors, derrors)
-        kalman = k < filtered
-        if kalman:
+    for k in range(len(inputs)):
+        complete = _innovations(C, y, k, s, ds, seen, errors, derrors)
+        if k < n_filtered:
             # with every row measured the gains settle; from then on they are left as they are, to rounding
             if not (steady and complete):
-                if weigh:
-                    _weigh(C, R, P, dP, k, seen, variances, dvariances)
-                moved = _correct(P, dP, C, R, seen, gain, dgain, Pc, dPc)
-                _spread(A, Q, dA, dQ, P, dP, AP, AdP, work)
-                steady = complete and moved < 1e-13
-            elif weigh:
-                for j in range(o):
-                    variances[k, j] = variances[k - 1, j]
-                    for q in range(p):
-                        dvariances[k, j, q] = dvariances[k - 1, j, q]
-            _follow(C, y, k, seen, gain, dgain, s, ds, de)
-        for i in range(n):
-            value = 0.0
-            for q in range(p):
-                dafter[i, q] = 0.0
-            for j in range(n):
-                value += A[i, j] * s[j]
-                for q in range(p):
-                    dafter[i, q] += dA[i, j, q] * s[j] + A[i, j] * ds[j, q]
-            for j in range(m):
-                v = inputs[k, j]
-                if v != 0.0:
-                    value += B[i, j] * v
-                    for q in range(p):
-                        dafter[i, q] += dB[i, j, q] * v
-            if not kalman:
-                for j in range(o):
-                    e = errors[k, j]
-                    value += K[i, j] * e
-                    for q in range(p):
-                        dafter[i, q] += dK[i, j, q] * e + K[i, j] * derrors[k, j, q]
-            after[i] = value
-        if weigh and not kalman:
-            _catch_up(model, k, seen, known, errors, derrors, after, dafter, spread, dspread, variances, dvariances)
+                if with_variances:
+                    _innovation_variances(C, R, P, dP, k, seen, variances, dvariances)
+                change = update_covariance(P, dP, C, R, seen, gain, dgain, Pc, dPc)
+                propagate_covariance(A, Q, dA, dQ, P, dP, AP, AdP, work)
+                steady = complete and change < 1e-13
+            elif with_variances:
+                store_row(variances[k - 1], dvariances[k - 1], variances, dvariances, k)
+            _update_state(C, y, k, seen, gain, dgain, s, ds, de)
+        _propagate_state(A, dA, B, dB, s, ds, inputs, k, after, dafter)
+        if k >= n_filtered:
+            _add_errors(K, dK, errors, derrors, k, after, dafter)
+            if with_variances:
+                _correct_after_gap(
+                    model, k, seen, begun, errors, derrors, after, dafter, gap, dgap, variances, dvariances
+                )
         for i in range(n):
             s[i] = after[i]
             for q in range(p):
                 ds[i, q] = dafter[i, q]
-        at = _keep(kept, at, k, s, ds, states, dstates)
+        at = _store_prediction(rows, at, k, s, ds, states, dstates)
 
 
 @compiled
-def one_step_sensitivities(model, inputs, y, filtered, weigh):
+def one_step_sensitivities(model, inputs, y, n_filtered, with_variances):
     """One-step errors and their exact derivatives, for S starts over one segment of rows.
 
     Parameters
@@ -359,11 +296,11 @@ def one_step_sensitivities(model, inputs, y, filtered, weigh):
     inputs : ndarray of shape (N, m)
     y : ndarray of shape (N, o)
         Measurements, NaN where missing.
-    filtered : int
+    n_filtered : int
         Rows below this number have Kalman's gain, the others ``K``.
-    weigh : bool
-        Whether to return the variances of the errors too.  Behind missing rows the constant gain is then the exact one;
-        its model has one state an output, the last o ones, which K drives and nothing else does.
+    with_variances : bool
+        Whether to return the variances of the errors too.  After missing rows the constant gain is then the exact one;
+        its model has one state per output, the last o ones, which K drives and nothing else does.
 
     Returns
     -------
@@ -372,96 +309,12 @@ def one_step_sensitivities(model, inputs, y, filtered, weigh):
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     S, p = A.shape[0], dA.shape[3]
     N, o = y.shape
-    rows = N if weigh else 0
+    n_variances = N if with_variances else 0
     errors, derrors = np.zeros((S, N, o)), np.zeros((S, N, o, p))
-    variances, dvariances = np.ones((S, rows, o)), np.zeros((S, rows, o, p))
-    kept, states, dstates = np.empty(0, np.int64), np.empty((0, A.shape[1])), np.empty((0, A.shape[1], p))
+    variances, dvariances = np.ones((S, n_variances, o)), np.zeros((S, n_variances, o, p))
+    rows, states, dstates = np.empty(0, np.int64), np.empty((0, A.shape[1])), np.empty((0, A.shape[1], p))
     for b in range(S):
         one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
         out = (errors[b], derrors[b], variances[b], dvariances[b])
-        _advance(one, inputs, y, filtered, weigh, *out, kept, states, dstates)
+        run_predictor(one, inputs, y, n_filtered, with_variances, *out, rows, states, dstates)
     return Sensitivity(errors, derrors, variances, dvariances)
-
-
-@compiled
-def simulate_path(A, forcing, s0):
-    """States of every row, (N + 1, n): ``s[0] = s0``, ``s[k+1] = A s[k] + forcing[k]``."""
-    N, n = forcing.shape
-    states = np.empty((N + 1, n))
-    for i in range(n):
-        states[0, i] = s0[i]
-    for k in range(N):
-        for i in range(n):
-            value = forcing[k, i]
-            for j in range(n):
-                value += A[i, j] * states[k, j]
-            states[k + 1, i] = value
-    return states
-
-
-@compiled
-def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead):
-    """Least heat that keeps the output within a band at the end of every step (paper Eq. inverseQ2).
-
-    Where the band is one value this is the equation itself.  ``ahead > 1`` chooses the heat that, held for so many
-    steps, meets the band behind the last of them, and applies it for one: without that the heat into a node that is
-    not the measured one rings (``steps_ahead``).
-
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    forcing : ndarray of shape (N, n)
-        By all other inputs.
-    heat : ndarray of shape (n,)
-        Effect of 1 kW over a step on the states.
-    c : ndarray of shape (n,)
-    lowest, highest : ndarray of shape (N,)
-        Wanted output at the end of each step.
-    lower, upper : ndarray of shape (N,)
-        What the plant can do over each step [kW].
-    s0 : ndarray of shape (n,)
-    ahead : int
-        1 or more; behind the last row forcing and band stay as they were.
-
-    Returns
-    -------
-    applied : ndarray of shape (N,)
-        The heat over each step [kW]; the state follows what was applied.
-    path : ndarray of shape (N,)
-        Output at the end of each step under it.
-    """
-    N, n = forcing.shape
-    applied, path = np.empty(N), np.empty(N)
-    s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
-    for _ in range(ahead):
-        for i in range(n):
-            new[i] = heat[i]
-            for j in range(n):
-                new[i] += A[i, j] * held[j]
-        held[:] = new
-    effect = 0.0
-    for i in range(n):
-        effect += c[i] * held[i]
-    for k in range(N):
-        free[:] = s
-        last = k
-        for step in range(ahead):
-            last = min(k + step, N - 1)
-            for i in range(n):
-                new[i] = forcing[last, i]
-                for j in range(n):
-                    new[i] += A[i, j] * free[j]
-            free[:] = new
-        output = 0.0
-        for i in range(n):
-            output += c[i] * free[i]
-        wanted = min(max(output, lowest[last]), highest[last])
-        applied[k] = min(max((wanted - output) / effect, lower[k]), upper[k])
-        path[k] = 0.0
-        for i in range(n):
-            new[i] = forcing[k, i] + heat[i] * applied[k]
-            for j in range(n):
-                new[i] += A[i, j] * s[j]
-            path[k] += c[i] * new[i]
-        s[:] = new
-    return applied, path

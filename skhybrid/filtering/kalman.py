@@ -1,4 +1,4 @@
-"""Filtered states, and the fixed-interval smoother."""
+"""Kalman filter of a linear Gaussian model, and its fixed-interval smoother."""
 
 from __future__ import annotations
 
@@ -10,6 +10,15 @@ from ._compile import compiled
 from .covariance import propagate
 
 
+class Filtered(NamedTuple):
+    """States of every row after its measurements, and before them."""
+
+    states: np.ndarray  # (N, n)
+    covariances: np.ndarray  # (N, n, n)
+    predicted: np.ndarray  # (N, n)
+    predicted_covariances: np.ndarray  # (N, n, n)
+
+
 class Smoothed(NamedTuple):
     """States given all rows."""
 
@@ -19,7 +28,7 @@ class Smoothed(NamedTuple):
 
 @compiled
 def _update(x, P, C, R, row, gain):
-    """Sequential measurement updates of one row, in place; missing measurements are skipped."""
+    """Update state and covariance by one row's measurements, one after the other, in place; NaN is skipped."""
     o, n = C.shape
     for j in range(o):
         if np.isnan(row[j]):
@@ -40,8 +49,8 @@ def _update(x, P, C, R, row, gain):
 
 
 @compiled
-def kalman_filter(A, forcing, Q, klass, C, R, y, s0, P0):
-    """Filtered states: the state of every row given its own measurements and all earlier ones.
+def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
+    """Filter: the state of every row given its own measurements and all earlier ones.
 
     Parameters
     ----------
@@ -49,19 +58,19 @@ def kalman_filter(A, forcing, Q, klass, C, R, y, s0, P0):
     forcing : ndarray of shape (N, n)
     Q : ndarray of shape (n_classes, n, n)
         Process noise of a step, by class.
-    klass : ndarray of int, shape (N,)
+    noise_class : ndarray of int, shape (N,)
+        Index in ``Q`` of every row.
     C : ndarray of shape (o, n)
     R : ndarray of shape (o,)
         Measurement variances.
     y : ndarray of shape (N, o)
         Measurements, NaN where missing.
     s0, P0 : ndarray of shape (n,) and (n, n)
-        What is known of the first row before its measurements.
+        Mean and covariance of the first row's state before its measurements.
 
     Returns
     -------
-    states, covariances, predicted, predicted_covariances : ndarray
-        (N, n), (N, n, n) after the measurements, and the same before them.
+    Filtered
     """
     N, n = forcing.shape
     filtered, covariances = np.empty((N, n)), np.empty((N, n, n))
@@ -81,18 +90,18 @@ def kalman_filter(A, forcing, Q, klass, C, R, y, s0, P0):
                 covariances[k, i, j] = P[i, j]
                 value += A[i, j] * x[j]
             after[i] = value
-        propagate(A, P, Q[klass[k]], work, ahead)
+        propagate(A, P, Q[noise_class[k]], work, ahead)
         for i in range(n):
             x[i] = after[i]
             for j in range(n):
                 P[i, j] = ahead[i, j]
-    return filtered, covariances, predicted, before
+    return Filtered(filtered, covariances, predicted, before)
 
 
 def smooth_states(
     A: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, predicted: np.ndarray, before: np.ndarray
 ) -> Smoothed:
-    """Fixed-interval (Rauch-Tung-Striebel) smoother behind :func:`kalman_filter`.
+    """Fixed-interval (Rauch-Tung-Striebel) smoother after :func:`kalman_filter`.
 
     Returns
     -------

@@ -1,80 +1,98 @@
-"""Heat that follows a wanted path without swinging: a linear-quadratic regulator that knows the path to its end."""
+"""Linear-quadratic path: heat that follows wanted temperatures, known to their end, while it changes little."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ._compile import compiled
+from .inverse_load import LoadPath
 
 
 @compiled
-def _law(A, forcing, heat, c, wanted, penalty, beyond):
-    """Best heat of every step by the state and the heat of the step before, and a constant: (N, n + 1) and (N,).
+def _optimal_step(P, p, F, b, drift, penalty, Pb, Pf, PF, gains, k):
+    """Write row k of ``gains``, the best heat by the state and the heat before, and return its constant.
 
-    Dynamic programming from ``beyond`` the last step back.  What is still to be paid is quadratic in the state and
-    the heat before, ``z' P z + 2 p' z``; at the end it is nothing.
+    The cost to go after the step is ``z' P z + 2 p' z``; ``P b``, ``P drift`` and ``P F`` are kept for its update.
+    """
+    m = len(b)
+    curvature, slope = penalty, 0.0
+    for i in range(m):
+        Pb[i] = Pf[i] = 0.0
+        for j in range(m):
+            Pb[i] += P[i, j] * b[j]
+            Pf[i] += P[i, j] * drift[j]
+            PF[i, j] = 0.0
+            for q in range(m):
+                PF[i, j] += P[i, q] * F[q, j]
+        curvature += b[i] * Pb[i]
+        slope += b[i] * (Pf[i] + p[i])
+    for j in range(m):
+        value = penalty if j == m - 1 else 0.0
+        for i in range(m - 1):
+            value -= Pb[i] * F[i, j]
+        gains[k, j] = value / curvature
+    return -slope / curvature
+
+
+@compiled
+def _update_cost(P, p, F, b, penalty, gains, k, offset, Pb, Pf, PF, closed):
+    """Cost to go before a step from that after it, in place; with the best heat put in, squares of it cancel."""
+    m = len(b)
+    n = m - 1
+    for i in range(m):
+        for j in range(m):
+            closed[i, j] = F[i, j] + b[i] * gains[k, j]
+        Pf[i] += Pb[i] * offset + p[i]
+    for i in range(m):
+        p[i] = 0.0
+        for j in range(m):
+            p[i] += F[j, i] * Pf[j]
+            P[i, j] = 0.0
+            for q in range(m):
+                P[i, j] += PF[q, i] * closed[q, j]
+    p[n] -= penalty * offset
+    for j in range(m):
+        P[n, j] -= penalty * gains[k, j]
+    P[n, n] += penalty
+    for i in range(m):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+
+
+@compiled
+def _feedback_law(A, forcing, heat, c, wanted, penalty, beyond):
+    """Best heat of each step by the state and the heat before (N, n + 1), and a constant (N,).
+
+    Dynamic programming from ``beyond`` steps after the last row back to the first, with the heat of the step before as
+    one more state.  At the end the cost to go is 0.
     """
     N, n = forcing.shape
     m = n + 1
     gains, offsets = np.zeros((N, m)), np.zeros(N)
-    P, p, PA, closed = np.zeros((m, m)), np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+    P, p, PF, closed = np.zeros((m, m)), np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
     Pb, Pf, drift = np.zeros(m), np.zeros(m), np.zeros(m)
     F, b = np.zeros((m, m)), np.ones(m)
     F[:n, :n], b[:n] = A, heat
     for step in range(N + beyond - 1, -1, -1):
         k = min(step, N - 1)
-        of_change = penalty if step > 0 else 0.0  # nothing is known before the first step
+        change_penalty = penalty if step > 0 else 0.0  # there is no heat before the first step
         drift[:n] = forcing[k]
         for i in range(n):
             p[i] -= c[i] * wanted[k]
             for j in range(n):
                 P[i, j] += c[i] * c[j]
-        curvature, slope = of_change, 0.0
-        for i in range(m):
-            Pb[i] = Pf[i] = 0.0
-            for j in range(m):
-                Pb[i] += P[i, j] * b[j]
-                Pf[i] += P[i, j] * drift[j]
-                PA[i, j] = 0.0
-                for q in range(m):
-                    PA[i, j] += P[i, q] * F[q, j]
-            curvature += b[i] * Pb[i]
-            slope += b[i] * (Pf[i] + p[i])
-        offsets[k] = -slope / curvature
-        for j in range(m):
-            value = of_change if j == n else 0.0
-            for i in range(n):
-                value -= Pb[i] * F[i, j]
-            gains[k, j] = value / curvature
-        for i in range(m):
-            for j in range(m):
-                closed[i, j] = F[i, j] + b[i] * gains[k, j]
-            Pf[i] += Pb[i] * offsets[k] + p[i]
-        # with the best heat put in, the other terms of its square cancel
-        for i in range(m):
-            p[i] = 0.0
-            for j in range(m):
-                p[i] += F[j, i] * Pf[j]
-                P[i, j] = 0.0
-                for q in range(m):
-                    P[i, j] += PA[q, i] * closed[q, j]
-        p[n] -= of_change * offsets[k]
-        for j in range(m):
-            P[n, j] -= of_change * gains[k, j]
-        P[n, n] += of_change
-        for i in range(m):
-            for j in range(i):
-                P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+        offsets[k] = _optimal_step(P, p, F, b, drift, change_penalty, Pb, Pf, PF, gains, k)
+        _update_cost(P, p, F, b, change_penalty, gains, k, offsets[k], Pb, Pf, PF, closed)
     return gains, offsets
 
 
 @compiled
 def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond):
-    """Heat whose output is near a path while it changes little from step to step.
+    """Heat whose output is near wanted values while it changes little from step to step.
 
-    The least of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the steps that are left, from the
-    state and the heat that came before; at a limit the heat is cut, and what follows goes on from there.  Without
-    limits it is the least over all steps.  The heat of the first row is free.
+    The minimum of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the remaining steps, from the
+    state and the heat before; at a limit the heat is clipped, and the later steps go on from there.  Without limits it
+    is the minimum over all steps.  The heat of the first row is free.
 
     Parameters
     ----------
@@ -89,20 +107,17 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
     penalty : float
         Positive, squared output per squared kW.
     lower, upper : ndarray of shape (N,)
-        What the plant can do over each step [kW].
+        Limits of the plant over each step [kW].
     s0 : ndarray of shape (n,)
     beyond : int
-        Steps behind the last row that count too, forcing and path being as they were.
+        Steps after the last row that count too, with forcing and wanted output held.
 
     Returns
     -------
-    applied : ndarray of shape (N,)
-        The heat over each step [kW].
-    path : ndarray of shape (N,)
-        Output at the end of each step under it.
+    LoadPath
     """
     N, n = forcing.shape
-    gains, offsets = _law(A, forcing, heat, c, wanted, penalty, beyond)
+    gains, offsets = _feedback_law(A, forcing, heat, c, wanted, penalty, beyond)
     applied, path = np.empty(N), np.zeros(N)
     s, new, before = s0.copy(), np.empty(n), 0.0
     for k in range(N):
@@ -116,4 +131,4 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
                 new[i] += A[i, j] * s[j]
             path[k] += c[i] * new[i]
         s[:] = new
-    return applied, path
+    return LoadPath(applied, path)

@@ -1,9 +1,9 @@
 """Errors of the innovations-form predictor several steps ahead, with exact sensitivities.
 
-A forecast from row o takes the state that the rows up to o lead to expect of row o + 1, and runs on without errors:
-``y_hat[o + h] = C s_h``, ``s_1 = s[o + 1 | o]``, ``s_{j+1} = A s_j + B v[o + j]``.  With x the states of one run over
-all rows that no error corrects, this is ``y_hat[o + h] = C x[o + h] + C A^(h-1) (s[o + 1 | o] - x[o + 1])``: two
-runs serve all forecasts, and each adds the product of a row with a state.
+A forecast from row o begins with the predicted state of row o + 1 and simulates: ``y_hat[o + h] = C s_h``,
+``s_1 = s[o + 1 | o]``, ``s_{j+1} = A s_j + B v[o + j]``.  With x the states of one simulation over all rows, this is
+``y_hat[o + h] = C x[o + h] + C A^(h-1) (s[o + 1 | o] - x[o + 1])``: a run of the predictor and a simulation serve all
+forecasts, and each forecast adds the product of a row with a state.
 """
 
 from __future__ import annotations
@@ -13,50 +13,25 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
-from .innovations import _advance
+from .innovations import run_predictor
+from .lead_rows import output_powers
 
 
 class LeadErrors(NamedTuple):
     """Errors of S starts at every origin, lead and output, and their exact derivatives by each of p parameters."""
 
-    errors: np.ndarray  # (S, O, L, o); 0 where nothing was measured, or behind the last row
+    errors: np.ndarray  # (S, O, L, o); 0 where nothing was measured, or after the last row
     derrors: np.ndarray  # (S, O, L, o, p)
 
 
 @compiled
-def _lead_rows(A, dA, C, leads):
-    """``C A^(h-1)`` of every lead h (increasing), (L, o, n), and its derivatives (L, o, n, p)."""
-    (o, n), p, L = C.shape, dA.shape[2], len(leads)
-    rows, drows = np.empty((L, o, n)), np.empty((L, o, n, p))
-    row, drow, new, dnew = C.copy(), np.zeros((o, n, p)), np.empty((o, n)), np.empty((o, n, p))
-    at = 0
-    for h in range(1, leads[-1] + 1):
-        if h == leads[at]:
-            for j in range(o):
-                for i in range(n):
-                    rows[at, j, i] = row[j, i]
-                    for q in range(p):
-                        drows[at, j, i, q] = drow[j, i, q]
-            at += 1
-        for j in range(o):
-            for i in range(n):
-                value = 0.0
-                for q in range(p):
-                    dnew[j, i, q] = 0.0
-                for r in range(n):
-                    value += row[j, r] * A[r, i]
-                    for q in range(p):
-                        dnew[j, i, q] += drow[j, r, q] * A[r, i] + row[j, r] * dA[r, i, q]
-                new[j, i] = value
-        row, new, drow, dnew = new, row, dnew, drow
-    return rows, drows
+def _add_forecasts(simulated, dsimulated, known, dknown, rows, drows, y, origins, leads, errors, derrors):
+    """Write the errors of one start's forecasts: those of the simulation, less the part ``known`` at the origin.
 
-
-@compiled
-def _collect(open_, dopen, held, dheld, rows, drows, y, origins, leads, errors, derrors):
-    """Errors of one start: of the open run, less what was known of its error at the origin."""
+    ``simulated`` (N, o) are errors of the simulation, ``known`` (O, n) differences of the states after each origin.
+    """
     N, o = y.shape
-    n, p = dheld.shape[1:]
+    n, p = dknown.shape[1:]
     for a in range(len(origins)):
         for h in range(len(leads)):
             k = origins[a] + leads[h]
@@ -65,19 +40,19 @@ def _collect(open_, dopen, held, dheld, rows, drows, y, origins, leads, errors, 
             for j in range(o):
                 if np.isnan(y[k, j]):
                     continue
-                e = open_[k, j]
+                e = simulated[k, j]
                 for q in range(p):
-                    derrors[a, h, j, q] = dopen[k, j, q]
+                    derrors[a, h, j, q] = dsimulated[k, j, q]
                 for i in range(n):
-                    x, c = held[a, i], rows[h, j, i]
+                    x, c = known[a, i], rows[h, j, i]
                     e -= c * x
                     for q in range(p):
-                        derrors[a, h, j, q] -= c * dheld[a, i, q] + drows[h, j, i, q] * x
+                        derrors[a, h, j, q] -= c * dknown[a, i, q] + drows[h, j, i, q] * x
                 errors[a, h, j] = e
 
 
 @compiled
-def multi_step_sensitivities(model, inputs, y, filtered, exact, origins, leads):
+def multi_step_sensitivities(model, inputs, y, n_filtered, exact, origins, leads):
     """Errors of forecasts and their exact derivatives, for S starts over one segment of rows.
 
     Parameters
@@ -87,10 +62,10 @@ def multi_step_sensitivities(model, inputs, y, filtered, exact, origins, leads):
     inputs : ndarray of shape (N, m)
     y : ndarray of shape (N, o)
         Measurements, NaN where missing.
-    filtered : int
+    n_filtered : int
         Rows below this number have Kalman's gain, the others ``K``.
     exact : bool
-        Whether the constant gain is the exact one behind missing rows, as in ``one_step_sensitivities``.
+        Whether the constant gain is the exact one after missing rows, as in ``one_step_sensitivities``.
     origins, leads : ndarray of int, shape (O,) and (L,)
         Increasing; the first lead is 1 or more.
 
@@ -100,24 +75,27 @@ def multi_step_sensitivities(model, inputs, y, filtered, exact, origins, leads):
     """
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     (S, n), p, (N, o) = A.shape[:2], dA.shape[3], y.shape
-    n_origins, L, weighed = len(origins), len(leads), N if exact else 0
+    n_origins, L, n_variances = len(origins), len(leads), N if exact else 0
     errors, derrors = np.zeros((S, n_origins, L, o)), np.zeros((S, n_origins, L, o, p))
-    open_, dopen, own, down = np.empty((N, o)), np.empty((N, o, p)), np.empty((N, o)), np.empty((N, o, p))
-    variances, dvariances = np.empty((weighed, o)), np.empty((weighed, o, p))
-    free, held = np.empty((n_origins, n)), np.empty((n_origins, n))
-    dfree, dheld = np.empty((n_origins, n, p)), np.empty((n_origins, n, p))
-    none, dnone = np.zeros((n, o)), np.zeros((n, o, p))
+    simulated, dsimulated = np.empty((N, o)), np.empty((N, o, p))
+    innovations, dinnovations = np.empty((N, o)), np.empty((N, o, p))
+    variances, dvariances = np.empty((n_variances, o)), np.empty((n_variances, o, p))
+    start, dstart = np.empty((n_origins, n)), np.empty((n_origins, n, p))
+    known, dknown = np.empty((n_origins, n)), np.empty((n_origins, n, p))
+    no_gain, dno_gain = np.zeros((n, o)), np.zeros((n, o, p))
     for b in range(S):
-        for values in (open_, own):  # a row without a measurement keeps its 0
+        for values in (simulated, innovations):  # a row without a measurement keeps its 0
             values[:] = 0.0
-        for slopes in (dopen, down, dvariances):
+        for slopes in (dsimulated, dinnovations, dvariances):
             slopes[:] = 0.0
-        still = (A[b], B[b], C, none, Q[b], R, P0, s0[b], dA[b], dB[b], dnone, dQ[b], ds0[b])
-        _advance(still, inputs, y, 0, False, open_, dopen, variances, dvariances, origins, free, dfree)
-        one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
-        _advance(one, inputs, y, filtered, exact, own, down, variances, dvariances, origins, held, dheld)
-        held -= free
-        dheld -= dfree
-        rows, drows = _lead_rows(A[b], dA[b], C, leads)
-        _collect(open_, dopen, held, dheld, rows, drows, y, origins, leads, errors[b], derrors[b])
+        simulation = (A[b], B[b], C, no_gain, Q[b], R, P0, s0[b], dA[b], dB[b], dno_gain, dQ[b], ds0[b])
+        out = (simulated, dsimulated, variances, dvariances)
+        run_predictor(simulation, inputs, y, 0, False, *out, origins, start, dstart)
+        predictor = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
+        out = (innovations, dinnovations, variances, dvariances)
+        run_predictor(predictor, inputs, y, n_filtered, exact, *out, origins, known, dknown)
+        known -= start
+        dknown -= dstart
+        rows, drows = output_powers(A[b], dA[b], C, leads - 1)
+        _add_forecasts(simulated, dsimulated, known, dknown, rows, drows, y, origins, leads, errors[b], derrors[b])
     return LeadErrors(errors, derrors)

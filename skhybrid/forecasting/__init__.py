@@ -1,4 +1,4 @@
-"""Forecasting the disturbance (networks, linear model, baselines) and, as a rival, the temperature itself.
+"""Forecasts of the disturbance (networks, ridge, baselines) and, for comparison, of the temperature itself.
 
 Importing this loads neither torch nor skorch; a network loads them when it is fitted.
 """

@@ -1,7 +1,7 @@
 """The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5).
 
-A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``: what it expects of
-each row when nothing of the past is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
+A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``, its expectation of
+each row when no past disturbance is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Protocol, Self
 
 import numpy as np
-from sklearn.linear_model import RidgeCV
 
 from .._table import ZoneTable
 from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
@@ -70,40 +69,6 @@ class WeeklyProfile:
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """The profile at each row ahead, whatever the past."""
-        return self.expected(table)[rows_ahead(table, origins, n_leads)]
-
-
-class LinearSchedule:
-    """``"linear"``: hourly schedules of gain and of conductance, by ridge regression; no past is read.
-
-    The hour of day, its contrast between weekdays and weekends, and the same times the outdoor temperature.  In
-    :class:`~skhybrid.HybridPredictor` these schedules are fitted through the network instead, on the errors of the
-    temperature's forecasts.
-    """
-
-    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        """Regress the training target on the schedules."""
-        known = np.isfinite(target)
-        outdoor = table.inputs.get("T_oa", np.zeros(table.n_rows))
-        self.mean_, self.scale_ = float(outdoor.mean()), float(outdoor.std()) or 1.0
-        self.regression_ = RidgeCV(alphas=np.logspace(-2, 4, 13))
-        self.regression_.fit(self._columns(table)[known], target[known])
-        return self
-
-    def _columns(self, table: ZoneTable) -> np.ndarray:
-        slot = day_type_hour(table.time)
-        hours = np.eye(24)[slot % 24]
-        contrast = hours * np.where(slot >= 24, 1.0, -1.0)[:, None]
-        outdoor = table.inputs.get("T_oa", np.full(table.n_rows, self.mean_))
-        drive = ((outdoor - self.mean_) / self.scale_)[:, None]
-        return np.hstack([hours, contrast, drive, hours * drive, contrast * drive])
-
-    def expected(self, table: ZoneTable) -> np.ndarray:
-        """The schedules at each row."""
-        return np.asarray(self.regression_.predict(self._columns(table)), dtype=np.float64)
-
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """The schedules at each row ahead, whatever the past."""
         return self.expected(table)[rows_ahead(table, origins, n_leads)]
 
 

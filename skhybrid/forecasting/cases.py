@@ -1,4 +1,4 @@
-"""The paper's model cases (appendix, tables a1 and a2) as data: which past and which future a network reads."""
+"""The model cases of the paper (appendix, tables a1 and a2): the past and the future that a network reads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import pandas as pd
 
-#: every feature that a case may name.
+#: all features that a case can have
 FEATURES = ("zeta", "how", "hod", "dow", "weekday", "T_oa", "q_sol", "i_heat", "i_cool")
 TIME_FEATURES = ("how", "hod", "dow", "weekday")
 FEED_FORWARD = ("mlp", "cnn")
@@ -19,24 +19,24 @@ _W = ("T_oa", "q_sol")
 
 @dataclass(frozen=True)
 class ModelCase:
-    """One model case: how much history a network sees, and which features of the past and of the future.
+    """A model case: the length of a network's history, and its features of the past and of the future.
 
     Parameters
     ----------
     name : str
-        How the case is called.
+        Name of the case.
     pattern_days : int
         Length of the history window [d].
     past : tuple of str
-        Features of the history window, of ``zeta``, ``how`` (hour of week), ``hod`` (hour of day), ``dow`` (day of
+        Features of the history window: any of ``zeta``, ``how`` (hour of week), ``hod`` (hour of day), ``dow`` (day of
         week), ``weekday``, ``T_oa``, ``q_sol``, ``i_heat`` and ``i_cool`` (whether heating or cooling runs).
     future : tuple of str
-        Features of the rows to forecast; never ``zeta``, which is what is to be forecast.
+        Features of the rows to forecast; not ``zeta``, the quantity that is forecast.
 
     Raises
     ------
     ValueError
-        If a feature is unknown, ``future`` holds ``zeta``, both are empty, or the window is shorter than a day.
+        If a feature is unknown, ``future`` has ``zeta``, both are empty, or the window is shorter than a day.
     """
 
     name: str
@@ -49,30 +49,32 @@ class ModelCase:
             object.__setattr__(self, part, tuple(getattr(self, part)))
             for feature in getattr(self, part):
                 if feature not in FEATURES:
-                    raise ValueError(f"{part} of case {self.name!r} holds {feature!r}; use {', '.join(FEATURES)}.")
+                    raise ValueError(
+                        f"{part} of case {self.name!r} has the unknown feature {feature!r}; use {', '.join(FEATURES)}."
+                    )
         if "zeta" in self.future:
-            raise ValueError(f"future of case {self.name!r} holds 'zeta', which is not known ahead; name it in past.")
+            raise ValueError(f"future of case {self.name!r} has 'zeta', which is not known ahead; put it in past.")
         if not self.past and not self.future:
-            raise ValueError(f"case {self.name!r} names no feature; give past or future at least one.")
+            raise ValueError(f"case {self.name!r} has no feature; give past or future at least one.")
         if isinstance(self.pattern_days, bool) or self.pattern_days != int(self.pattern_days) or self.pattern_days < 1:
             raise ValueError(f"pattern_days={self.pattern_days!r} of case {self.name!r} is not a whole number from 1.")
 
     @property
     def features(self) -> tuple[str, ...]:
-        """Every feature that the case reads, in the order of the glossary."""
+        """All features of the case, in the order of ``FEATURES``."""
         return tuple(f for f in FEATURES if f in self.past or f in self.future)
 
     @property
     def history(self) -> int:
-        """Days of the past that must be at hand for a forecast [d]."""
+        """Length of the past that a forecast needs [d]."""
         return self.pattern_days if self.past else 0
 
     @property
     def ingredients(self) -> dict[str, int]:
-        """What the regression of paper 3.3 (Eq. regression) knows of the case.
+        """Regressors of the case in the regression of paper 3.3 (Eq. regression).
 
-        ``time``, ``past-w`` and ``future-w`` are 1 where it reads any time feature, or weather of the past or of the
-        future; ``pattern`` is how much of the disturbance's past it reads [d].
+        ``time``, ``past-w`` and ``future-w`` are 1 where it has a time feature, or weather of the past or of the
+        future; ``pattern`` is the length of the disturbance's past [d].
         """
         return {
             "time": int(any(f in TIME_FEATURES for f in self.features)),
@@ -85,14 +87,14 @@ class ModelCase:
 _MODES = ("i_heat", "i_cool")
 
 
-def _table(rows: list[tuple[int, tuple[str, ...], tuple[str, ...]]]) -> dict[str, ModelCase]:
-    """Number the rows (days, past besides zeta, future) of a table from ``case01``."""
+def _numbered(rows: list[tuple[int, tuple[str, ...], tuple[str, ...]]]) -> dict[str, ModelCase]:
+    """Cases from ``case01`` on, by the rows (days, past besides zeta, future) of a table of the appendix."""
     cases = [ModelCase(f"case{i:02d}", days, ("zeta", *past), future) for i, (days, past, future) in enumerate(rows, 1)]
     return {case.name: case for case in cases}
 
 
-#: table a1; its ``q_sol,surface`` of case01 is read as ``q_sol``, like the other twenty.
-FEED_FORWARD_CASES: Mapping[str, ModelCase] = _table(
+#: table a1; ``q_sol,surface`` of its case01 is taken as ``q_sol``, as in the other twenty
+FEED_FORWARD_CASES: Mapping[str, ModelCase] = _numbered(
     [
         (1, ("how", *_W), ("how", *_W)),
         (4, (), _W),
@@ -118,8 +120,8 @@ FEED_FORWARD_CASES: Mapping[str, ModelCase] = _table(
     ]
 )
 
-#: table a2.
-RECURRENT_CASES: Mapping[str, ModelCase] = _table(
+#: table a2
+RECURRENT_CASES: Mapping[str, ModelCase] = _numbered(
     [
         (1, ("how", *_W), ("how", *_W)),
         (1, ("how",), ("how",)),
@@ -143,7 +145,7 @@ RECURRENT_CASES: Mapping[str, ModelCase] = _table(
 
 _ACTIVATIONS = ("relu", "selu", "gelu")
 _RECURRENT_SIZES = {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 40, 60), "activation": _ACTIVATIONS}
-#: the model sizes of paper 3.2, by parameter of ``DisturbanceForecaster``.
+#: the model sizes of paper 3.2, by parameter of ``DisturbanceForecaster``
 SIZES: Mapping[str, Mapping[str, tuple[int | str, ...]]] = {
     "mlp": {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 50, 100), "activation": _ACTIVATIONS},
     "cnn": {
@@ -158,7 +160,7 @@ SIZES: Mapping[str, Mapping[str, tuple[int | str, ...]]] = {
     "lstm": _RECURRENT_SIZES,
 }
 
-#: the paper's long names, such as ``DEEP_AR_LSTM_FORECAST-case01``: framework, then case.
+#: long names of the paper, such as ``DEEP_AR_LSTM_FORECAST-case01``: framework, then case
 _LONG_NAME = re.compile(r"[A-Z0-9_]*?(?:^|_)(MLP|CNN|RNN|LSTM)(?:_[A-Z0-9_]*)?-(case\d+)\Z")
 
 
@@ -186,19 +188,18 @@ def cases_of(model: str) -> Mapping[str, ModelCase]:
 
 
 def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
-    """The case that a name stands for.
+    """The case with a given name.
 
     Parameters
     ----------
     case : str or ModelCase
-        ``"case01"``, a long name of the paper such as ``"DEEP_AR_LSTM_FORECAST-case01"``, or a case of one's own.
+        ``"case01"``, a long name of the paper such as ``"DEEP_AR_LSTM_FORECAST-case01"``, or a case itself.
     model : {"mlp", "cnn", "rnn", "lstm"}
-        The framework, for a case is numbered within it.
+        The framework, within which cases are numbered.
 
     Returns
     -------
     ModelCase
-        The case itself.
 
     Raises
     ------
@@ -226,12 +227,12 @@ def list_cases(model: str | None = None) -> pd.DataFrame:
     Parameters
     ----------
     model : {"mlp", "cnn", "rnn", "lstm"}, optional
-        One framework only.
+        Only this framework.
 
     Returns
     -------
     DataFrame
-        Columns ``model``, ``name``, ``pattern_days``, ``past``, ``future``; one row a case.
+        Columns ``model``, ``name``, ``pattern_days``, ``past``, ``future``; one row per case.
     """
     names = NETWORKS if model is None else (model,)
     columns = [field.name for field in fields(ModelCase)]
@@ -240,7 +241,7 @@ def list_cases(model: str | None = None) -> pd.DataFrame:
 
 
 def list_sizes(model: str) -> dict[str, list[int | str]]:
-    """The model sizes that the paper tries (3.2), as a parameter grid.
+    """The model sizes of the paper (3.2) as a parameter grid.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a forecaster reads of a table: calendar, weather, plant modes and the past as known at an origin."""
+"""Features of a forecaster: calendar, weather, plant modes, and the past as known at an origin."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
 _HOUR = pd.Timedelta("1h")
-#: feature -> (levels, harmonics): the hour of week also repeats daily, which is its seventh harmonic.
+#: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
 
 
@@ -33,23 +33,23 @@ def is_weekend(time: pd.DatetimeIndex) -> np.ndarray:
 
 
 def rows_per_day(step: pd.Timedelta) -> int:
-    """How many steps a day of 24 hours has, at least 1."""
+    """Number of steps in 24 hours, at least 1."""
     return max(1, round(pd.Timedelta("1D") / step))
 
 
 def rows_per_hour(step: pd.Timedelta) -> int:
-    """How many steps an hour has, at least 1."""
+    """Number of steps in an hour, at least 1."""
     return max(1, round(_HOUR / step))
 
 
 def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
-    """Number of a row's step within its local day, (n,) int below ``rows_per_day(step)``."""
+    """Number of each row's step within its local day, (n,) int below ``rows_per_day(step)``."""
     slots = np.floor(hour_of_day(time) * (_HOUR / step) + 1e-9).astype(np.int64)
     return np.minimum(slots, rows_per_day(step) - 1)
 
 
 def day_type_hour(time: pd.DatetimeIndex) -> np.ndarray:
-    """Hour of day (0 ... 23) on weekdays, 24 + hour on weekends, (n,) int."""
+    """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends, (n,) int."""
     return np.floor(hour_of_day(time)).astype(np.int64) + 24 * is_weekend(time)
 
 
@@ -68,7 +68,7 @@ def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarr
     feature : {"how", "hod", "dow", "weekday"}
         Hour of week, hour of day, day of week, or whether it is a weekday.
     encoding : {"cyclic", "onehot", "ordinal"}
-        Sines and cosines, one column a level, or the plain number; ``weekday`` is one 0/1 column in all of them.
+        Sines and cosines, one column per level, or the plain number; ``weekday`` is always one 0/1 column.
 
     Returns
     -------
@@ -89,20 +89,20 @@ def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarr
 
 # --------------------------------------------------------------------------------------------------- inputs by feature
 def irradiance_roles(inputs: dict[str, Any]) -> list[str]:
-    """The roles ``q_sol`` and ``q_sol_<name>`` that a table has, in its order."""
+    """The roles ``q_sol`` and ``q_sol_<name>`` of a table, in its order."""
     return [role for role in inputs if role == "q_sol" or role.startswith("q_sol_")]
 
 
 def plant_roles(inputs: dict[str, Any]) -> list[str]:
-    """The roles that tell whether the plant heats or cools."""
+    """The roles of plant stages and measured heat, which show whether the plant heats or cools."""
     return [role for role in inputs if role.startswith(("u_heat", "u_cool", "Q_"))]
 
 
 def plant_mode(inputs: dict[str, np.ndarray], mode: str, n_rows: int) -> np.ndarray:
     """Whether the plant heats (``mode="heat"``) or cools in a row, (n,) float64 of 0 and 1.
 
-    It is read from the stages ``u_<mode>...`` where there are any, else from the sign of the measured heat ``Q_...``,
-    and is 0 where the table has neither.
+    It follows from the stages ``u_<mode>...`` where there are any, otherwise from the sign of the measured heat
+    ``Q_...``; it is 0 where the table has neither.
     """
     stages = [v for role, v in inputs.items() if role.startswith(f"u_{mode}")]
     if stages:
@@ -115,12 +115,18 @@ def plant_mode(inputs: dict[str, np.ndarray], mode: str, n_rows: int) -> np.ndar
 
 
 def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> np.ndarray:
-    """The columns of the named features for every row of a table; ``zeta`` is not among them.
+    """Columns of features of every row; ``zeta`` is not among them.
+
+    Parameters
+    ----------
+    table : ZoneTable
+    features : tuple of str
+    encoding : {"cyclic", "onehot", "ordinal"}
 
     Returns
     -------
     ndarray of shape (n_rows, n_columns), float64
-        A feature whose role the table lacks has no column.
+        No column for a feature whose role the table lacks.
     """
     blocks = [np.empty((table.n_rows, 0))]
     for feature in features:
@@ -137,7 +143,7 @@ def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> 
 
 # -------------------------------------------------------------------------------------------------- the past, as known
 def zeta_of(table: ZoneTable) -> np.ndarray:
-    """The measured disturbance of every row, NaN where missing or where the table has none, (n,) float64."""
+    """The measured disturbance of every row, NaN where unknown, (n,) float64."""
     known = table.history.get("zeta")
     return np.full(table.n_rows, np.nan) if known is None else known
 
@@ -148,14 +154,14 @@ def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
 
 
 def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """Values of ``series`` at ``rows`` (n_origins, ...), NaN where a row is after its origin or before the table."""
+    """Values of ``series`` at ``rows`` (n_origins, ...); NaN after the origin and before the table."""
     limit = origins.reshape((-1,) + (1,) * (rows.ndim - 1))
     inside = (rows >= 0) & (rows <= limit)
     return np.where(inside, series[np.clip(rows, 0, len(series) - 1)], np.nan)
 
 
 def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
-    """The most recent known value a whole number of periods before each row, NaN where ``n_back`` of them are unknown.
+    """The last known value a whole number of periods before each row.
 
     Parameters
     ----------
@@ -168,9 +174,14 @@ def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, pe
     period : int
         Rows of a day or a week.
     n_back : int
-        How many periods before the origin are tried.
+        Number of periods before the origin that are tried.
+
+    Returns
+    -------
+    ndarray of shape (n_origins, n_leads)
+        NaN where the value is unknown in all of these periods.
     """
-    # The nearest whole number of periods that leads to a row at or before the origin.
+    # the smallest number of periods that leads to a row at or before the origin
     first = np.maximum(1, -(-(rows - origins[:, None]) // period))
     out = np.full(rows.shape, np.nan)
     for back in range(n_back):
@@ -182,7 +193,7 @@ def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, pe
 
 
 def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:
-    """Mean of the known values among a row and the ``width - 1`` before it, NaN where there is none, (n,) float64."""
+    """Mean of the known values in the ``width`` rows up to each row, NaN where there is none, (n,) float64."""
     known = np.isfinite(series)
     totals = np.concatenate([[0.0], np.cumsum(np.where(known, series, 0.0))])
     counts = np.concatenate([[0], np.cumsum(known)])

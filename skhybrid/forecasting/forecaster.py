@@ -35,10 +35,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     model : str or regressor, default "lstm"
         A network (paper Eqs. MLP, CNN, RNN, LSTM): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
-        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"linear"`` in hours and in hours
-        times the outdoor temperature, which :class:`~skhybrid.HybridPredictor` fits through the network; ``"profile"``
-        the mean by hour of week; ``"last_week"`` the value seven days before, else the last known one of that time of
-        day; ``"persistence"`` the last known value.
+        lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
+        week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
+        ``"persistence"`` the last known value.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
@@ -55,7 +54,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Width of a convolution (CNN) [rows].
     pool_size : int, default 0
         Width of max-pooling (CNN) [rows]; 0 pools nothing.
-    residual_of : {"ridge", "linear", "profile", "last_week", "persistence"} or None, default "ridge"
+    residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
         The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
         adds error on the validation block.  None: the network stands alone.
     horizon : timedelta-like or None, default "1D"
@@ -86,15 +85,15 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
     n_repeats : int, default 1
-        How many networks are trained, from seeds that ``random_state`` gives; they are trained side by side, and each
-        is to the bit what it would be alone.
+        How many networks are trained, from seeds that ``random_state`` gives; they are trained as one stack, and each
+        is, to rounding, what it would be alone.
     repeats : {"best", "mean"}, default "best"
         What becomes of several: the one with the lowest validation error forecasts (paper 4.4, which chooses by the
         test error), or the mean of all.
     device : str, default "cpu"
-        Where networks are trained: ``"cpu"``, by compiled kernels; ``"cuda"`` or another device of torch's, by torch's
-        own operators, worth while for large networks or very many at once (:func:`~skhybrid.forecasting.fit_many`);
-        ``"auto"``, a GPU where torch finds one.  Forecasts are computed on the CPU.
+        Where torch trains networks: ``"cpu"``; ``"cuda"`` or another of its devices, worth while for large networks or
+        hundreds at once (:func:`~skhybrid.forecasting.fit_many`); ``"auto"``, a GPU where torch finds one.  Forecasts
+        are computed on the CPU.
 
     Attributes
     ----------
@@ -237,6 +236,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ------
         ValueError
             If a parameter, the table or the target is refused (design 9).
+        ImportError
+            If ``model`` is a network and torch or skorch is missing; nothing has been read then.
         """
         job = self._begin(X, y, {})
         if job is not None:
@@ -246,9 +247,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return self
 
     def _begin(self, X: Any, y: Any, shared: dict[Any, Any]) -> TrainingJob | None:
-        """All of ``fit`` but the training of networks, which is handed back as a job; None where there is none.
+        """Do all of ``fit`` but the training of networks, which is returned as a job; None where there is none.
 
-        ``shared`` keeps what other forecasters of the same X and y need as well: the table and fitted baselines.
+        ``shared`` stores what other forecasters of the same X and y need as well: the table and fitted baselines.
         """
         check_parameters(self)
         require_networks(self.model)
@@ -275,7 +276,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return job
 
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
-        """The training table with its history ``zeta``, and the target; the same objects for all who share them."""
+        """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
         table = self._read(X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing)
         if "zeta" not in table.history:
@@ -284,7 +285,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return shared.setdefault(key, (table, target))
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
-        """A network is trained on what a baseline of the earlier rows leaves over; it forecasts on that of all rows."""
+        """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
         split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
         early, base = slice(0, split.train_end), None
         if self.residual_of is not None and np.isfinite(target[early]).any():
@@ -342,7 +343,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return pd.Series(values, index=future.index, name="zeta")
 
     def _past(self, history: pd.DataFrame) -> ZoneTable:
-        """The rows before the origin, behind the end of the training table where they follow it."""
+        """The rows before the origin, after those of the training table where they continue it."""
         table = self._read(self._as_fitted(history), reset=False)
         column = (self.columns or {}).get("zeta", "zeta")
         if "zeta" not in table.history and column in history:

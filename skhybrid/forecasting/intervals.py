@@ -1,9 +1,8 @@
 """Intervals around a path forecast, learned from errors on data that the forecast was not fitted on.
 
-Arrays only.  The shape of the errors is conformal (quantiles of standardised errors, with a finite-sample correction);
-their scale depends on the lead and on the hour of the target; and where they lie and how wide they are follows the
-errors of the last days (weighted conformal prediction, Barber et al. 2023, doi:10.1214/23-AOS2276, around a location
-and a scale that forget).
+The shape of the errors is conformal: quantiles of standardised errors, with a finite-sample correction.  Their scale
+depends on the lead and on the hour of the target.  Their location and width follow the errors of the last days, whose
+weights decay with age (weighted conformal prediction, Barber et al. 2023, doi:10.1214/23-AOS2276).
 """
 
 from __future__ import annotations
@@ -13,37 +12,37 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-#: slots of :class:`PathClock`: hours of a weekday, then of a weekend day
+#: slots of :class:`PathClock`: the hours of a weekday, then those of a weekend day
 N_SLOTS = 48
-#: whole days before an origin whose forecasts tell about the present; the weight of the oldest is 0.12
+#: days before an origin whose forecasts count as recent; the oldest has a weight of 0.12
 DAYS_BACK = 21
-#: days after which an error counts 1/e
+#: age at which the weight of an error is 1/e [days]
 _MEMORY_DAYS = 10.0
-#: days that the training's shape, and typical days that location and width, are worth beside the recent ones
+#: weights of the prior [days]: of the shape in training, of location 0, of width 1
 _SHAPE_DAYS, _LOCATION_DAYS, _WIDTH_DAYS = 5.0, 5.0, 2.0
-#: days that the average hour counts in the scale of one hour
+#: weight of the average over hours in the scale of one hour [days]
 _HOUR_DAYS = 10.0
-#: errors of a day-ahead forecast forget in half a day: so many independent ones a day
-_INDEPENDENT_A_DAY = 2.0
-#: leads [h] up to which errors are pooled for a shape, and the leads that the shape is that of; between them it blends
+#: independent errors per day, since those of a day-ahead forecast are correlated over half a day
+_INDEPENDENT_PER_DAY = 2.0
+#: ends of the groups of leads that share a shape [h], and the lead at which each shape holds; between them it blends
 _GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
-#: leads of one bin of the scale differ by at most this factor
+#: largest ratio of two leads in one bin of the scale
 _BIN_RATIO = 1.35
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
-#: fewer errors than these say nothing
+#: fewest errors that intervals are learned from
 LEAST_ERRORS = 20
 
 
 class PathClock(NamedTuple):
-    """Which targets the errors of some forecast paths belong to."""
+    """Lead, hour and day of the targets of forecast paths."""
 
-    lead: np.ndarray  # (n_origins, n_leads) hours since the last measured value
-    slot: np.ndarray  # (n_origins, n_leads) int, hour of the local day, + 24 on weekends
-    day: np.ndarray  # (n_origins, n_leads) time of the target [days], from any one instant on
-    spread: np.ndarray | None = None  # (n_origins, n_leads) standard deviation that a model states, in units of y
+    lead: np.ndarray  # (n_origins, n_leads) time since the last measured value [h]
+    slot: np.ndarray  # (n_origins, n_leads) int, local hour of day, + 24 on weekends
+    day: np.ndarray  # (n_origins, n_leads) time of the target since any fixed instant [days]
+    spread: np.ndarray | None = None  # (n_origins, n_leads) standard deviation by a model, in units of y
 
     def rows(self, chosen: np.ndarray | slice) -> PathClock:
-        """The same for some of the origins."""
+        """The clock of some of the origins."""
         spread = None if self.spread is None else self.spread[chosen]
         return PathClock(self.lead[chosen], self.slot[chosen], self.day[chosen], spread)
 
@@ -51,27 +50,27 @@ class PathClock(NamedTuple):
 class LeadIntervals:
     """Quantiles of the error of a path forecast, by lead and hour of the target.
 
-    An error (measured - forecast) is taken as ``scale(lead, hour) * (location + width * shape)``: the scale and the
-    shape come from errors on left-out training data, location and width from the forecasts of the last days, drawn
-    towards 0 and 1 by a few typical days; what the last days' errors are in that location and width joins the shape.
+    An error (measured - forecast) is ``scale(lead, hour) * (location + width * shape)``.  Scale and shape come from
+    errors on left-out training data.  Location and width come from the errors of the last days, shrunk towards 0 and 1;
+    the standardised errors of the last days also join the shape.
 
     Parameters
     ----------
     by_hour : bool, default True
-        Whether the scale depends on the hour of the target; else on the lead alone.
+        Whether the scale depends on the hour of the target, and not on the lead alone.
     follow : bool, default True
-        Whether recent errors move location, width and shape; else those of the training stay.
+        Whether recent errors change location, width and shape; otherwise those of the training stay.
 
     Attributes
     ----------
     lead_scale_ : ndarray of shape (2, n_bins)
         Leads [h] and the mean absolute error there.
     hour_scale_ : ndarray of shape (48,)
-        Factor of each hour of a weekday and of a weekend day.
+        Factor of each hour, of a weekday and then of a weekend day.
     shape_ : ndarray of shape (n_groups, 200)
         Evenly spaced quantiles of the standardised errors of leads up to 2 h, up to 8 h and above.
     n_days_ : int
-        Days that the errors lie on.
+        Number of days with errors.
     """
 
     def __init__(self, *, by_hour: bool = True, follow: bool = True) -> None:
@@ -116,7 +115,7 @@ class LeadIntervals:
         return self
 
     def _set_scales(self, size: np.ndarray, known: np.ndarray, clock: PathClock) -> None:
-        """Mean absolute error as a product of a lead's and an hour's part, each fitted given the other."""
+        """Fit the mean absolute error as a product of a factor by lead and one by hour, in turn."""
         lead, slot = clock.lead[known], clock.slot[known]
         numbers = np.floor(np.log(lead / lead.min()) / np.log(_BIN_RATIO) + 1e-9).astype(np.int64)
         bins = np.unique(numbers, return_inverse=True)[1]
@@ -148,23 +147,23 @@ class LeadIntervals:
         recent: tuple[np.ndarray, PathClock] | None = None,
         now: float | None = None,
     ) -> np.ndarray:
-        """What to add to one forecast path for each quantile.
+        """Quantiles of the error of one forecast path.
 
         Parameters
         ----------
         clock : PathClock
-            Of one origin, (1, n_leads).
+            One origin, (1, n_leads).
         quantiles : array-like of shape (n_quantiles,)
             In (0, 1).
         recent : tuple of (errors, PathClock), optional
-            Earlier paths of this forecaster, a row each; only what ``now`` knows is read.
+            Earlier paths of this forecaster, one row per path; only errors known at ``now`` are read.
         now : float, optional
-            Day of the origin, on the clock of ``recent``.
+            Time of the origin [days], on the clock of ``recent``.
 
         Returns
         -------
         ndarray of shape (n_leads, n_quantiles)
-            Never decreasing from a lower to a higher quantile.
+            To be added to the path; never decreasing along each row.
         """
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
@@ -186,7 +185,7 @@ class LeadIntervals:
     def _standard_quantiles(
         self, group: int, levels: np.ndarray, values: np.ndarray, weights: np.ndarray
     ) -> np.ndarray:
-        """Quantiles (n_levels,) of the standardised error, from the training's shape and recent errors (n_days, n)."""
+        """Quantiles (n_levels,) of the standardised error, from the shape in training and recent errors (n_days, n)."""
         shape = self.shape_[group]
         known = np.isfinite(values)
         filled, weights = np.where(known, values, 0.0), np.where(known, weights, 0.0)
@@ -198,24 +197,24 @@ class LeadIntervals:
         pool = np.concatenate([shape, (values[known] - location) / width])
         weight = np.concatenate([np.full(len(shape), from_training / len(shape)), weights[known]])
         squares = from_training**2 / self.n_days_ + np.sum(weights.sum(axis=-1) ** 2)
-        n_independent = _INDEPENDENT_A_DAY * (from_training + total) ** 2 / squares
+        n_independent = _INDEPENDENT_PER_DAY * (from_training + total) ** 2 / squares
         return location + width * weighted_quantiles(pool, weight, finite_sample_levels(levels, n_independent))
 
 
 def _groups(lead: np.ndarray) -> np.ndarray:
-    """Number of the group of leads that share a shape."""
+    """Number of each lead's group."""
     return np.searchsorted(_GROUP_ENDS, lead - 1e-9)
 
 
 def _weighted(standard: np.ndarray, age: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of one group of leads, NaN elsewhere, and weights: a path that is all known counts exp(-age/memory)."""
+    """Errors of one group of leads, NaN elsewhere, and weights; those of a complete path sum to exp(-age / memory)."""
     values = np.where(chosen, standard, np.nan)
     size = np.maximum(chosen.sum(axis=-1, keepdims=True), 1)
     return values, np.exp(-np.maximum(age, 0.0) / _MEMORY_DAYS) / size
 
 
 def _shrunk_hours(total: np.ndarray, count: np.ndarray, n_days: np.ndarray) -> np.ndarray:
-    """Means by slot, (48,), of which little-seen ones lean on the hour of all days, and that on 1; smoothed."""
+    """Smoothed means by slot (48,), shrunk towards the mean of that hour over all days, and that towards 1."""
     both = total.reshape(2, 24).sum(axis=0) / np.maximum(count.reshape(2, 24).sum(axis=0), 1)
     n_both = n_days.reshape(2, 24).sum(axis=0)
     hour = _smooth((n_both * both + _HOUR_DAYS) / (n_both + _HOUR_DAYS))
@@ -224,12 +223,12 @@ def _shrunk_hours(total: np.ndarray, count: np.ndarray, n_days: np.ndarray) -> n
 
 
 def _smooth(day: np.ndarray) -> np.ndarray:
-    """Each hour with half of its neighbours, around the clock."""
+    """Average each hour (weight 1/2) with its neighbours (1/4 each), around the clock."""
     return 0.25 * np.roll(day, 1) + 0.5 * day + 0.25 * np.roll(day, -1)
 
 
 def weighted_quantiles(values: np.ndarray, weights: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Quantiles of a weighted sample, linear between the middles of the sorted values' weights.
+    """Quantiles of a weighted sample, linear between the midpoints of the cumulative weights.
 
     Parameters
     ----------
@@ -247,10 +246,10 @@ def weighted_quantiles(values: np.ndarray, weights: np.ndarray, levels: np.ndarr
 
 
 def finite_sample_levels(levels: np.ndarray, n: float) -> np.ndarray:
-    """Levels whose quantiles in a sample of ``n`` cover the next value at the wanted ``levels``.
+    """Levels whose quantiles in a sample of size ``n`` cover the next value at ``levels``.
 
-    The next value is as likely to fall into each of the n + 1 gaps of the sample, so the upper quantile of level p is
-    the value of rank (n + 1) p (Vovk et al. 2005); likewise below, and the median stays.
+    The next value falls into each of the n + 1 gaps of the sample with equal probability, so the upper quantile of
+    level p is the value of rank (n + 1) p (Vovk et al. 2005); lower ones mirror this, and the median stays.
     """
     upper, lower = levels * (n + 1) / n, 1.0 - (1.0 - levels) * (n + 1) / n
     return np.clip(np.where(levels > 0.5, upper, np.where(levels < 0.5, lower, levels)), 0.0, 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._table import ZoneTable
-from .baselines import LastWeek, LinearSchedule, Persistence, WeeklyProfile
+from .baselines import LastWeek, Persistence, WeeklyProfile
 from .cases import NETWORKS
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
@@ -17,7 +17,6 @@ BASELINES: dict[str, Any] = {
     "last_week": LastWeek,
     "persistence": Persistence,
     "ridge": RidgeForecaster,
-    "linear": LinearSchedule,
 }
 ACTIVATIONS = ("relu", "selu", "gelu")
 #: the least value of each whole number

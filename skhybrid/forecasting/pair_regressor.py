@@ -1,4 +1,4 @@
-"""Any scikit-learn regressor as a forecaster: fitted over (origin, lead) pairs on calendar, weather and lags."""
+"""Forecasts by any scikit-learn regressor, fitted over (origin, lead) pairs on calendar, weather and lags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``"ridge"``: calendar and weather, linear, plus what the recent past deviates from them.
+"""The baseline ``"ridge"``: a ridge on calendar and weather, and one on recent deviations from it.
 
 Two ridge regressions.  The *static* one explains every row by calendar and weather alone, so that it is also the
 expectation when no past is known.  The *dynamic* one forecasts the deviation from it, over (origin, lead) pairs, from

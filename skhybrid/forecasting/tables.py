@@ -49,9 +49,10 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
         expected_step=None if reset else forecaster.sampling_time_,
     )
     if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
+        there = X.roles if isinstance(X, ZoneTable) else X.columns
         raise ValueError(
             f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "
-            f"{', '.join(map(repr, table.order))}."
+            f"{', '.join(map(repr, there))}."
         )
     return table
 

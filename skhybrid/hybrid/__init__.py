@@ -1,6 +1,8 @@
-"""HybridPredictor, where identification and forecasting meet (design 6), and what tells that it no longer holds."""
+"""Hybrid predictors: a thermal network joined to a forecast of its disturbance (design 6), and a drift monitor."""
 
 from .drift import DriftMonitor
-from .predictor import HybridPredictor
+from .predictor import HybridPredictor, takes_two_stages
+from .schedule_predictor import SchedulePredictor
+from .two_stage_predictor import TwoStagePredictor
 
-__all__ = ["DriftMonitor", "HybridPredictor"]
+__all__ = ["DriftMonitor", "HybridPredictor", "SchedulePredictor", "TwoStagePredictor", "takes_two_stages"]

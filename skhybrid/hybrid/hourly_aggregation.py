@@ -1,4 +1,4 @@
-"""What the forecaster of the disturbance reads, gathered into its steps as rows come in."""
+"""Hourly aggregation: means over the forecaster's steps of rows that come in one after the other."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .tables import Bins
+from .._table import ZoneTable
+from .tables import Steps, steps_table
 
-#: complete steps that are kept before a buffer is made longer
+#: complete steps for which there is room before a buffer is made longer
 _ROOM = 512
 
 
 class _Sums(NamedTuple):
-    """Steps gathered from rows: their labels, and sums and counts of what is known in them."""
+    """Rows summed by steps: labels of the steps, and sums and counts of what is known in them."""
 
     labels: np.ndarray  # (n,) int, begin of each step [ns]
     total: np.ndarray  # (n, p)
@@ -35,7 +36,7 @@ class HourlyAggregation:
     Parameters
     ----------
     names : list of str
-        Columns of the rows.
+        Roles of the columns of the rows; the last one is the disturbance.
     step : Timedelta
         Step of the forecaster.
     fine : bool
@@ -59,52 +60,55 @@ class HourlyAggregation:
         """(n,) begins of the complete steps [ns]."""
         return self._labels[: self._n]
 
-    @property
-    def means(self) -> np.ndarray:
-        """(n, p) means of the complete steps."""
-        return self._means[: self._n]
+    def added(self, stamps: np.ndarray, rows: np.ndarray) -> HourlyAggregation:
+        """These steps and rows (n, p) stamped (n,) [ns].
 
-    def add(self, stamps: np.ndarray, rows: np.ndarray) -> None:
-        """Take in rows (n, p) stamped (n,) [ns]; the step of the last one stays open, since a row may still follow."""
+        The step of the last row stays open, since a row may still follow.  The buffers are shared; what lies beyond
+        the complete steps of the older one is not read by it.
+        """
         sums = self._joined(stamps, rows)
         done = len(sums.labels) - 1
-        self._make_room(done)
-        self._labels[self._n : self._n + done] = sums.labels[:-1]
-        self._means[self._n : self._n + done] = sums.means[:-1]
-        self._n += done
-        self._open = _Sums(sums.labels[-1:], sums.total[-1:].copy(), sums.known[-1:].copy(), np.zeros(1, np.int64))
+        made = self._with_room(done)
+        made._labels[self._n : self._n + done] = sums.labels[:-1]
+        made._means[self._n : self._n + done] = sums.means[:-1]
+        made._n += done
+        made._open = _Sums(sums.labels[-1:], sums.total[-1:].copy(), sums.known[-1:].copy(), np.zeros(1, np.int64))
+        return made
 
-    def drop_before(self, label: int) -> None:
-        """Forget complete steps that begin before a label [ns]."""
+    def since(self, label: int) -> HourlyAggregation:
+        """Without the complete steps that begin before a label [ns]."""
         first = int(np.searchsorted(self.labels, label))
-        self._labels, self._means = self.labels[first:].copy(), self._means[first : self._n].copy()
-        self._n -= first
+        return self._with(
+            _labels=self._labels[first : self._n].copy(), _means=self._means[first : self._n].copy(), _n=self._n - first
+        )
 
-    def extended(self, stamps: np.ndarray, rows: np.ndarray, n_kept: int) -> Bins:
-        """The last complete steps, and behind them the open one and those of further rows, which are not kept.
+    def extended(self, stamps: np.ndarray, rows: np.ndarray, n_kept: int) -> Steps:
+        """The last complete steps, then the open one and those of further rows, which are not kept.
 
         Row 0 of ``of_row`` is the last row that was added, row j + 1 the j-th further one.  A first step, of which
-        nothing is known of the disturbance (the last column), stands for what came before.
+        nothing is known of the disturbance, stands for what came before.
         """
         sums = self._joined(stamps, rows)
         first = max(self._n - n_kept, 0)
-        means = sums.means
         labels = np.concatenate([self._labels[first : self._n], sums.labels])
-        values = np.concatenate([self._means[first : self._n], means])
+        values = np.concatenate([self._means[first : self._n], sums.means])
         before = np.append(values[:1, :-1], [[np.nan]], axis=1)
-        frame = self.frame(np.append(labels[0] - self.step.value, labels), np.concatenate([before, values]))
-        return Bins(frame, np.append(0, sums.of_row) + 1 + self._n - first)
+        table = self._table(np.append(labels[0] - self.step.value, labels), np.concatenate([before, values]))
+        return Steps(table, np.append(0, sums.of_row) + 1 + self._n - first)
 
-    def since(self, label: int) -> pd.DataFrame:
+    def table(self) -> ZoneTable:
+        """All complete steps."""
+        return self._table(self.labels, self._means[: self._n])
+
+    def after(self, label: int) -> ZoneTable:
         """The complete steps that begin after a label [ns]."""
         first = int(np.searchsorted(self.labels, label, side="right"))
-        return self.frame(self.labels[first:], self._means[first : self._n])
+        return self._table(self.labels[first:], self._means[first : self._n])
 
-    def frame(self, labels: np.ndarray, values: np.ndarray) -> pd.DataFrame:
-        """Steps as a table in the time zone of the rows."""
-        index = pd.DatetimeIndex(labels.view("M8[ns]"))
-        index = index if self._zone is None else index.tz_localize("UTC").tz_convert(self._zone)
-        return pd.DataFrame(values, index=index, columns=self.names)
+    def _table(self, labels: np.ndarray, values: np.ndarray) -> ZoneTable:
+        stamps = pd.DatetimeIndex(labels.view("M8[ns]")).tz_localize("UTC")
+        inputs = {role: values[:, j].copy() for j, role in enumerate(self.names[:-1])}
+        return steps_table(stamps, self._zone, inputs, values[:, -1].copy(), self.step)
 
     def _joined(self, stamps: np.ndarray, rows: np.ndarray) -> _Sums:
         """Sums of rows by steps, the first of which is the open one."""
@@ -119,10 +123,15 @@ class HourlyAggregation:
         of_row = (np.cumsum(begins) - 1)[0 if self._open is None else 1 :]
         return _Sums(labels[first], np.add.reduceat(total, first), np.add.reduceat(count, first), of_row)
 
-    def _make_room(self, more: int) -> None:
+    def _with(self, **changes: object) -> HourlyAggregation:
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__, **changes)
+        return made
+
+    def _with_room(self, more: int) -> HourlyAggregation:
         if self._n + more <= len(self._labels):
-            return
+            return self._with()
         size = 2 * (self._n + more)
         labels, means = np.empty(size, dtype=np.int64), np.empty((size, len(self.names)))
         labels[: self._n], means[: self._n] = self.labels, self._means[: self._n]
-        self._labels, self._means = labels, means
+        return self._with(_labels=labels, _means=means)

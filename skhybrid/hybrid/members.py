@@ -1,4 +1,4 @@
-"""What a blend is made of: models that forecast later rows, learn from them, and know how wrong they have been."""
+"""Members of the blend: models that forecast new rows, learn from them, and record their own errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import ASSUMED_START
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
@@ -20,16 +19,13 @@ from ..schedule import (
     LeadFit,
     NumberedSegment,
     RollingNetwork,
-    Segment,
     fit_leads,
-    make_segment,
 )
 from ..thermal import RCNetwork
-from .tables import frame_by_role
 
 
 class NumberedTable(NamedTuple):
-    """Known and future rows: behind the training rows as one table with them, or by themselves."""
+    """Known and future rows: after the training rows as one table with them, or by themselves."""
 
     table: ZoneTable
     T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
@@ -40,31 +36,33 @@ class NumberedTable(NamedTuple):
 
 
 class RollingMember(Protocol):
-    """A member on its way through rows: it learns from them, forecasts, and knows how wrong it has been."""
+    """A member that goes through rows: it learns from them, forecasts, and records its errors."""
 
     @property
     def errors(self) -> np.ndarray:
         """Errors (n, L, k) [K] of hourly forecasts from the first new row on, in the member's k ways.
 
-        By what was known on their days.  NaN where unknown, and where they have not ended.  Only with adaptation.
+        Each is that of a forecast by what was known at the start of its day.  NaN where unknown, and where forecasts
+        have not ended.  Only with adaptation.
         """
 
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
 
     def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW] where it is known."""
+        """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none."""
 
 
 class Member(Protocol):
     """One model of a blend, which may forecast in several ways."""
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of its ways to forecast
+    is_rule: bool  # whether it is a simple rule, which learns next to nothing
 
-    def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
-        """Learn from the training table."""
+    def fit(self, training: ZoneTable, n_leads: int) -> Self:
+        """Learn from a training table, whose history ``T_za`` is the target."""
 
-    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days.
 
         The same in all the ways of a member.
@@ -89,20 +87,29 @@ class ScheduleMember:
     """
 
     names: tuple[str, ...] = ("network", "network, short memory")
+    is_rule = False
+    fit_: LeadFit
 
     def __init__(self, network: RCNetwork, known: dict[str, float], calendar: bool) -> None:
         self.network = network
         self.known = known
         self.calendar = calendar
 
-    fit_: LeadFit
-
-    def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
+    def fit(self, training: ZoneTable, n_leads: int) -> Self:
         """Fit network, schedules and filter."""
-        self.fit_ = fit_leads(self.network, table, T, n_leads, self.known, self.calendar)
+        T = training.history["T_za"]
+        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, self.calendar)
         return self
 
-    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+    def __getstate__(self) -> dict[str, Any]:
+        """The series of the training rows, which are large, are computed again from the rows."""
+        return {**self.__dict__, "fit_": self.fit_.without_rows()}
+
+    def restore(self, training: ZoneTable) -> None:
+        """Compute the series of the training rows after the state was loaded."""
+        self.fit_ = self.fit_.with_rows(self.fit_.make_segment(training, training.history["T_za"]))
+
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of the fit's own sample and blocks, which the blend shares."""
         return self.fit_.left_out
 
@@ -110,15 +117,12 @@ class ScheduleMember:
         """Rows as the fit takes them."""
         whole = rows.whole
         return NumberedSegment(
-            self._segment(rows.table, rows.T),
+            self.fit_.make_segment(rows.table, rows.T),
             rows.begin,
             rows.joined,
             rows.first,
-            None if whole is None else cache(lambda: self._segment(*whole())),
+            None if whole is None else cache(lambda: self.fit_.make_segment(*whole())),
         )
-
-    def _segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
-        return make_segment(self.fit_.segment.plan, table, T, self.fit_.reference)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
@@ -126,7 +130,7 @@ class ScheduleMember:
 
 
 class RollingSchedule(RollingNetwork):
-    """The network on its way, in degC."""
+    """The network as it goes through rows, in degC."""
 
     def forecast(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """From the last row."""
@@ -144,24 +148,23 @@ class ARXMember:
     """
 
     names: tuple[str, ...] = ("ARX",)
+    is_rule = False
 
     def __init__(self, n_lags: int) -> None:
         self.n_lags = n_lags
 
-    def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
+    def fit(self, training: ZoneTable, n_leads: int) -> Self:
         """Fit the regression."""
-        horizon = n_leads * table.step
-        self.arx_ = ARXRegressor(horizon=horizon, n_lags=self.n_lags, max_missing=1.0)
-        self.arx_.fit(frame_by_role(table, ASSUMED_START).drop(columns="T_za"), T)
-        self._table, self._T = table, T
+        self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
+        self.arx_.fit(training.replace(history={}), training.history["T_za"])
         return self
 
-    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of regressions without a block."""
-        n_leads = int(sample.leads[-1])
-        paths = self.arx_.left_out_paths(self._table, self._T, sample.origins, n_leads, blocks)
-        rows, inside = sample.targets(len(self._T))
-        return np.where(inside, self._T[rows] - paths[:, sample.leads - 1], np.nan)
+        T, n_leads = training.history["T_za"], int(sample.leads[-1])
+        paths = self.arx_.left_out_paths(training, T, sample.origins, n_leads, blocks)
+        rows, inside = sample.targets(len(T))
+        return np.where(inside, T[rows] - paths[:, sample.leads - 1], np.nan)
 
     def view(self, rows: NumberedTable) -> ARXData:
         """Rows as the regression takes them."""
@@ -173,7 +176,7 @@ class ARXMember:
 
 
 class RollingARX:
-    """A regression on its way through rows.
+    """A regression that goes through rows.
 
     Parameters
     ----------
@@ -188,8 +191,8 @@ class RollingARX:
 
     def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
         self.arx, self.begin, self.leads, self.adapt = arx, begin, leads, adapt
-        self._a_day, self._every = rows_per_day(arx.sampling_time_), rows_per_hour(arx.sampling_time_)
-        self._learner = arx.recursive(begin)
+        self._per_day, self._every = rows_per_day(arx.sampling_time_), rows_per_hour(arx.sampling_time_)
+        self._recursive = arx.recursive(begin)
         self._row = -1
         self._coefs: list[np.ndarray] = []  # of the days so far
         self._errors = ErrorHistory(len(leads), 1)
@@ -204,15 +207,15 @@ class RollingARX:
         before, self._row = self._row, origin
         if self.adapt is None or origin < self.begin:
             return
-        while (mark := self.begin + len(self._coefs) * self._a_day) <= origin:
-            self._learner.advance(view, mark)
-            self._coefs.append(self._learner.coef())
-        self._learner.advance(view, origin)
+        while (mark := self.begin + len(self._coefs) * self._per_day) <= origin:
+            self._recursive.advance(view, mark)
+            self._coefs.append(self._recursive.coef())
+        self._recursive.advance(view, origin)
         self._errors.extend((origin - self.begin) // self._every + 1)
         longest = int(self.leads[-1])
         place = np.arange(max(0, (before - longest - self.begin) // self._every), len(self.errors))
         rows = self.begin + place * self._every
-        day = (rows - self.begin) // self._a_day
+        day = (rows - self.begin) // self._per_day
         coefs = np.array(self._coefs[day[0] :])[day - day[0]]
         paths = self.arx.iterate(view, rows, longest, coefs)[:, self.leads - 1]
         ends = rows[:, None] + self.leads
@@ -221,7 +224,7 @@ class RollingARX:
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
         """From the last row."""
-        coef = self.arx.coef_ if self.adapt is None else self._learner.coef()
+        coef = self.arx.coef_ if self.adapt is None else self._recursive.coef()
         return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
 
 
@@ -229,20 +232,21 @@ class DayBeforeMember:
     """The temperature of a day before, the rule that is hard to beat with next to nothing learned."""
 
     names: tuple[str, ...] = ("day before",)
+    is_rule = True
 
-    def fit(self, table: ZoneTable, T: np.ndarray, n_leads: int) -> Self:
-        """Keep what the first rows of another table are held at."""
-        self._a_day = rows_per_day(table.step)
-        self._every = rows_per_hour(table.step)
+    def fit(self, training: ZoneTable, n_leads: int) -> Self:
+        """Keep the mean, at which rows before the first measurement are held."""
+        self._per_day = rows_per_day(training.step)
+        self.every = rows_per_hour(training.step)
+        T = training.history["T_za"]
         known = T[np.isfinite(T)]
         self._mean = float(known.mean()) if len(known) else 0.0
-        self._T = T
         return self
 
-    def left_out(self, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """Errors of a rule that learns nothing."""
-        view = self._held(self._T, 0)
-        return self.errors(view, sample.origins, sample.leads, len(self._T) - 1)
+        view = self._held(training.history["T_za"], 0)
+        return self.errors(view, sample.origins, sample.leads, training.n_rows - 1)
 
     def view(self, rows: NumberedTable) -> NumberedTemperatures:
         """Rows with the last measurement where there is none."""
@@ -257,7 +261,7 @@ class DayBeforeMember:
 
     def paths(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
         """(O, L) temperatures of the last day that was known at each origin [degC]."""
-        back = -(-leads // self._a_day) * self._a_day
+        back = -(-leads // self._per_day) * self._per_day
         return view.held[np.maximum(origins[:, None] + leads - back - view.first, 0)]
 
     def errors(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray, row: int) -> np.ndarray:
@@ -276,7 +280,7 @@ class NumberedTemperatures(NamedTuple):
 
 
 class RollingDayBefore:
-    """The rule on its way through rows.
+    """The rule as it goes through rows.
 
     Parameters
     ----------
@@ -303,7 +307,7 @@ class RollingDayBefore:
         before, self._row = self._row, origin
         if self._adapt is None or origin < self._begin:
             return
-        every = self._rule._every
+        every = self._rule.every
         self._errors.extend((origin - self._begin) // every + 1)
         first = max(0, (before - int(self._leads[-1]) - self._begin) // every)
         origins = self._begin + every * np.arange(first, len(self.errors))

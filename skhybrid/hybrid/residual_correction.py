@@ -1,4 +1,4 @@
-"""What was missed at the same hour one and two weeks ago comes back in part: an echo of known errors.
+"""Residual correction: part of what was missed at the same hour one and two weeks ago is added to a forecast.
 
 A calendar of hours and of weekdays against weekends does not know that Saturdays differ from Sundays, nor that this
 week is like the last.  Shares that were regressed on each building's own errors did worse than the ones here, which
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-#: days back, and the share of those errors that comes back
+#: days back, and the share of those errors that is added
 DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 
 
-def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a_day: int) -> np.ndarray:
+def residual_correction(
+    errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
+) -> np.ndarray:
     """Expected error of a forecast from a row.
 
     Parameters
@@ -24,9 +26,8 @@ def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a
         Their rows, increasing.
     leads : ndarray of int, shape (L,)
     row : int
-        The origin; errors of rows behind it are not read.
-    a_day : int
-        Rows of a day.
+        The origin; errors of rows after it are not read.
+    rows_per_day : int
 
     Returns
     -------
@@ -35,7 +36,7 @@ def echo(errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, a
     """
     if len(origins) < 2:
         return np.zeros(len(leads))
-    rows = row - DAYS_BACK * a_day
+    rows = row - DAYS_BACK * rows_per_day
     at = np.searchsorted(origins, rows, side="right") - 1
     # where history joins the training two origins may lie closer than all others
     near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.median(np.diff(origins)))

@@ -1,4 +1,4 @@
-"""A blend on its way through rows: its members go along, are weighed by their errors so far, and what they missed."""
+"""Rolling blend: members that go through rows, weighed by their errors so far, and a residual correction."""
 
 from __future__ import annotations
 
@@ -11,32 +11,41 @@ import numpy as np
 from ..filtering import ForecastSample
 from .blend import blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
-from .residual_correction import DAYS_BACK, echo
+from .residual_correction import DAYS_BACK, residual_correction
 
 
 @dataclass(frozen=True)
-class BlendTraining:
+class BlendRecord:
     """What a blend knows of its members from their training."""
 
     sample: ForecastSample
-    errors: np.ndarray  # (O, L, K) on blocks that were left out [K]
+    member_errors: np.ndarray  # (O, L, M) of each member on blocks that were left out [K]
+    member_of: np.ndarray  # (K,) int, the member of each way to forecast
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead
     prior: np.ndarray  # (K,) weights where nothing is known of errors
     pull: float  # toward them
     n_leads: int
-    a_day: int  # rows
+    rows_per_day: int
     every: int  # rows between forecasts of the history
+
+    def errors(self, chosen: Any = slice(None)) -> np.ndarray:
+        """(O, L, K) errors of each way to forecast, from some of the origins."""
+        return self.member_errors[chosen][..., self.member_of]
+
+    def weights(self) -> np.ndarray:
+        """(n_groups, K) shares as the training has them."""
+        return blend_weights(self.products, self.prior, self.pull)
 
 
 class RollingBlend:
-    """A blend that goes through later rows and forecasts from them.
+    """A blend that goes through new rows and forecasts from them.
 
     Parameters
     ----------
     members : sequence of Member
-        Fitted.  The first one tells the unmeasured heat.
-    trained : BlendTraining
+        Fitted.  One of them gives the unmeasured heat.
+    record : BlendRecord
     rows : NumberedTable
         Where it begins, at row 0.
     adapt : {None, "linear", "full"}
@@ -48,13 +57,11 @@ class RollingBlend:
         The last row that it went through; -1 before the first.
     """
 
-    def __init__(
-        self, members: Sequence[Member], trained: BlendTraining, rows: NumberedTable, adapt: str | None
-    ) -> None:
-        self._members, self._trained, self.adapt = members, trained, adapt
+    def __init__(self, members: Sequence[Member], record: BlendRecord, rows: NumberedTable, adapt: str | None) -> None:
+        self._members, self._record, self.adapt = members, record, adapt
         self._begin, self._joined = rows.begin, rows.joined
-        self._courses = [member.start(rows, trained.sample, adapt) for member in members]
-        self._products = np.zeros_like(trained.products)
+        self._rolling = [member.start(rows, record.sample, adapt) for member in members]
+        self._products = np.zeros_like(record.products)
         self.row = -1
 
     def views(self, rows: NumberedTable) -> list[Any]:
@@ -63,53 +70,53 @@ class RollingBlend:
 
     def advance(self, views: list[Any], origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
-        for course, view in zip(self._courses, views, strict=True):
-            course.advance(view, origin)
+        for rolling, view in zip(self._rolling, views, strict=True):
+            rolling.advance(view, origin)
         before, self.row = max(self.row, self._begin), origin
         if self.adapt is not None and origin > before:
             self._products = self._products * self._share(before, origin) + self._since(before)
 
     def forecast(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """From the last row: (n_leads,) temperatures [degC], and unmeasured heat [kW]."""
-        found = [course.forecast(view, n_leads) for course, view in zip(self._courses, views, strict=True)]
-        trained, heats = self._trained, found[0][1]
-        assert heats is not None  # the physics gives it
-        products = trained.products
+        found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
+        record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
+        products = record.products
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
-        shares = blend_weights(products, trained.prior, trained.pull)
-        weights = by_lead(shares, trained.n_leads, n_leads)
+        shares = blend_weights(products, record.prior, record.pull)
+        weights = by_lead(shares, record.n_leads, n_leads)
         path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
         if self.adapt is not None:
-            missed = self._missed(shares[trained.groups])
-            path += np.interp(np.arange(1, n_leads + 1), trained.sample.leads, missed)
-        return path, heats[0]
+            missed = self._missed(shares[record.groups])
+            path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, missed)
+        return path, heat
 
     def _share(self, row: Any, later: int) -> Any:
         """How much forecasts that ended at a row count at a later one."""
-        return faded((later - row) / self._trained.a_day)
+        return faded((later - row) / self._record.rows_per_day)
 
     def _since(self, before: int) -> np.ndarray:
-        """Moments of the errors that have become known behind a row."""
-        trained = self._trained
-        first = max(0, (before - int(trained.sample.leads[-1]) - self._begin) // trained.every)
+        """Moments of the errors that have become known after a row."""
+        record = self._record
+        first = max(0, (before - int(record.sample.leads[-1]) - self._begin) // record.every)
         errors, origins = self._history(first)
-        ends = origins[:, None] + trained.sample.leads
+        ends = origins[:, None] + record.sample.leads
         share = np.where(ends > before, self._share(ends, self.row), 0.0)
-        return moments(errors, trained.groups, share)
+        return moments(errors, record.groups, share)
 
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""
-        errors = np.concatenate([course.errors[first:] for course in self._courses], axis=-1)
-        return errors, self._begin + self._trained.every * np.arange(first, first + len(errors))
+        errors = np.concatenate([rolling.errors[first:] for rolling in self._rolling], axis=-1)
+        return errors, self._begin + self._record.every * np.arange(first, first + len(errors))
 
     def _missed(self, shares: np.ndarray) -> np.ndarray:
         """(L,) what the blend of these shares (L, K) missed that may come back."""
-        trained = self._trained
-        oldest = self.row - (int(DAYS_BACK.max()) + 1) * trained.a_day
-        errors, origins = self._history(max(0, (oldest - self._begin) // trained.every))
+        record = self._record
+        oldest = self.row - (int(DAYS_BACK.max()) + 1) * record.rows_per_day
+        errors, origins = self._history(max(0, (oldest - self._begin) // record.every))
         if self._joined:
-            recent = trained.sample.origins >= oldest
-            errors = np.concatenate([trained.errors[recent], errors])
-            origins = np.append(trained.sample.origins[recent], origins)
-        return echo(np.sum(errors * shares, axis=-1), origins, trained.sample.leads, self.row, trained.a_day)
+            recent = record.sample.origins >= oldest
+            errors = np.concatenate([record.errors(recent), errors])
+            origins = np.append(record.sample.origins[recent], origins)
+        missed = np.sum(errors * shares, axis=-1)
+        return residual_correction(missed, origins, record.sample.leads, self.row, record.rows_per_day)

@@ -1,8 +1,9 @@
-"""The seam between the estimator, which knows tables, and what forecasts a building."""
+"""The interface between the estimators, which read tables, and the schemes, which forecast a building."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, Self
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,8 @@ import pandas as pd
 from .._table import ZoneTable
 from ..control.setpoints import Band, Limits
 from ..forecasting.quantiles import LeftOut
+from ..thermal import RCNetwork
+from .known_rows import KnownRows
 
 
 class Paths(NamedTuple):
@@ -19,22 +22,55 @@ class Paths(NamedTuple):
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
 
 
-class Scheme(Protocol):
-    """What :class:`~skhybrid.hybrid.HybridPredictor` delegates to.
+class Scheme(ABC):
+    """A way to forecast a building.
 
-    What a scheme needs comes through its constructor; what it learned is in attributes that end in ``_``, which the
-    estimator shows as its own.  A table behind the training begins with the estimator's kept tail of it: those are its
-    first ``n_history`` rows, and origins count from the first of them.
+    A fitted scheme never changes, but for what it caches: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` give
+    another one.  Measured temperatures come as history ``T_za`` of a table.  A table that follows the known rows begins
+    with the end of them: those are its first ``n_history`` rows, and origins count from the first of them.
+
+    Attributes
+    ----------
+    name : str
+        ``"schedule"`` or ``"two-stage"``.
+    network : RCNetwork
+    adapt : {None, "linear", "full"}
+        What a forecast takes in from the history up to its origin.
+    rows : KnownRows
+    disturbance_step_ : Timedelta
     """
 
-    adapt: str | None  # what a forecast takes in from the history up to its origin; may be changed after ``fit``
+    name: str
+    network: RCNetwork
+    adapt: str | None
+    rows: KnownRows
+    disturbance_step_: pd.Timedelta
+    gray_box_: Any
+    forecaster_: Any
 
-    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        """Learn from a training table and its measured temperature (n_rows,) [degC], NaN where missing."""
+    @property
+    @abstractmethod
+    def zeta_(self) -> pd.Series:
+        """The training disturbance."""
 
+    @property
+    def weights_(self) -> pd.DataFrame:
+        """Shares of the members of a blend."""
+        raise AttributeError(f"the {self.name} scheme blends nothing, so that it has no weights_.")
+
+    @abstractmethod
+    def fit(self, measured: ZoneTable) -> Self:
+        """Learn from a training table."""
+
+    @abstractmethod
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast from each origin; anything at rows beyond the table."""
 
+    @abstractmethod
+    def forecast_ahead(self, future: ZoneTable) -> Paths:
+        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths."""
+
+    @abstractmethod
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps every row from the first origin on within its set-points, (n_rows - n_history) rows.
 
@@ -42,20 +78,28 @@ class Scheme(Protocol):
         Columns as :meth:`~skhybrid.hybrid.HybridPredictor.predict_load`.
         """
 
-    def advance(self, table: ZoneTable, target: np.ndarray) -> None:
-        """Take in rows that follow the last known one, in a time that does not depend on what came before them."""
+    @abstractmethod
+    def left_out_errors(self, n_leads: int) -> LeftOut:
+        """Errors of forecasts of parts of the training table, each by what has not learned from that part."""
 
-    def forecast_live(self, future: ZoneTable) -> Paths:
-        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths."""
+    @abstractmethod
+    def advanced(self, measured: ZoneTable) -> Self:
+        """The scheme after rows that follow the last known one, in a time that does not depend on earlier rows."""
 
-    def learn(self, table: ZoneTable, target: np.ndarray) -> None:
-        """Take in rows that follow the last known one (there may be none), and recalibrate on all that is known."""
+    @abstractmethod
+    def relearned(self, measured: ZoneTable | None) -> Self:
+        """The scheme recalibrated on all known rows and those that follow them (None: there are none)."""
 
-    def calibration_errors(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> LeftOut:
-        """Errors of forecasts of parts of the training table, each by what has not learned from that part.
-
-        ``table`` is that of ``fit``, with ``target`` as its history ``T_za``.
-        """
-
+    @abstractmethod
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
-        """Day by day, whether what was learned still holds (see :class:`DriftMonitor`); None: the rows since then."""
+        """Daily report on whether what was learned still holds (:class:`DriftMonitor`); None: of rows taken in."""
+
+    def adapting(self, adapt: str | None) -> Self:
+        """The scheme with another ``adapt``."""
+        return self._with(adapt=adapt)
+
+    def _with(self, **changes: Any) -> Self:
+        """The same scheme with some attributes changed."""
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__, **changes)
+        return made

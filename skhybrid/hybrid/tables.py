@@ -1,36 +1,37 @@
-"""Tables by rows and by steps of the disturbance (hours): frames by role, bins of rows, training behind history."""
+"""Operations on tables: joining them, giving them stamps, and their means by steps of the disturbance (hours)."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._rolling import RollingForecastMixin
+from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
-#: history kept behind the training table: two weeks, the longest lag of any forecaster
+#: history that is kept of the rows so far: two weeks, the longest lag of any forecaster, and a day
 KEPT = pd.Timedelta("15D")
 #: stamps that a table without any is given in ``predict``, so that it follows no training table
 ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
 
 
-class Bins(NamedTuple):
-    """Rows of a table gathered into the steps of the forecaster."""
+class Steps(NamedTuple):
+    """Rows of a table averaged over the steps of the forecaster."""
 
-    frame: pd.DataFrame  # one row a bin, columns by role
-    of_row: np.ndarray  # (n_rows,) bin of every row
+    table: ZoneTable  # one row per step, with the disturbance as history ``zeta``
+    of_row: np.ndarray  # (n_rows,) step of every row
 
 
-def frame_by_role(table: ZoneTable, start: pd.Timestamp) -> pd.DataFrame:
-    """A table as a frame by roles, with stamps (from ``start`` where it had none) and a ``T_za`` column."""
-    index = table.index if table.utc is not None else pd.DatetimeIndex(start + (table.time - table.time[0]))
-    missing = np.full(table.n_rows, np.nan)
-    frame = pd.DataFrame({**table.inputs, "T_za": table.history.get("T_za", missing)}, index=index)
-    return frame[sorted(frame.columns, key=lambda role: table.order.index(role) if role in table.order else 99)]
+def with_stamps(table: ZoneTable, start: pd.Timestamp) -> ZoneTable:
+    """The table with time stamps, which begin at ``start`` where it had none."""
+    if table.utc is not None:
+        return table
+    index = pd.DatetimeIndex(start + (table.time - table.time[0]))
+    return table.replace(index=index, time=index, utc=index.tz_localize("UTC"))
 
 
 def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
@@ -49,49 +50,10 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
     return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
 
 
-def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
-    """An hour where the table's step divides it, else the table's own step."""
-    return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
-
-
-def joined_rows(old: pd.DataFrame, new: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
-    """Training rows and history as one even table.
-
-    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
-    gap has no disturbance, so that nothing is learned from it.
-    """
-    gap = new.index[0] - old.index[-1] - step
-    moved = old.set_axis(old.index + pd.Timedelta("7D") * int(gap / pd.Timedelta("7D")))
-    whole = pd.concat([moved, new[list(old.columns)]])
-    grid = pd.date_range(whole.index[0], whole.index[-1], freq=step)
-    if len(grid) == len(whole):
-        return whole
-    filled = whole.reindex(grid)
-    inputs = [c for c in filled.columns if c != "zeta"]
-    filled[inputs] = filled[inputs].ffill()
-    return filled
-
-
-def with_row_before(frame: pd.DataFrame, step: pd.Timedelta) -> pd.DataFrame:
-    """The frame behind one more step of rows, whose disturbance is unknown: a forecast needs a row to stand on."""
-    index = pd.DatetimeIndex(frame.index)
-    own = index[1] - index[0] if len(index) > 1 else step
-    count = max(1, int(step / own))
-    stamps = index[0] - own * np.arange(count, 0, -1)
-    first = pd.concat([frame.iloc[[0]]] * count).set_axis(pd.DatetimeIndex(stamps)).assign(zeta=np.nan)
-    return pd.concat([first, frame])
-
-
-def gather(frame: pd.DataFrame, step: pd.Timedelta) -> Bins:
-    """Means by steps of the forecaster."""
-    index = pd.DatetimeIndex(frame.index)
-    utc = index.tz_convert("UTC") if index.tz is not None else index
-    stamps = utc.floor(step) if len(index) < 2 or utc[1] - utc[0] < step else utc
-    begins = np.append(True, stamps[1:] != stamps[:-1])
-    of_row = np.cumsum(begins) - 1
-    hours = frame.groupby(of_row).mean()
-    labels = stamps[begins]
-    return Bins(hours.set_axis(labels.tz_convert(index.tz) if index.tz is not None else labels), of_row)
+def utc_of(table: ZoneTable) -> pd.DatetimeIndex:
+    """The stamps in UTC of a table that has some."""
+    assert table.utc is not None
+    return table.utc
 
 
 def stamps_ns(table: ZoneTable) -> np.ndarray:
@@ -99,27 +61,99 @@ def stamps_ns(table: ZoneTable) -> np.ndarray:
     return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
 
 
-def concatenate_tables(tables: list[ZoneTable]) -> ZoneTable:
-    """Tables that follow each other, with the same roles, as one."""
-    first, *others = tables
+# -------------------------------------------------------------------------------------------- steps of the disturbance
+def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
+    """An hour where the table's step divides it, else the table's own step."""
+    return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
 
-    def joined(stamps: str) -> pd.DatetimeIndex:
-        return pd.DatetimeIndex(getattr(first, stamps).append([getattr(table, stamps) for table in others]))
 
-    return first.replace(
-        inputs={role: np.concatenate([table.inputs[role] for table in tables]) for role in first.inputs},
-        history={role: np.concatenate([table.history[role] for table in tables]) for role in first.history},
-        index=first.index.append([table.index for table in others]),
-        time=joined("time"),
-        utc=None if first.utc is None else joined("utc"),
+def steps_table(
+    labels: pd.DatetimeIndex, zone: Any, inputs: dict[str, np.ndarray], zeta: np.ndarray, step: pd.Timedelta
+) -> ZoneTable:
+    """A table of one row per step of the disturbance; ``labels`` are the beginnings of the steps in UTC."""
+    index = labels.tz_localize(None) if zone is None else labels.tz_convert(zone)
+    time = index if zone is None else index.tz_localize(None)
+    return ZoneTable(inputs, {"zeta": zeta}, index, time, labels, step, order=(*inputs, "zeta"))
+
+
+def steps_of_rows(table: ZoneTable, step: pd.Timedelta) -> tuple[pd.DatetimeIndex, np.ndarray]:
+    """Steps of the forecaster over a stamped table: (n_steps,) labels in UTC, and (n_rows,) the step of every row."""
+    stamps = utc_of(table).floor(step) if table.step < step else utc_of(table)
+    begins = np.append(True, stamps[1:] != stamps[:-1])
+    return stamps[begins], np.cumsum(begins) - 1
+
+
+def average(table: ZoneTable, zeta: np.ndarray, step: pd.Timedelta) -> Steps:
+    """Means of a stamped table and of its disturbance (n_rows,) over the steps of the forecaster."""
+    labels, of_row = steps_of_rows(table, step)
+    roles = sorted(table.inputs, key=table.roles.index)
+    columns = [*(table.inputs[role] for role in roles), zeta]
+    means = pd.DataFrame(np.column_stack(columns)).groupby(of_row).mean().to_numpy()
+    inputs = {role: means[:, j].copy() for j, role in enumerate(roles)}
+    return Steps(steps_table(labels, zone_of(table), inputs, means[:, -1].copy(), step), of_row)
+
+
+def zone_of(table: ZoneTable) -> Any:
+    """The time zone of a table's stamps; None where they have none."""
+    return table.index.tz if isinstance(table.index, pd.DatetimeIndex) else None
+
+
+def with_step_before(table: ZoneTable, step: pd.Timedelta) -> ZoneTable:
+    """The table after one more step of rows like its first: a forecast needs a known row to start from."""
+    count = max(1, int(step / table.step))
+    back = pd.to_timedelta(-table.step.value * np.arange(count, 0, -1), unit="ns")
+    first = table.replace(
+        inputs={role: np.full(count, v[0]) for role, v in table.inputs.items()},
+        history={role: np.full(count, np.nan) for role in table.history},
+        index=table.index[0] + back,
+        time=table.time[0] + back,
+        utc=utc_of(table)[0] + back,
     )
+    return concatenate_tables([first, table])
 
 
-def last_rows(tables: list[ZoneTable], n_rows: int) -> ZoneTable:
-    """The last rows of tables that follow each other, as one; all of them where there are fewer."""
-    segments: list[ZoneTable] = []
-    while n_rows > 0 and len(segments) < len(tables):
-        table = tables[-1 - len(segments)]
-        segments.append(table.rows(slice(max(0, table.n_rows - n_rows), None)))
-        n_rows -= table.n_rows
-    return concatenate_tables(segments[::-1])
+def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
+    """Steps of the training and of later history as one even table.
+
+    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
+    gap has no disturbance, so that nothing is learned from it.
+    """
+    step, week = old.step, pd.Timedelta("7D")
+    before, after = utc_of(old), utc_of(new)
+    gap = after[0] - before[-1] - step
+    stamps = pd.DatetimeIndex((before + week * int(gap / week)).append(after))
+    place = np.asarray((stamps - stamps[0]) // step, dtype=np.int64)
+    labels = pd.date_range(stamps[0], stamps[-1], freq=step)
+    held = np.zeros(len(labels), dtype=np.int64)
+    held[place] = np.arange(len(stamps))
+    held = np.maximum.accumulate(held)
+    zeta = np.full(len(labels), np.nan)
+    zeta[place] = np.concatenate([old.history["zeta"], new.history["zeta"]])
+    inputs = {role: np.concatenate([v, new.inputs[role]])[held] for role, v in old.inputs.items()}
+    return steps_table(labels, zone_of(new), inputs, zeta, step)
+
+
+# ------------------------------------------------------------------------------------ forecasters of the disturbance
+def fit_forecaster(forecaster: Any, steps: ZoneTable, target: np.ndarray | None = None) -> Any:
+    """Fit a forecaster of the disturbance to a table of steps; ``target`` may hide parts that stay known as past."""
+    zeta = steps.history["zeta"] if target is None else target
+    if reads_tables(forecaster):
+        return forecaster.fit(steps, zeta)
+    frame = frame_of(steps)
+    return forecaster.fit(frame, pd.Series(zeta, frame.index, name="zeta"))
+
+
+def forecast_steps(forecaster: Any, steps: ZoneTable, known: np.ndarray, n_steps: int) -> np.ndarray:
+    """(n_origins, n_steps) forecasts of the disturbance in the steps after each of the ``known`` ones."""
+    table = steps if reads_tables(forecaster) else frame_of(steps)
+    return forecaster.predict_from(table, known, horizon=n_steps * steps.step)
+
+
+def reads_tables(forecaster: Any) -> bool:
+    """Whether a forecaster reads a ZoneTable as it is; others are given a DataFrame."""
+    return isinstance(forecaster, RollingForecastMixin)
+
+
+def frame_of(steps: ZoneTable) -> pd.DataFrame:
+    """A table of steps as a DataFrame with columns by role."""
+    return pd.DataFrame({**steps.inputs, "zeta": steps.history["zeta"]}, index=steps.index)

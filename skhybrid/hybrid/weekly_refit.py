@@ -1,4 +1,4 @@
-"""Which past a forecaster is fitted again on: all of it, or recent weeks where they forecast the last one better."""
+"""Weekly refit of a forecaster: on all of the past, or on recent weeks where they forecast the last week better."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .tables import KEPT
+from .._table import ZoneTable
+from .tables import KEPT, fit_forecaster, forecast_steps
 
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))
-#: share of the error by all rows below which fewer rows are believed
+#: share of the error by all steps below which fewer steps are believed
 _CLEARLY = 0.9
 _WEEK, _DAY = pd.Timedelta("7D"), pd.Timedelta("1D")
 
@@ -27,48 +28,53 @@ class WeeklyRefit:
     ----------
     forecaster : estimator
         Cloned for every fit.
-    step : Timedelta
-        Of its rows.
     """
 
-    def __init__(self, forecaster: Any, step: pd.Timedelta) -> None:
+    def __init__(self, forecaster: Any) -> None:
         self._forecaster = forecaster
-        self._step = step
         self._fits: dict[tuple[int, int], Any] = {}
-        #: the latest fit by the steps since the training, where those are known for good
-        self.kept: dict[int, Any] = {}
+        self._latest: tuple[int, Any] | None = None
 
-    def fitted(self, rows: pd.DataFrame) -> Any:
-        """The forecaster fitted on rows that end with a week."""
-        return self._fit(rows, self.span(rows))
+    def after(self, n_steps: int) -> Any:
+        """The fit that was kept of so many steps since the training; None where there is none."""
+        return self._latest[1] if self._latest is not None and self._latest[0] == n_steps else None
 
-    def span(self, rows: pd.DataFrame) -> pd.Timedelta | None:
-        """The span to fit the rows by."""
-        before = rows.iloc[: len(rows) - int(_WEEK / self._step)]
-        long_enough = [s for s in SPANS if s is None or int(s / self._step) < len(before)]
+    def keep(self, n_steps: int, fitted: Any) -> None:
+        """Keep the fit of so many steps since the training, which do not change any more."""
+        self._latest = n_steps, fitted
+
+    def fitted(self, steps: ZoneTable) -> Any:
+        """The forecaster fitted on steps that end with a week."""
+        return self._fit(steps, self.span(steps))
+
+    def span(self, steps: ZoneTable) -> pd.Timedelta | None:
+        """The span to fit on."""
+        before = steps.rows(slice(0, steps.n_rows - int(_WEEK / steps.step)))
+        long_enough = [s for s in SPANS if s is None or int(s / steps.step) < before.n_rows]
         if len(long_enough) < 2:
             return None
-        errors = [self._error(self._fit(before, span), rows) for span in long_enough]
+        errors = [_last_week_error(self._fit(before, span), steps) for span in long_enough]
         best = int(np.argmin(errors))
         return long_enough[best] if errors[best] < _CLEARLY * errors[0] else None
 
-    def _fit(self, rows: pd.DataFrame, span: pd.Timedelta | None) -> Any:
-        length = len(rows) if span is None else min(len(rows), int(span / self._step))
-        key = (len(rows), length)
+    def _fit(self, steps: ZoneTable, span: pd.Timedelta | None) -> Any:
+        n = steps.n_rows
+        length = n if span is None else min(n, int(span / steps.step))
+        key = (n, length)
         if key not in self._fits:
-            chosen = rows.iloc[len(rows) - length :]
-            self._fits[key] = clone(self._forecaster).fit(chosen, chosen["zeta"])
+            self._fits[key] = fit_forecaster(clone(self._forecaster), steps.rows(slice(n - length, None)))
             # only the fits of this week and of the one before are wanted again
-            week = int(_WEEK / self._step)
-            self._fits = {k: v for k, v in self._fits.items() if k[0] >= len(rows) - week}
+            week = int(_WEEK / steps.step)
+            self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - week}
         return self._fits[key]
 
-    def _error(self, forecaster: Any, rows: pd.DataFrame) -> float:
-        """RMS error a day ahead over the last week."""
-        day, week = int(_DAY / self._step), int(_WEEK / self._step)
-        recent = rows.iloc[-(week + int(KEPT / self._step)) :]
-        origins = np.arange(len(recent) - week - 1, len(recent) - day, day)
-        paths = forecaster.predict_from(recent, origins, horizon=day * self._step)
-        truth = recent["zeta"].to_numpy()[origins[:, None] + np.arange(1, day + 1)]
-        error = (paths - truth) ** 2
-        return float(np.sqrt(np.nanmean(error))) if np.isfinite(error).any() else np.inf
+
+def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
+    """RMS error a day ahead over the last week."""
+    day, week = int(_DAY / steps.step), int(_WEEK / steps.step)
+    recent = steps.rows(slice(max(0, steps.n_rows - week - int(KEPT / steps.step)), None))
+    origins = np.arange(recent.n_rows - week - 1, recent.n_rows - day, day)
+    paths = forecast_steps(forecaster, recent, origins, day)
+    truth = recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]
+    error = (paths - truth) ** 2
+    return float(np.sqrt(np.nanmean(error))) if np.isfinite(error).any() else np.inf

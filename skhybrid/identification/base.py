@@ -183,7 +183,7 @@ class NetworkIdentifier(NetworkModel):
     def _excited(
         self, network: RCNetwork, table: ZoneTable, parameters: tuple[Parameter, ...], priors: Mapping[str, Any]
     ) -> dict[str, float]:
-        """Values of the parameters that no row moves; with warnings of what the table cannot tell."""
+        """Values of the parameters that no row moves; warns of what the table cannot identify."""
         name, known = type(self).__name__, dict(self.known or {})
         if any(p.name not in known for p in parameters):
             warn_scale(network, table, {*known, *priors}, name)

@@ -1,8 +1,4 @@
-"""Disturbance models of the least-squares identifications: the states that they append, and the gain.
-
-Each turns discretised networks, one per start, into innovations-form predictors with exact derivatives by all
-parameters: those of the network first, then the disturbance's own.
-"""
+"""Disturbance models of the least-squares identifications: the states that they append, and the gain."""
 
 from __future__ import annotations
 
@@ -16,6 +12,9 @@ import numpy as np
 from ..filtering import Discrete, Model
 from ..thermal import Parameter, RCNetwork
 from .experiment import Experiment
+
+# Each model turns discretised networks, one per start, into innovations-form predictors with exact derivatives by all
+# parameters: those of the network first, then the disturbance's own.
 
 #: standard deviation of a node's temperature that was not measured at the first row [K]
 HIDDEN_SD = 2.0

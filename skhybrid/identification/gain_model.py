@@ -1,9 +1,4 @@
-"""Model of the unmeasured heat: classes of variance, a smooth weekly profile, and ventilation by day.
-
-The gain is ``p(t) + U(t) (T_oa - T_za) + g(t)`` [kW]: a profile by hour and day type, a conductance of the weekday's
-ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  The
-quiet hours and days are thus learned, and they carry most of the information about the building.
-"""
+"""Model of the unmeasured heat: classes of variance, a smooth weekly profile, and ventilation by day."""
 
 from __future__ import annotations
 
@@ -15,6 +10,10 @@ import numpy as np
 
 from ..thermal import Parameter
 from .experiment import Experiment
+
+# The gain is ``p(t) + U(t) (T_oa - T_za) + g(t)`` [kW]: a profile by hour and day type, a conductance of the weekday's
+# ventilation, and a state whose standard deviation is that of a class of hours times a factor of the day.  The quiet
+# hours and days are thus learned, and they carry most of the information about the building.
 
 DAY_TYPES = ("weekday", "weekend")
 #: weekday hours of ventilation

@@ -299,7 +299,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
-            the plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
+            the plant is off.  The capacity of its stages holds too; where only its heat is measured there is no
             other limit.
 
         Returns

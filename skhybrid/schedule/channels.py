@@ -16,6 +16,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..thermal import RCNetwork
+from .part_load import deviation, knot_name
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
@@ -226,21 +227,8 @@ def _equipment_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel
         yield Channel(role, sign * table.inputs[role], plan.heated, True, "free")
     largest = dict(plan.max_stages)
     for role, knot, capacity in plan.knots:
-        series = capacity * part_load_deviation(table.inputs[role], knot, largest[role])
-        yield Channel(part_load_name(role, knot), series, plan.heated, False, "free")
-
-
-def part_load_name(role: str, knot: float) -> str:
-    """Name of the channel of a knot of a stage's part-load curve."""
-    return f"{role}_{knot:.2g}"
-
-
-def part_load_deviation(stage: np.ndarray, knot: float, largest: float) -> np.ndarray:
-    """Deviation of a part-load curve from proportional heat: largest at the knot, 0 at stage 0 and from ``largest`` on.
-
-    So the heat of the full stage stays that of its capacity, and a stage that was not seen stays proportional.
-    """
-    return np.minimum(stage, knot) - np.minimum(stage, largest) * knot / largest
+        series = capacity * deviation(table.inputs[role], knot, largest[role])
+        yield Channel(knot_name(role, knot), series, plan.heated, False, "free")
 
 
 def _drivers(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:

@@ -15,8 +15,6 @@ from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor
-from ..hybrid.predictor import DEFAULT_NETWORK
-from ..identification import PeriodicDisturbanceID
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
@@ -123,7 +121,8 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
-            made.append(StudyModel(label, _two_stage(settings, DisturbanceForecaster(name), memory), note))
+            baseline = _two_stage(settings, DisturbanceForecaster(name), memory).set_params(intervals=False)
+            made.append(StudyModel(label, baseline, note))
     return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
 
 
@@ -146,12 +145,11 @@ def identified_by(settings: Settings) -> str:
 
 def _default_hybrid(settings: Settings) -> StudyModel:
     """The schedule model, with what the settings say of its network and capacities."""
-    made = HybridPredictor(horizon=settings.horizon, random_state=settings.random_state)
-    known = dict(settings.estimator.get("known", {}))
-    if settings.network or known:
-        network = make_network(settings.network) if settings.network else DEFAULT_NETWORK
-        gray_box = PeriodicDisturbanceID(network, known=known)
-        made.set_params(gray_box=gray_box, forecaster=DisturbanceForecaster("linear"))
+    network = make_network(settings.network) if settings.network else None
+    capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
+    made = HybridPredictor(
+        network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
+    )
     return StudyModel(HYBRID, made, "network with learned schedules, blended with ARX, updated at every origin")
 
 
@@ -221,7 +219,7 @@ def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
         If a key is unknown, or has no effect on the schedule model.
     """
     given = {"model": SCHEDULE} | dict(settings.forecaster)
-    made = DisturbanceForecaster()
+    made = DisturbanceForecaster("ridge")
     _refuse_unknown("forecaster", given, made.get_params(deep=False))
     if given["model"] != SCHEDULE:
         return made.set_params(**given)

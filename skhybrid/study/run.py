@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._table import ZoneTable
 from .._threads import one_blas_thread
 from ..model_selection import backtest
 from ..model_selection.tables import read_once, takes_tables
@@ -296,10 +297,14 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
 # ------------------------------------------------------------------------------------- the next day, and the building
 def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
     """Temperature under the known control, with its interval, and the load that holds the set-point."""
-    out = model.forecast(data.history, data.future, quantiles=INTERVAL if has_intervals else None)
+    whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
+    past: Any = data.history
+    ahead: Any = data.future
+    if isinstance(whole, ZoneTable):
+        past, ahead = whole.rows(slice(None, len(past))), whole.rows(slice(len(past), None))
+    out = model.forecast(past, ahead, quantiles=INTERVAL if has_intervals else None)
     heat = delivered_heat(identification, data.future)
     if heat is not None:
-        whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
         load = _in_kilowatts(load, identification, data.future)
         out = out.join(load.drop(columns=["zeta", "T_za"], errors="ignore"))

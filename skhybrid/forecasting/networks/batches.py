@@ -68,22 +68,19 @@ class Kept:
 
     Parameters
     ----------
-    stack : NetworkStack
-        Its networks.
-    values : Tensor of bool, shape (n_networks, *dropout shape)
+    values : Tensor of bool, shape (n_networks, n_layers, width, n_windows)
         Whether a value is kept.
+    shares : Tensor of shape (n_networks,)
+        Share of values that each network drops.
     """
 
-    def __init__(self, stack: NetworkStack, values: Tensor) -> None:
+    def __init__(self, values: Tensor, shares: Tensor) -> None:
         self._values = values
-        self._windows_last = stack.spec.windows_last
-        scales = torch.tensor([1.0 / (1.0 - spec.dropout) for spec in stack.specs], device=values.device)
-        self._scales = scales[:, None, None, None]
+        self._scales = 1.0 / (1.0 - shares[:, None, None, None])
 
     def factors(self, part: slice) -> Tensor:
-        """What hidden values of some windows are multiplied by: 0, or 1 / (1 - share)."""
-        values = self._values[..., part] if self._windows_last else self._values[:, :, part]
-        return values * self._scales
+        """Factors of the hidden values of some windows: 0, or 1 / (1 - share)."""
+        return self._values[..., part] * self._scales
 
 
 def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Generator]) -> Kept | None:
@@ -103,14 +100,13 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
     Kept or None
         None where no network drops.
     """
-    spec = stack.spec
-    if not any(one.dropout for one in stack.specs):
+    shares = [spec.dropout for spec in stack.specs]
+    if not any(shares):
         return None
-    width_axis = 1 if spec.windows_last else 2
-    each = []
-    for one, generator in zip(stack.specs, generators, strict=True):
-        drawn = torch.ones(spec.dropout_shape(n_windows), device=generator.device)
-        if one.dropout:
-            drawn.uniform_(generator=generator)
-        each.append((drawn >= one.dropout).narrow(width_axis, 0, spec.hidden_size))
-    return Kept(stack, torch.stack(each))
+    dropped = [
+        stack.spec.draw_dropped(n_windows, share, generator) if share else None
+        for share, generator in zip(shares, generators, strict=True)
+    ]
+    like = next(one for one in dropped if one is not None)
+    values = torch.stack([torch.zeros_like(like) if one is None else one for one in dropped])
+    return Kept(~values, torch.tensor(shares, device=values.device))

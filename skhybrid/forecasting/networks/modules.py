@@ -5,10 +5,12 @@ A network that is trained alone is a stack of one.  The first axis of every tens
 ====== ================================== =====================================================
 inputs (n_networks, n_windows, ...)       what a window reads (:func:`~.windows.network_inputs`)
 base   (n_networks, n_windows, n_leads)   baseline forecast that is corrected; 0 where there is none
-kept   (n_networks, *dropout shape)       factors of dropout: 0, or 1 / (1 - share); None drops nothing
+kept   (n_networks, n_layers, width,      factors of dropout: 0, or 1 / (1 - share); None drops nothing
+       n_windows)
 ====== ================================== =====================================================
 
-Inputs and forecasts are z-scores.  No network's forecast or gradient contains anything of another's.
+Inside, windows are the last axis: products of narrow layers are faster so, and each gate of a cell is one run of
+memory.  Inputs and forecasts are z-scores.  No network's forecast or gradient contains anything of another's.
 """
 
 from __future__ import annotations
@@ -46,10 +48,10 @@ class NetworkStack(nn.Module):
         self.spec = specs[0]
         if any(one.shape != self.spec.shape for one in specs):
             raise ValueError("networks of a stack must be of equal shape.")
-        self.specs = list(specs)
         self.numbers = list(range(len(specs)))
+        self._set_specs(specs)
         self.layers = layers_of(self.spec)
-        self._shapes = [shape for layer in self.layers for shape in (layer.shape, (layer.n_out,))]
+        self._shapes = [shape for layer in self.layers for shape in (layer.shape, layer.shape[:1])]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
         self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
 
@@ -83,12 +85,12 @@ class NetworkStack(nn.Module):
         Returns
         -------
         dict of str to Tensor
-            ``<layer>.weight`` (n_networks, n_in, n_out), of a convolution (n_networks, n_out, n_in, width), and
+            ``<layer>.weight`` (n_networks, n_out, n_in), of a convolution (n_networks, n_out, n_in, width), and
             ``<layer>.bias`` (n_networks, n_out).
         """
         names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
         pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
-        return {name: piece.unflatten(1, shape) for name, piece, shape in pieces}
+        return {name: piece.view(len(self.flat), *shape) for name, piece, shape in pieces}
 
     @torch.no_grad()
     def set_weights(self, weights: dict[str, Tensor]) -> NetworkStack:
@@ -99,17 +101,23 @@ class NetworkStack(nn.Module):
 
     def keep(self, rows: list[int]) -> None:
         """Remove the networks of all other rows; ``flat`` becomes another parameter."""
-        self.specs = [self.specs[row] for row in rows]
         self.numbers = [self.numbers[row] for row in rows]
+        self._set_specs([self.specs[row] for row in rows])
         self.flat = nn.Parameter(self.flat.detach()[rows])
+
+    def _set_specs(self, specs: Sequence[NetworkSpec]) -> None:
+        """Store the specs, and the activations of neighbours of one kind with their number."""
+        self.specs = list(specs)
+        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in specs)]
+        self._functions = [_ACTIVATIONS[name] for name, _ in runs]
+        self._lengths = [length for _, length in runs]
 
     def activate(self, z: Tensor) -> Tensor:
         """The activation of each network; neighbours of one kind are computed together."""
-        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in self.specs)]
-        if len(runs) == 1:
-            return _ACTIVATIONS[runs[0][0]](z)
-        parts = z.split([length for _, length in runs])
-        return torch.cat([_ACTIVATIONS[name](part) for (name, _), part in zip(runs, parts, strict=True)])
+        if len(self._functions) == 1:
+            return self._functions[0](z)
+        parts = z.split(self._lengths)
+        return torch.cat([function(part) for function, part in zip(self._functions, parts, strict=True)])
 
 
 class MLPStack(NetworkStack):
@@ -117,11 +125,11 @@ class MLPStack(NetworkStack):
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""
-        weights, z = self.weights(), inputs
+        weights, z = self.weights(), inputs.transpose(1, 2)
         for i in range(self.spec.n_layers):
             z = self.activate(dense(weights, f"hidden{i}", z))
             z = z if kept is None else z * kept[:, i]
-        return base + dense(weights, "out", z)
+        return base + dense(weights, "out", z).transpose(1, 2)
 
 
 class CNNStack(NetworkStack):
@@ -133,8 +141,8 @@ class CNNStack(NetworkStack):
         for i in range(self.spec.n_layers + 1):
             z = self._convolve(z, weights[f"conv{i}.weight"], weights[f"conv{i}.bias"])
             z = self.activate(self._pool(z))
-        z = self.activate(dense(weights, "hidden", z.flatten(2)))
-        return base + dense(weights, "out", z if kept is None else z * kept[:, 0])
+        z = self.activate(dense(weights, "hidden", z.flatten(2).transpose(1, 2)))
+        return base + dense(weights, "out", z if kept is None else z * kept[:, 0]).transpose(1, 2)
 
     def _convolve(self, z: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
         """Convolutions (n_networks, n_windows, n_channels, length), on a GPU as groups of one."""
@@ -152,5 +160,5 @@ class CNNStack(NetworkStack):
 
 
 def dense(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
-    """``W z + b`` of every network, (n_networks, n_windows, n_out)."""
-    return torch.baddbmm(weights[f"{name}.bias"][:, None], z, weights[f"{name}.weight"])
+    """``W z + b`` of every network, (n_networks, n_out, n_windows)."""
+    return torch.baddbmm(weights[f"{name}.bias"][:, :, None], weights[f"{name}.weight"], z)

@@ -1,7 +1,7 @@
 """Torch modules of RNN and LSTM (paper Eqs. RNN and LSTM): stacks that decode autoregressively over the horizon.
 
 Step k reads zeta(k - 1) and the columns of row k.  The past is run with the measured disturbance; over the horizon the
-network's own outputs stand in for it.  Inside, windows are the last axis, so that each gate is one run of memory.
+network's own outputs stand in for it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from .modules import NetworkStack
+from .modules import NetworkStack, dense
 
 _State = tuple[Tensor, Tensor]
 
@@ -102,8 +102,8 @@ class RecurrentStack(NetworkStack):
         """Weight (n_networks, n_gates, n_z) of a layer over its inputs, a 1 for the bias, and its hidden state."""
         weight, bias = weights[f"cell{i}.weight"], weights[f"cell{i}.bias"]
         n = self.spec.hidden_size
-        below, hidden = weight.split([weight.shape[1] - n, n], dim=1)
-        return torch.cat([below, bias[:, None], hidden], dim=1).transpose(1, 2)
+        below, hidden = weight.split([weight.shape[2] - n, n], dim=2)
+        return torch.cat([below, bias[:, :, None], hidden], dim=2)
 
     def _step(self, cells: list[Tensor], below: list[Tensor], one: Tensor, states: list[_State]) -> list[_State]:
         """States of all layers after a step; ``below`` is what the first of them reads, with the 1 of its bias."""
@@ -116,7 +116,5 @@ class RecurrentStack(NetworkStack):
 
     def _head(self, weights: dict[str, Tensor], h: Tensor, offset: Tensor, factors: Tensor | None) -> Tensor:
         """``offset + W_xi dropout(phi(W h + b))``, (n_networks, 1, n_windows)."""
-        z = torch.baddbmm(weights["hidden.bias"][:, :, None], weights["hidden.weight"].transpose(1, 2), h)
-        z = self.activate(z)
-        z = z if factors is None else z * factors
-        return torch.baddbmm(offset, weights["out.weight"].transpose(1, 2), z)
+        z = self.activate(dense(weights, "hidden", h))
+        return torch.baddbmm(offset, weights["out.weight"], z if factors is None else z * factors)

@@ -41,36 +41,40 @@ class NetworkSpec(NamedTuple):
         """What networks of a stack must share: all but the activation and the share of dropout."""
         return self._replace(activation="", dropout=0.0)
 
-    @property
-    def windows_last(self) -> bool:
-        """Whether windows are the last axis of hidden values, as in recurrent networks."""
-        return self.kind in N_GATES
+    def draw_dropped(self, n_windows: int, share: float, generator: torch.Generator) -> Tensor:
+        """Draw the hidden values that dropout drops in so many windows.
 
-    def dropout_shape(self, n_windows: int) -> tuple[int, int, int]:
-        """Shape of the draws for the dropout of so many windows.
+        Parameters
+        ----------
+        n_windows : int
+            Windows of an epoch.
+        share : float
+            Share that is dropped.
+        generator : torch.Generator
+            Source of the draws.
 
-        It is (n_layers, n_windows, width); of a CNN, which drops in its head only, one layer; of a recurrent network
-        (n_leads, width, n_windows).
+        Returns
+        -------
+        Tensor of bool, shape (n_layers, hidden_size, n_windows)
+            A CNN drops in one layer, its head; the layers of a recurrent network are the leads.
         """
-        width = rounded_up(self.hidden_size)
-        if self.windows_last:
-            return self.n_leads, width, n_windows
-        return 1 if self.kind == "cnn" else self.n_layers, n_windows, width
+        width, device = rounded_up(self.hidden_size), generator.device
+        if self.kind in N_GATES:
+            drawn = torch.empty(self.n_leads, width, n_windows, device=device).uniform_(generator=generator)
+        else:
+            n_layers = 1 if self.kind == "cnn" else self.n_layers
+            drawn = torch.empty(n_layers, n_windows, width, device=device).uniform_(generator=generator).transpose(1, 2)
+        return (drawn < share)[:, : self.hidden_size]
 
 
 class Layer(NamedTuple):
-    """One layer of a network: its weight, dense (n_in, n_out) or convolution (n_out, n_in, width), and its bias."""
+    """One layer of a network: its weight, dense (n_out, n_in) or convolution (n_out, n_in, width), and its bias."""
 
     name: str
     shape: tuple[int, ...]  # of the weight
     fan_in: int  # weights and biases are drawn within 1 / sqrt(fan_in)
-    drawn_inputs: Tensor  # bool: the drawn rows and columns that a dense weight keeps
+    drawn_inputs: Tensor  # bool: the drawn inputs and outputs that a dense weight keeps
     drawn_outputs: Tensor
-
-    @property
-    def n_out(self) -> int:
-        """Length of the bias."""
-        return self.shape[0] if len(self.shape) == 3 else self.shape[1]
 
     def draw(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Weight and bias, uniform as torch's own default."""
@@ -79,7 +83,7 @@ class Layer(NamedTuple):
             weight = torch.empty(self.shape).uniform_(-bound, bound, generator=generator)
         else:
             drawn = torch.empty(len(self.drawn_inputs), len(self.drawn_outputs))
-            weight = drawn.uniform_(-bound, bound, generator=generator)[self.drawn_inputs][:, self.drawn_outputs]
+            weight = drawn.uniform_(-bound, bound, generator=generator)[self.drawn_inputs][:, self.drawn_outputs].T
         bias = torch.empty(len(self.drawn_outputs)).uniform_(-bound, bound, generator=generator)
         return weight, bias[self.drawn_outputs]
 
@@ -99,8 +103,8 @@ def _all(width: int) -> Tensor:
 
 
 def _dense(name: str, inputs: Tensor, outputs: Tensor, fan_in: int | None = None) -> Layer:
-    shape = (int(inputs.sum()), int(outputs.sum()))
-    return Layer(name, shape, max(shape[0] if fan_in is None else fan_in, 1), inputs, outputs)
+    shape = (int(outputs.sum()), int(inputs.sum()))
+    return Layer(name, shape, max(shape[1] if fan_in is None else fan_in, 1), inputs, outputs)
 
 
 def _mlp_layers(spec: NetworkSpec) -> list[Layer]:

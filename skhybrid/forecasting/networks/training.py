@@ -12,6 +12,7 @@ from skorch import NeuralNet
 from skorch.helper import predefined_split
 from threadpoolctl import ThreadpoolController
 from torch import Tensor
+from torch.nn import functional as F
 
 from .batches import WindowBatches
 from .callbacks import EarlyStoppingPerNetwork, EpochProgress, GradientClippingPerNetwork, TrainingResult
@@ -19,6 +20,8 @@ from .modules import NetworkStack
 from .windows import Windows
 
 _MAX_NORM = 1.0
+#: Windows of a batch that validates, at least.
+_VALIDATED_AT_ONCE = 512
 
 
 class TrainingSettings(NamedTuple):
@@ -36,9 +39,9 @@ class SquaredErrorsPerNetwork(torch.nn.Module):
 
     def forward(self, forecast: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
         """Sums and numbers (n_networks,) for forecasts (n_networks, n_windows, n_leads); unknown targets are NaN."""
-        known = torch.isfinite(target)
-        errors = torch.where(known, forecast - target, 0.0).flatten(1)
-        return (errors * errors).sum(dim=1), known.flatten(1).sum(dim=1)
+        known = ~torch.isnan(target)
+        squares = F.mse_loss(forecast, torch.where(known, target, forecast.detach()), reduction="none")
+        return squares.sum(dim=(1, 2)), known.sum(dim=(1, 2))
 
 
 class StackNet(NeuralNet):
@@ -62,7 +65,9 @@ class StackNet(NeuralNet):
 
     def get_iterator(self, dataset: Windows, training: bool = False) -> WindowBatches:
         """Shuffled batches in training, batches in order otherwise."""
-        return WindowBatches(dataset, self.batch_size, self.module_, self.generators if training else None)
+        if training:
+            return WindowBatches(dataset, self.batch_size, self.module_, self.generators)
+        return WindowBatches(dataset, max(self.batch_size, _VALIDATED_AT_ONCE), self.module_)
 
     def get_loss(self, y_pred: Tensor, y_true: Tensor, X: Any = None, training: bool = False) -> Tensor:
         """Sum of the networks' mean squared errors, which the history records one by one."""

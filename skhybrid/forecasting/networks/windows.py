@@ -144,7 +144,8 @@ class Windows(torch.utils.data.Dataset):
         elif rows.ndim == 1:
             inputs, base, target = (part.expand(len(numbers), *part.shape) for part in _cut(self.tables[0], rows))
         else:
-            inputs, base, target = (part.unflatten(0, rows.shape) for part in _cut(self.tables[0], rows.flatten()))
+            flat = _cut(self.tables[0], rows.flatten())
+            inputs, base, target = (part.view(*rows.shape, *part.shape[1:]) for part in flat)
         return {"inputs": inputs, "base": base}, target
 
 

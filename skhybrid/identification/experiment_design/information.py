@@ -1,9 +1,4 @@
-"""The information that the log of a zone holds about its parameters.
-
-It is that of a Kalman filter with a gain state: the sum over rows of the conditional expectation of the score's square
-given the rows before.  It holds in closed loop too, where the plant answers to the measured room, and its mean over
-runs is Fisher's.
-"""
+"""The information that the log of a zone holds about its parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +16,7 @@ from .zone import CLASSES, Calendar, Zone
 
 #: heat of the plant for which LEVEL_SD was chosen [kW]
 _PLANT = 6.0
-#: parameters of the gain and of the thermometer that an identification has to find beside the network's
+#: parameters of the gain and of the thermometer that an identification finds besides the network's
 NUISANCE = ("tau", *(f"sigma_{c}" for c in CLASSES.names), "sigma_y")
 _HOURS = 24
 
@@ -56,6 +51,10 @@ class Scores(NamedTuple):
 @dataclass(frozen=True)
 class FilterInformation:
     """Information in a log about network, gain and thermometer, by a filter at the prior model.
+
+    It is that of a Kalman filter with a gain state: the sum over rows of the conditional expectation of the score's
+    square given the rows before.  It holds in closed loop too, where the plant answers to the measured room, and its
+    mean over runs is Fisher's.
 
     The order of the unknowns is that of ``free`` (network parameters), :data:`NUISANCE`, and 48 standard normal numbers
     that make the weekly profile.  All but the last are logarithms.

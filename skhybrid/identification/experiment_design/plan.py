@@ -104,7 +104,7 @@ def plan_experiment(
     n_draws: int = 4,
     random_state: Any = None,
 ) -> ExperimentPlan:
-    """Tell how many hours of which set-point perturbation bring every parameter's error under a target.
+    """Find how many hours of which set-point perturbation bring every parameter's error below a target.
 
     The zone is simulated under a thermostat over the whole of ``weather``, once without a perturbation and once for
     every candidate; the information of each log about the parameters follows from exact sensitivities of a Kalman

@@ -1,13 +1,4 @@
-"""Least squares of forecast errors: CONV, ID and OD with ``objective="multi_step"``.
-
-The forecasts start at hourly origins and reach to a horizon, each made as the fitted model makes its own.  They find
-parameters for forecasts, not those of the building: where the disturbance model is wrong, one-step errors are blind to
-what grows over a day.
-
-Forecast errors are not independent.  Forecasts that overlap share the noise of their common rows, so that errors at a
-lead of h hours count as one every h hours, and all leads of one origin together as one.  The Gauss-Newton matrix and
-the weight of the priors use that number of errors.
-"""
+"""Least squares of forecast errors: CONV, ID and OD with ``objective="multi_step"``."""
 
 from __future__ import annotations
 
@@ -23,7 +14,16 @@ from .prediction_errors import PredictionErrorProblem
 
 @dataclass(frozen=True)
 class MultiStepProblem(PredictionErrorProblem):
-    """Least squares of forecast errors; ``n_leads`` and ``first`` are rows: the horizon, and the first origin."""
+    """Least squares of forecast errors; ``n_leads`` and ``first`` are rows: the horizon, and the first origin.
+
+    The forecasts start at hourly origins and reach to a horizon, each made as the fitted model makes its own.  They
+    find parameters for forecasts, not those of the building: where the disturbance model is wrong, one-step errors are
+    blind to what grows over a day.
+
+    Forecast errors are not independent.  Forecasts that overlap share the noise of their common rows, so that errors at
+    a lead of h hours count as one every h hours, and all leads of one origin together as one.  The Gauss-Newton matrix
+    and the weight of the priors use that number of errors.
+    """
 
     n_leads: int = field(kw_only=True)
     first: int = field(kw_only=True)
@@ -124,7 +124,7 @@ class MultiStepProblem(PredictionErrorProblem):
 
     @property
     def overlap(self) -> int:
-        """Days over which the errors of one day and those of another go together."""
+        """Days over which the errors of one day are correlated with those of another."""
         return int(np.ceil(self.n_leads * self.experiment.hours / 24.0)) + 1
 
 

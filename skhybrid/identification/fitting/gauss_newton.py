@@ -1,8 +1,4 @@
-"""Bounded Gauss-Newton (Levenberg-Marquardt) from many starts at once.
-
-All starts advance together, so that a step costs one call of the compiled predictor and a handful of NumPy calls for
-all of them.  Where a start ends does not depend on the others.
-"""
+"""Bounded Gauss-Newton (Levenberg-Marquardt) from many starts at once."""
 
 from __future__ import annotations
 
@@ -51,6 +47,9 @@ def minimise_together(
     tolerance: float,
 ) -> list[Minimum]:
     """Minimise from every start within bounds.
+
+    All starts advance together, so that a step costs one call of the compiled predictor and a handful of NumPy calls
+    for all of them.  Where a start ends does not depend on the others.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def solve_inner(errors: np.ndarray, S: np.ndarray, priors: GainPriors, signs: np
 
 
 def _signed_ridge(normal: np.ndarray, right: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ridge solution whose first coefficients have the given signs (0: free), by an active set; and who is free."""
+    """Ridge solution whose first coefficients have the given signs (0: either), and which are not held at 0."""
     free = np.ones(len(right), dtype=bool)
     gamma = np.zeros(len(right))
     for _ in range(2 * len(signs) + 1):

@@ -1,10 +1,4 @@
-"""Negative log marginal likelihood of the periodic model, with exact derivatives.
-
-The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
-enters the output linearly (capacities, solar areas, the profile, the ventilation) is solved inside by ridge regression
-on the filtered channels; only R, C, the time constant and the standard deviations are searched, with exact
-derivatives.
-"""
+"""Negative log marginal likelihood of the periodic model, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -36,6 +30,11 @@ _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 @dataclass(frozen=True)
 class PeriodicProblem:
     """Negative log marginal likelihood of the periodic model, as a function of the searched parameters.
+
+    The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
+    enters the output linearly (capacities, solar areas, the profile, the ventilation) is solved inside by ridge
+    regression on the filtered channels; only R, C, the time constant and the standard deviations are searched, with
+    exact derivatives.
 
     ``inner`` names the network parameters that are solved inside; ``searched`` are all others that are free, the
     disturbance's own among them; ``fixed`` holds the values of those that are known.  ``priors`` are mean and standard

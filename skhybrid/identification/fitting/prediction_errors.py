@@ -1,12 +1,4 @@
-"""Sum of squared one-step errors of CONV, ID and OD, with exact derivatives.
-
-With every row measured, the errors of a right model soon have one variance, and their plain sum of squares is the
-paper's.  After a missing row they are larger, and a few of them would decide the fit.  Where rows are missing, ID and
-OD therefore divide each error by the factor that the missing rows add to its standard deviation, and multiply all by
-the geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the negative
-Gaussian log-likelihood with the noise level at its optimum, up to a constant.  Where several nodes are measured, each
-error has its own variance, as if the others of the same row were unknown.
-"""
+"""Sum of squared one-step errors of CONV, ID and OD, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -31,6 +23,13 @@ _MEMORY = 2**25
 @dataclass(frozen=True)
 class PredictionErrorProblem:
     """Least-squares problem of CONV, ID or OD.
+
+    With every row measured, the errors of a right model soon have one variance, and their plain sum of squares is the
+    paper's.  After a missing row they are larger, and a few of them would decide the fit.  Where rows are missing, ID
+    and OD therefore divide each error by the factor that the missing rows add to its standard deviation, and multiply
+    all by the geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the
+    negative Gaussian log-likelihood with the noise level at its optimum, up to a constant.  Where several nodes are
+    measured, each error has its own variance, as if the others of the same row were unknown.
 
     ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the
     values of all others.  ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched
@@ -159,7 +158,7 @@ class PredictionErrorProblem:
 
     @property
     def overlap(self) -> int:
-        """Days over which the errors of one day and those of another go together."""
+        """Days over which the errors of one day are correlated with those of another."""
         return 0
 
     @property

@@ -120,7 +120,7 @@ def sample_posterior(
     ValueError
         If ``chains`` is less than 2.
     RuntimeError
-        If the chains disagree (R-hat above 1.05) or are worth fewer than 100 independent draws.
+        If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
     Notes
     -----
@@ -325,7 +325,7 @@ def _refuse_bad(summary: pd.DataFrame) -> None:
 
 
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
-    """Raise RuntimeError where chains disagree, are worth too few draws or diverged.
+    """Raise RuntimeError where chains disagree, have too few effective draws or diverged.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from sklearn.pipeline import Pipeline
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import RECURRENT, resolve_case
-from ...hybrid import HybridPredictor
+from ...hybrid import HybridPredictor, TwoStagePredictor, takes_two_stages
 from .fingerprint import as_plain
 
 #: the parameter of a candidate that is an estimator of its own, fitted and scored on the same splits
@@ -36,7 +36,7 @@ def forecaster_prefix(estimator: Any) -> str:
     """
     if isinstance(estimator, DisturbanceForecaster):
         return ""
-    if isinstance(estimator, HybridPredictor):
+    if isinstance(estimator, HybridPredictor | TwoStagePredictor):
         return "forecaster__"
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
@@ -73,8 +73,7 @@ def model_of(estimator: Any, params: Mapping[str, Any]) -> Any:
 def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:
     """Whether a candidate identifies a thermal network first, which others may share; else it is fitted as a whole."""
     try:
-        made = last_step(clone(estimator).set_params(**clone(dict(params), safe=False)))
-        return isinstance(made, HybridPredictor) and made.scheme == "published"
+        return takes_two_stages(last_step(clone(estimator).set_params(**clone(dict(params), safe=False))))
     except (ValueError, TypeError, AttributeError):  # its fit will say what is wrong
         return False
 

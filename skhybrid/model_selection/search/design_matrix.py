@@ -150,7 +150,7 @@ def design_matrix(
         Cases; each applies to every framework that has a case of this name.  Default, also for frameworks that a
         mapping leaves out: all of the paper's appendix, 21 for MLP and CNN and 17 for RNN and LSTM.
     disturbance : {"input", "output"} or sequence of them
-        ID, OD or both; ``"linear"`` is heat on the zone, of which there is no OD.
+        ID, OD or both.
     size : {"paper", "small"} or dict
         ``"paper"``: all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"``: four sizes per case, the first
         two numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such
@@ -181,7 +181,7 @@ rnn output 612, lstm input 612, lstm output 612)
             raise ValueError(f"disturbance={kind!r} is unknown; use 'input', 'output' or both.")
     chosen, sizes = _cases(models, cases), _sizes(models, size)
     blocks = [
-        MatrixBlock(name, model, chosen[name], [k for k in kinds if model != "linear" or k == "input"], sizes[name])
+        MatrixBlock(name, model, chosen[name], kinds, sizes[name])
         for name, model in models.items()
         if chosen[name] or _network(model) is None
     ]

@@ -7,21 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.isotonic import isotonic_regression
 
 from .._table import ZoneTable
-from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, steps_ahead
+from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
-from .channels import ChannelPlan, part_load_deviation, part_load_name
+from .channels import ChannelPlan
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
+from .part_load import deviation, increasing_curve, knot_name
 from .segment import Segment
 
 #: stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
 _GRID = 101
-#: least slope of a part-load curve, as a share of the proportional one
-_LEAST_SLOPE = 0.5
 #: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
 _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
@@ -144,36 +142,22 @@ def _at_part_load(
         heat = dict(plan.known)[role] * grid
         for stage, knot, capacity in plan.knots:
             if stage == role:
-                slope = coef[names.index(part_load_name(role, knot))] * capacity
-                heat = heat + slope * part_load_deviation(grid, knot, largest[role])
-        proportional = _increasing(heat / full[role], grid)
+                slope = coef[names.index(knot_name(role, knot))] * capacity
+                heat = heat + slope * deviation(grid, knot, largest[role])
+        proportional = increasing_curve(heat / full[role], grid)
         for column in (role, f"{role}_unclipped"):
             stages = out[column].to_numpy()
             out[column] = np.where(stages < grid[-1], np.interp(stages, proportional, grid), stages)
     return out
 
 
-def _increasing(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
-    """The nearest curve that increases everywhere, between the same ends.
-
-    A part-load curve is learned from rooms whose thermostat chose the stage.  Where it is flat or falling, many stages
-    give the same heat, and the first of them may be far below the one at which a building runs.
-    """
-    least = _LEAST_SLOPE * proportional
-    return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
-
-
 def _plant(plan: ChannelPlan, coef: np.ndarray, names: tuple[str, ...]) -> Plant:
     """Stages with their given or fitted capacity; measured heat sets no limit."""
-    most = {role: max(1.0, largest) for role, largest in plan.max_stages}
     capacity = {role: c for role, c in plan.known if role.startswith("u_")}
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
-    heating = tuple((role, q) for role, q in capacity.items() if q > 0)
-    cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
-    beyond = np.inf if any(role.startswith("Q_") for role, _ in plan.known) else 0.0
-    lower = sum(q * most[role] for role, q in cooling) - beyond
-    upper = sum(q * most[role] for role, q in heating) + beyond
-    return Plant(heating, cooling, most, lower, upper)
+    seen = {role: np.array([largest]) for role, largest in plan.max_stages}
+    measured = {role: np.empty(0) for role, _ in plan.known if role.startswith("Q_")}
+    return make_plant(capacity, seen | measured)
 
 
 def _with_emitter(

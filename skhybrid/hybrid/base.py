@@ -1,0 +1,416 @@
+"""Public methods of the hybrid predictors, over a scheme that forecasts the building."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from .._table import ZoneTable, append_tables, concatenate_tables, read_table, read_target
+from .._threads import one_blas_thread
+from .._time import origin_rows, rows_of
+from .._transaction import unchanged_on_failure
+from ..control.setpoints import read_limits, read_setpoint
+from ..forecasting.features import rows_per_day
+from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals
+from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
+from ..thermal import RCNetwork
+from .scheme import Scheme
+from .tables import in_zone_of
+
+
+class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
+    """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
+
+    adapt: str | None
+    columns: Mapping[str, Any] | None
+    sampling_time: Any
+    origin_step: Any
+    max_missing: float
+    _scheme: Scheme
+
+    # ------------------------------------------------------------------------------------------------------- hooks
+    def _make_scheme(self) -> Scheme:
+        """The scheme, unfitted, by the parameters, which it checks."""
+        raise NotImplementedError
+
+    def _reading(self) -> tuple[Mapping[str, Any] | None, Any]:
+        """Columns and sampling time by which tables are read."""
+        return self.columns, self.sampling_time
+
+    def _wants_intervals(self) -> bool:
+        """Whether ``fit`` learns intervals."""
+        return True
+
+    # --------------------------------------------------------------------------------------------------------- fit
+    @unchanged_on_failure
+    @one_blas_thread
+    def fit(self, X: Any, y: Any) -> Self:
+        """Learn from a training table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows by the data contract.
+        y : array-like of shape (n_samples,)
+            Measured zone temperature [degC]; NaN where missing.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If a parameter is unknown or does nothing in the scheme, if the table or the target is refused, and if the
+            network has several measured nodes.
+        """
+        if self.adapt not in (None, "linear", "full"):
+            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+        scheme = self._make_scheme()
+        network = scheme.network
+        if len(network.measured_nodes) > 1:
+            raise ValueError(
+                f"network {network.name} has several measured temperatures; {type(self).__name__} forecasts one zone, "
+                "so fit the identification itself."
+            )
+        table = self._read(X, network, reset=True)
+        target = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        self._check_spans(table.step)
+        self._take(scheme.fit(table.replace(history={"T_za": target})), intervals=self._wants_intervals())
+        return self
+
+    def _take(self, scheme: Scheme, *, intervals: bool) -> None:
+        """Forecast with a scheme that was just fitted, and learn the intervals of its forecasts."""
+        training = scheme.rows.training
+        target = training.history["T_za"]
+        self._scheme, self.scheme_, self.sampling_time_ = scheme, scheme.name, training.step
+        self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
+        self._learned_to = None if training.utc is None else training.utc[-1]
+        self._intervals = None
+        if intervals:
+            n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
+            left_out = scheme.left_out_errors(n_leads)
+            if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
+                self._intervals = intervals_from(left_out, training)
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "_scheme")
+
+    # ------------------------------------------------------------------------------------------------ fitted parts
+    @property
+    def gray_box_(self) -> Any:
+        """The fitted network."""
+        check_is_fitted(self)
+        return self._scheme.gray_box_
+
+    @property
+    def forecaster_(self) -> Any:
+        """The fitted forecaster of the disturbance."""
+        check_is_fitted(self)
+        return self._scheme.forecaster_
+
+    @property
+    def zeta_(self) -> pd.Series:
+        """The training disturbance [kW, or K for an output disturbance]."""
+        check_is_fitted(self)
+        return self._scheme.zeta_
+
+    @property
+    def disturbance_step_(self) -> pd.Timedelta:
+        """Step of the disturbance."""
+        check_is_fitted(self)
+        return self._scheme.disturbance_step_
+
+    @property
+    def weights_(self) -> pd.DataFrame:
+        """Shares of the blend's members by group of leads (schedule model only)."""
+        check_is_fitted(self)
+        return self._scheme.weights_
+
+    def _present_scheme(self) -> Scheme:
+        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
+        return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
+
+    # ----------------------------------------------------------------------------------------------- tables at hand
+    def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
+        columns, sampling_time = self._reading()
+        return read_table(
+            self,
+            X,
+            columns=columns,
+            required=network.required_roles,
+            # weather and plant, and of further boundary temperatures those that the network names
+            needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
+            sampling_time=sampling_time,
+            reset=reset,
+            min_rows=2 if reset else 1,
+            expected_step=None if reset else self.sampling_time_,
+        )
+
+    def _read_X(self, X: Any) -> ZoneTable:
+        table = self._read(X, self._scheme.network, reset=False)
+        # a measured disturbance is not a thing that this estimator reads
+        return table.replace(history={k: v for k, v in table.history.items() if k == "T_za"})
+
+    def _read_following(self, X: Any) -> ZoneTable:
+        """X in the time zone of the known rows, which it continues."""
+        rows = self._scheme.rows
+        return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
+
+    def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
+        rows = self._scheme.rows
+        if not table.follows(rows.latest):
+            return table, 0
+        end = rows.end()
+        return append_tables(end, table), end.n_rows
+
+    def _cold_value(self, table: ZoneTable) -> float:
+        return self._mean if table.T_za is None or not np.isfinite(table.T_za[0]) else float(table.T_za[0])
+
+    # ----------------------------------------------------------------------------------------------------- forecast
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self._present_scheme().forecast(table, origins, n_leads).temperature
+
+    def _learn_intervals(self) -> LeadIntervals:
+        raise ValueError(
+            "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
+            "T_za measured, and with intervals=True."
+        )
+
+    def _first_past(self, table: ZoneTable) -> int:
+        if table.utc is None or self._learned_to is None:
+            return table.n_history
+        # rows taken in since, and not learned from, tell as well, once the filter has had a day to find the state
+        learned = int((table.utc <= self._learned_to).sum())
+        return min(max(learned, rows_per_day(table.step)), table.n_history)
+
+    @one_blas_thread
+    def forecast(
+        self,
+        history: pd.DataFrame | ZoneTable | None,
+        future: pd.DataFrame | ZoneTable,
+        quantiles: Sequence[float] | None = None,
+    ) -> pd.DataFrame:
+        """Forecast from the last row of a history.
+
+        Parameters
+        ----------
+        history : DataFrame, ZoneTable or None
+            Rows up to the origin, with ``T_za``; where it continues the known rows, those come before it.  None: all
+            that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
+        future : DataFrame, or ZoneTable where the history is one
+            The rows to forecast, with the known future inputs; it begins one step after the history.
+        quantiles : sequence of float, optional
+            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
+
+        Returns
+        -------
+        DataFrame
+            Index of ``future``; ``T_za`` [degC] at each stamp and ``zeta`` [kW, or K for an output disturbance] over
+            the step that begins there; with ``quantiles`` a column ``q_0.1`` [degC] for each of them.  With the
+            schedule model ``zeta`` is that of its network; the temperature is that of the blend.
+
+        Raises
+        ------
+        ValueError
+            If the two do not join evenly or a column is missing.
+        """
+        check_is_fitted(self)
+        n_leads = len(future.index)
+        if (history is not None and not len(history.index)) or not n_leads:
+            raise ValueError("history and future need at least one row each.")
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        scheme = self._present_scheme()
+        if history is None:
+            ahead = self._read_future(future)
+            paths = scheme.forecast_ahead(ahead)
+        else:
+            table, origin = self._read_both(history, future)
+            paths = scheme.forecast(table, origin, n_leads)
+        found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
+        if levels is not None:
+            if history is None:
+                table = append_tables(scheme.rows.end(), ahead)
+                origin = np.array([table.n_rows - n_leads - 1])
+            bands = self._quantile_paths(table, origin, n_leads, levels)[0]
+            found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
+        return pd.DataFrame(found, index=future.index)
+
+    def _read_future(self, future: Any) -> ZoneTable:
+        names = list(getattr(self, "feature_names_in_", future.columns))
+        absent = [name for name in names if name not in future.columns and name not in self._past_columns()]
+        if absent:
+            raise ValueError(f"future has no column {absent[0]!r}, which the training table has.")
+        table = self._read_following(future.reindex(columns=names))
+        self._scheme.rows.refuse_unless_following(table)
+        return table
+
+    def _read_both(self, history: Any, future: Any) -> tuple[ZoneTable, np.ndarray]:
+        """History and future as one table, after the known rows where it follows them, and the row of the origin."""
+        if isinstance(history, ZoneTable):
+            if not future.follows(history):
+                raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}.")
+            table, n_tail = self._with_history(concatenate_tables([history, future.replace(history={})]))
+            return table, np.array([n_tail + history.n_rows - 1])
+        stamps = in_zone_of(future.index, history.index)
+        names, past = list(getattr(self, "feature_names_in_", history.columns)), self._past_columns()
+        absent = [n for n in names if n not in future.columns and n in history.columns and n not in past]
+        if absent:
+            raise ValueError(f"future has no column {absent[0]!r}, which history has.")
+        whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
+        for name in past & set(whole.columns):
+            whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
+        table, n_tail = self._with_history(whole)
+        return table, np.array([n_tail + len(history) - 1])
+
+    def _past_columns(self) -> set[str]:
+        """Columns of the measured temperature, which is known up to an origin only."""
+        return {"T_za", (self._reading()[0] or {}).get("T_za", "T_za")}
+
+    # ---------------------------------------------------------------------------------------------------------- load
+    def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
+        """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
+
+        The schedule model asks its network alone, for ARX knows no plant.  It holds a temperature that moves smoothly;
+        of one that does not, such as a measured one, it follows what is not noise (see the user guide).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Heating and cooling columns are read up to each origin only; after it they are what is sought.
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
+            the plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
+            other limit.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
+            (paper Eq. inverseQ2), and ``zeta`` as forecast.
+
+        Raises
+        ------
+        ValueError
+            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
+            the higher.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        here = table.rows(slice(n_tail, None))
+        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
+        origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
+        return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
+
+    # ---------------------------------------------------------------------------------------------- online updating
+    @unchanged_on_failure
+    @one_blas_thread
+    def update(self, X: Any, y: Any = None) -> Self:
+        """Take in new rows without learning from them: the filter and the recent past go on.
+
+        Later forecasts are as if the rows had been part of their history.  It takes the same time whatever came before.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Rows that follow the last known one, of the training table or of the last call, with ``T_za`` as measured,
+            NaN where missing.
+        y : array-like of shape (n_samples,), optional
+            The measured temperature, where X has no ``T_za``.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If the rows do not follow, or hold no measurement; the estimator is then what it was.
+        """
+        check_is_fitted(self)
+        table = self._read_following(X)
+        rows = self._scheme.rows
+        rows.refuse_unless_following(table)
+        if y is not None:
+            target = read_target(rows.in_own_zone(y), table, max_missing=1.0, role="T_za")
+        elif table.T_za is not None:
+            target = table.T_za
+        else:
+            raise ValueError("X has no column 'T_za'; give what was measured there or as y, with NaN where missing.")
+        self._scheme = self._scheme.advanced(table.replace(history={"T_za": target}))
+        return self
+
+    @unchanged_on_failure
+    @one_blas_thread
+    def partial_fit(self, X: Any, y: Any) -> Self:
+        """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
+
+        The schedule model is fitted anew on the last eight weeks, or on as many rows as its first training had where
+        those are more.  In the two-stage scheme, baselines of the disturbance (``model="ridge"`` among them) are fitted
+        again on training and new rows, or on the last weeks alone where those forecast the latest one clearly better;
+        networks keep their weights and the gray box stays as identified, unless ``adapt="full"``.  Intervals stay those
+        of the first training.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Rows that follow the last known one, or a later part of those that :meth:`update` has taken in; what is
+            known already is not taken in twice.
+        y : array-like of shape (n_samples,)
+            Measured zone temperature [degC]; NaN where missing.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            As :meth:`fit` does, and if the rows do not follow; the estimator is then what it was.
+        """
+        if not self.__sklearn_is_fitted__():
+            return self.fit(X, y)
+        table, rows = self._read_following(X), self._scheme.rows
+        target = read_target(rows.in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
+        latest, known = rows.latest.utc, 0
+        if table.utc is not None and latest is not None:
+            known = int((table.utc <= latest[-1]).sum())
+        new = table.replace(history={"T_za": target}).rows(slice(known, None))
+        if new.n_rows:
+            rows.refuse_unless_following(new)
+        self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
+        latest = self._scheme.rows.latest.utc
+        self._learned_to = None if latest is None else latest[-1]
+        return self
+
+    @one_blas_thread
+    def drift(self, X: Any = None) -> pd.DataFrame:
+        """Report day by day whether what was learned still holds; nothing is taken in.
+
+        Each day's temperature (schedule model) or disturbance (two-stage scheme) is compared with its forecast from
+        midnight, without adaptation; the reference are days of the training that were left out of the fit
+        (:class:`~skhybrid.hybrid.DriftMonitor`).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features), optional
+            Rows with ``T_za``, after the training or elsewhere.  By default the rows that :meth:`update` has taken in.
+
+        Returns
+        -------
+        DataFrame
+            One row per whole local day: ``statistic``, ``threshold``, ``drifted``, ``since`` and ``kind``
+            (``"level"``, ``"schedule"``, ``"quiet"``), as known at its end.
+        """
+        check_is_fitted(self)
+        return self._scheme.drift(None if X is None else self._with_history(X)[0])

@@ -1,0 +1,120 @@
+"""The rows that a fitted estimator knows: its training table, and what came after it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import pandas as pd
+
+from .._table import ZoneTable, concatenate_tables, last_rows
+from .._time import spell
+from .tables import KEPT, in_zone_of
+
+#: recent rows that are joined to the older ones at once, as joining costs as much for one row as for many
+_JOINED = 96
+
+
+@dataclass(frozen=True)
+class KnownRows:
+    """A training table and the tables that followed it, with the measured temperature as history ``T_za``.
+
+    It never changes: :meth:`appended` gives another one, in a time that does not depend on how many rows there are.
+    """
+
+    settled: tuple[ZoneTable, ...]  # the training table, then rows that were joined
+    recent: tuple[ZoneTable, ...]  # tables that came since, each as it came
+    n_end: int  # how many of the settled rows belong to the end that serves as history
+    keeps_all: bool  # whether rows between the training table and the end are kept
+
+    @classmethod
+    def of(cls, training: ZoneTable, *, keep_all: bool) -> Self:
+        """The rows of a training table, in arrays of their own."""
+        return cls((_owned(training),), (), min(training.n_rows, _most(training)), keep_all)
+
+    @property
+    def training(self) -> ZoneTable:
+        """The training table."""
+        return self.settled[0]
+
+    @property
+    def tables(self) -> tuple[ZoneTable, ...]:
+        """All tables, in order of time."""
+        return (*self.settled, *self.recent)
+
+    @property
+    def latest(self) -> ZoneTable:
+        """The table that came last."""
+        return self.tables[-1]
+
+    @property
+    def n_rows(self) -> int:
+        """How many rows are kept."""
+        return sum(table.n_rows for table in self.tables)
+
+    def end(self) -> ZoneTable:
+        """The last rows, which serve as history of a table that follows."""
+        return last_rows(self.tables, self.n_end + self._n_recent)
+
+    def whole(self) -> ZoneTable:
+        """All rows as one table."""
+        return concatenate_tables(self.tables)
+
+    def appended(self, table: ZoneTable) -> KnownRows:
+        """These rows and a table that follows them."""
+        longer = replace(self, recent=(*self.recent, _owned(table)))
+        if longer._n_recent < _JOINED:
+            return longer
+        most = _most(table)
+        n_end = min(longer.n_end + longer._n_recent, most)
+        if self.keeps_all:
+            settled = (*self.settled, concatenate_tables(longer.recent))
+        else:
+            settled = (self.training, _owned(last_rows([*self.settled[1:], *longer.recent], most)))
+        return replace(longer, settled=settled, recent=(), n_end=n_end)
+
+    def retrained(self, training: ZoneTable) -> KnownRows:
+        """Rows whose training table is another one, which ends where these end."""
+        n_end = min(self.n_end + self._n_recent, training.n_rows)
+        return replace(self, settled=(training,), recent=(), n_end=n_end)
+
+    @property
+    def _n_recent(self) -> int:
+        return sum(table.n_rows for table in self.recent)
+
+    # ------------------------------------------------------------------------------------------- tables that follow
+    def in_own_zone(self, data: Any) -> Any:
+        """A table or a target in the time zone of these rows."""
+        if not isinstance(data, pd.DataFrame | pd.Series):
+            return data
+        stamps = in_zone_of(data.index, self.latest.index, ("the known table", "X"))
+        return data if stamps is data.index else data.set_axis(stamps)
+
+    def with_own_clock(self, table: ZoneTable) -> ZoneTable:
+        """A table without stamps continues the clock of these rows."""
+        if table.utc is not None or self.latest.utc is not None:
+            return table
+        begin = self.latest.time[-1] + table.step
+        return table.replace(time=pd.date_range(begin, periods=table.n_rows, freq=table.step))
+
+    def refuse_unless_following(self, table: ZoneTable) -> None:
+        """Raise a ValueError if a table does not begin one step after the last known row."""
+        latest = self.latest
+        if (table.utc is None) != (latest.utc is None):
+            raise ValueError("X has time stamps and the training table has none, or the reverse; give both or neither.")
+        if table.utc is not None and not table.follows(latest):
+            raise ValueError(
+                f"X begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one step "
+                f"of {spell(latest.step)} later."
+            )
+
+
+def _owned(table: ZoneTable) -> ZoneTable:
+    """A table in arrays of its own, so that the caller may change theirs."""
+    inputs, history = ({role: v.copy() for role, v in part.items()} for part in (table.inputs, table.history))
+    return table.replace(inputs=inputs, history=history, n_history=0)
+
+
+def _most(table: ZoneTable) -> int:
+    """Rows that the end has at most, without recent ones."""
+    return int(KEPT / table.step)

@@ -1,0 +1,123 @@
+"""SchedulePredictor: schedules of gain and conductance learned through the network, blended with ARX."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..thermal import RCNetwork, get_network
+from .base import BaseHybrid
+from .schedule_scheme import ScheduleScheme
+
+#: network of the schedule model
+DEFAULT_NETWORK = "4R3C"
+
+
+class SchedulePredictor(BaseHybrid):
+    """Day-ahead forecast of temperature and load by the schedule model.
+
+    Schedules of gain and of conductance are learned through the network, on the errors of its forecasts at all leads,
+    and the forecast is blended with ARX.  Nothing is drawn at random.  The user guide has the equations.
+
+    Parameters
+    ----------
+    network : str or RCNetwork, default="4R3C"
+        The thermal network.
+    known : dict of str to float, optional
+        Capacities that are given [kW], such as ``{"Q_h": 6.0}``.  Without one, and without measured heat, all heat is
+        relative: the first stage that runs is taken to have 6 kW.
+    horizon : timedelta-like, default="1D"
+        How far ahead ``predict`` looks; None forecasts from the first row on.
+    adapt : {None, "linear", "full"}, default="full"
+        What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also schedules,
+        other linear coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what
+        was missed one and two weeks ago.  ``"full"``: the network and its filter too are fitted again every ten days
+        of history.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+
+    Attributes
+    ----------
+    scheme_ : str
+        ``"schedule"``.
+    gray_box_ : ScheduledNetwork
+        The fitted network with ``theta_`` (resistances [K/kW], capacitances [kWh/K]), ``disturbance_`` (of its filter),
+        ``coef_`` (by channel) and ``schedule_`` (``gain`` [kW] and ``ua`` [kW/K] by day type and hour).
+    forecaster_ : ScheduledNetwork
+        The same: its schedules forecast the disturbance.
+    weights_ : DataFrame
+        Shares of network, ARX and the rule of the day before by group of leads, as the training has them.
+    zeta_ : Series
+        The training disturbance by the schedules [kW].
+    sampling_time_, disturbance_step_ : Timedelta
+        Steps of the table and of the disturbance, which are the same.
+    intervals_ : LeadIntervals
+        Errors on left-out days of the training, from which quantiles are made.
+
+    Examples
+    --------
+    >>> from skhybrid import SchedulePredictor
+    >>> from skhybrid.datasets import make_office
+    >>> office = make_office(n_days=14, random_state=0)
+    >>> model = SchedulePredictor(known={"Q_h": 6.0}).fit(office.X[:-96], office.y[:-96])
+    >>> model.predict(office.X[-96:]).shape
+    (96,)
+    """
+
+    def __init__(
+        self,
+        network="4R3C",
+        *,
+        known=None,
+        horizon="1D",
+        adapt="full",
+        columns=None,
+        sampling_time=None,
+        origin_step=None,
+        max_missing=0.5,
+    ):
+        self.network = network
+        self.known = known
+        self.horizon = horizon
+        self.adapt = adapt
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.origin_step = origin_step
+        self.max_missing = max_missing
+
+    def _make_scheme(self) -> ScheduleScheme:
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt)
+
+
+def make_schedule_scheme(
+    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None
+) -> ScheduleScheme:
+    """The scheme of the schedule model, unfitted; its network is the 4R3C where none is given.
+
+    Raises
+    ------
+    ValueError
+        If ``known`` gives what is not a capacity, or one that is not a number of the right sign.
+    """
+    found = get_network(DEFAULT_NETWORK if network is None else network)
+    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt)
+
+
+def _capacities(known: dict[str, float]) -> dict[str, float]:
+    for name, value in known.items():
+        if not name.startswith("Q_"):
+            raise ValueError(
+                f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
+                "to fix other parameters of a network."
+            )
+        if not isinstance(value, int | float | np.number) or not np.isfinite(value) or value == 0:
+            raise ValueError(f"known= gives {name} the value {value!r}; it must be a number other than 0 [kW].")
+    return known

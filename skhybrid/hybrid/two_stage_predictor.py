@@ -1,0 +1,258 @@
+"""TwoStagePredictor: the paper's scheme, an identified network driven by a forecast of its disturbance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
+
+from .._threads import one_blas_thread
+from ..forecasting import DisturbanceForecaster
+from ..identification import PeriodicDisturbanceID
+from .base import BaseHybrid
+from .two_stage_scheme import TwoStageScheme, refits_fast
+
+
+class BaseTwoStage(BaseHybrid):
+    """Base of the predictors that take a gray box and a forecaster."""
+
+    def __init__(
+        self,
+        gray_box=None,
+        forecaster=None,
+        *,
+        network=None,
+        known=None,
+        disturbance="input",
+        horizon="1D",
+        adapt="full",
+        intervals=True,
+        memory=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        columns=None,
+        sampling_time=None,
+        origin_step=None,
+        max_missing=0.5,
+    ):
+        self.gray_box = gray_box
+        self.forecaster = forecaster
+        self.network = network
+        self.known = known
+        self.disturbance = disturbance
+        self.horizon = horizon
+        self.adapt = adapt
+        self.intervals = intervals
+        self.memory = memory
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.verbose = verbose
+        self.columns = columns
+        self.sampling_time = sampling_time
+        self.origin_step = origin_step
+        self.max_missing = max_missing
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters, also those of parts (``forecaster__hidden_size``).
+
+        Parameters of a part that was not given are those of the default part.
+
+        Parameters
+        ----------
+        **params : dict
+
+        Returns
+        -------
+        self
+        """
+        nested = {name: value for name, value in params.items() if "__" in name}
+        super().set_params(**{name: value for name, value in params.items() if name not in nested})
+        for part, make in (("gray_box", self._default_gray_box), ("forecaster", self._default_forecaster)):
+            names = [name for name in nested if name.startswith(f"{part}__")]
+            if names and getattr(self, part) is None:
+                self._refuse_nested(part, names[0])
+                setattr(self, part, make())
+        return super().set_params(**nested)
+
+    def _refuse_nested(self, part: str, name: str) -> None:
+        """Raise a ValueError where there is no default part to set a parameter of."""
+
+    def _default_gray_box(self) -> PeriodicDisturbanceID:
+        return PeriodicDisturbanceID()
+
+    def _default_forecaster(self) -> DisturbanceForecaster:
+        return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
+
+    def _reading(self) -> tuple[Mapping[str, Any] | None, Any]:
+        columns, sampling_time = super()._reading()
+        return (
+            columns if columns is not None else getattr(self.gray_box, "columns", None),
+            sampling_time if sampling_time is not None else getattr(self.gray_box, "sampling_time", None),
+        )
+
+    def _wants_intervals(self) -> bool:
+        return bool(self.intervals)
+
+    def _two_stage_scheme(self) -> TwoStageScheme:
+        if self.disturbance not in ("input", "output"):
+            raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
+        return TwoStageScheme(
+            self._gray_box_part(),
+            self._forecaster_part(),
+            disturbance=self.disturbance,
+            adapt=self.adapt,
+            memory=self.memory,
+        )
+
+    def _gray_box_part(self) -> Any:
+        """The gray box, unfitted, with the network and the known parameters of this estimator."""
+        if self.gray_box is None:
+            given = {"network": self.network, "known": self.known}
+            return self._part(self._default_gray_box().set_params(**{k: v for k, v in given.items() if v is not None}))
+        if self.network is not None:
+            raise ValueError("network= does nothing beside a gray_box, which has its own; set it there.")
+        gray_box = self._part(self.gray_box)
+        if self.known is not None:
+            if gray_box.known is not None:
+                raise ValueError("known= does nothing beside a gray_box that has its own; set it there.")
+            gray_box.set_params(known=self.known)
+        return gray_box
+
+    def _forecaster_part(self) -> Any:
+        """The forecaster, unfitted."""
+        if self.forecaster is None:
+            return self._part(self._default_forecaster())
+        part = self._part(self.forecaster)
+        case = getattr(part, "case", None)
+        if refits_fast(part) and case != DisturbanceForecaster().case:
+            raise ValueError(
+                f"forecaster__case={case!r} does nothing with model={part.model!r}, which is no network; leave it out, "
+                "or set forecaster__model to a network."
+            )
+        return part
+
+    def _part(self, given: Any) -> Any:
+        """A clone of a part, with what it can take over from this estimator."""
+        part = clone(given)
+        params = part.get_params(deep=False)
+        passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "verbose": self.verbose or None}
+        wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
+        return part.set_params(**wanted)
+
+    @one_blas_thread
+    def with_forecasters(self, forecasters: Sequence[Any], disturbance: str | None = None) -> list[Self]:
+        """Fit other forecasters on the disturbance of this fitted estimator's network, which is not identified again.
+
+        They forecast to the bit as after a fit of each on the same training table, but have no intervals (two-stage
+        scheme only).
+
+        Parameters
+        ----------
+        forecasters : sequence of estimator
+            Regressors of the disturbance, unfitted; they are cloned.
+        disturbance : {"input", "output"}, optional
+            Of which kind; default is this estimator's own.
+
+        Returns
+        -------
+        list of estimators
+            Fitted, one per forecaster, that share nothing that changes with this estimator or each other.
+
+        Raises
+        ------
+        ValueError
+            If this estimator has taken the schedule model, or rows were taken in since ``fit``.
+        """
+        check_is_fitted(self)
+        scheme = self._scheme
+        if not isinstance(scheme, TwoStageScheme):
+            raise ValueError("the schedule model learns network and disturbance as one, and has no other forecaster.")
+        if scheme.rows.latest is not scheme.rows.training:
+            raise ValueError("rows were taken in since fit; fit again before other forecasters are fitted.")
+        kind = self.disturbance if disturbance is None else disturbance
+        made = [clone(self).set_params(forecaster=one, disturbance=kind) for one in forecasters]
+        read = ("n_features_in_", "feature_names_in_")
+        for one, fitted in zip(made, scheme.with_forecasters([m._forecaster_part() for m in made], kind), strict=True):
+            vars(one).update({name: value for name, value in vars(self).items() if name in read})
+            one._take(fitted, intervals=False)
+        return made
+
+
+class TwoStagePredictor(BaseTwoStage):
+    """Day-ahead forecast of temperature and load by the paper's scheme.
+
+    The gray box is identified, the disturbance that it leaves is estimated (causally, as later in use), averaged over
+    hours and learned by the forecaster; a forecast drives the network with the forecast disturbance (paper Eqs.
+    ID_hybrid and od_hybrid).  The user guide has the equations.
+
+    Parameters
+    ----------
+    gray_box : estimator, optional
+        An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
+    forecaster : estimator, optional
+        A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
+    network : str or RCNetwork, optional
+        Network of the default gray box, "2R2C"; refused beside a ``gray_box``, which has its own.
+    known : dict of str to float, optional
+        Parameters of the gray box that are given, where it has none of its own.
+    disturbance : {"input", "output"}, default="input"
+        Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].
+    horizon : timedelta-like, default="1D"
+        How far ahead ``predict`` looks; None forecasts from the first row on.
+    adapt : {None, "linear", "full"}, default="full"
+        What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
+        ``"linear"``: also, a baseline such as ``"ridge"`` is fitted again on training and history for every full week
+        of history (on its last weeks alone where those forecast the latest one clearly better); networks and other
+        regressors stay as they are.  ``"full"``: forecasts as with ``"linear"``; :meth:`partial_fit` also identifies
+        the network again and trains any forecaster anew, for which the measured rows are kept.
+    intervals : bool, default=True
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`, from forecasters that are fitted without a
+        part of the training: of a baseline without each week, of a network or a regressor without the last quarter,
+        so that False saves the second of its two trainings.
+    memory : str or joblib.Memory, optional
+        Where identifications are kept, so that candidates of a search that share one identify it once.
+    n_jobs : int, optional
+        Passed to a gray box that has none.
+    random_state : int, RandomState or None
+        Passed to parts that have none.
+    verbose : int, default=0
+        1 shows progress.
+    columns : dict of role to column, optional
+        Columns whose names are not their roles; default is the gray box's own ``columns``.
+    sampling_time : timedelta-like, optional
+        Step of tables without time stamps; default is the gray box's own.
+    origin_step : timedelta-like, optional
+        Distance of forecast origins; default = ``horizon``.
+    max_missing : float, default=0.5
+        Highest share of missing measurements.
+
+    Attributes
+    ----------
+    scheme_ : str
+        ``"two-stage"``.
+    gray_box_ : estimator
+        The identified network.
+    forecaster_ : estimator
+        The fitted forecaster of the disturbance.
+    zeta_ : Series
+        The training disturbance by steps of the forecaster [kW or K].
+    sampling_time_, disturbance_step_ : Timedelta
+        Steps of the table and of the disturbance.
+    intervals_ : LeadIntervals
+        Errors on left-out weeks of the training, from which quantiles are made.
+
+    Examples
+    --------
+    >>> from skhybrid import InputDisturbanceID, TwoStagePredictor
+    >>> from skhybrid.datasets import make_office
+    >>> office = make_office(n_days=14, random_state=0)
+    >>> model = TwoStagePredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=2), random_state=0)
+    >>> model.fit(office.X[:-96], office.y[:-96]).predict(office.X[-96:]).shape
+    (96,)
+    """
+
+    def _make_scheme(self) -> TwoStageScheme:
+        return self._two_stage_scheme()
