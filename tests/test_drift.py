@@ -107,7 +107,7 @@ def test_what_comes_back_is_found_where_the_size_says_little():
         own = np.sqrt(np.mean(errors[day] ** 2)) / usual
         counted = errors[day] * min(1.0, 3.0 / own)
         means[weekend] = counted if weekend not in means else 0.7 * means[weekend] + 0.3 * counted
-    np.testing.assert_allclose(monitor.back_, [np.mean(products), np.std(products, ddof=1)], rtol=1e-9)
+    np.testing.assert_allclose(monitor.recurrence_, [np.mean(products), np.std(products, ddof=1)], rtol=1e-9)
 
 
 def test_an_alarm_ends_when_the_errors_are_small_again_and_missing_days_say_nothing():

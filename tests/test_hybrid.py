@@ -194,6 +194,19 @@ def test_future_needs_no_temperature_under_any_name(office):
     pd.testing.assert_frame_equal(without, model.forecast(X[: 7 * DAY], ahead))
 
 
+def test_tables_that_were_read_are_forecast_as_frames_are(hybrid, office):
+    whole = _table.read_table(BaseEstimator(), office.X[: 31 * DAY], reset=True)
+    history, future = whole.rows(slice(30 * DAY)), whole.rows(slice(30 * DAY, None))
+    frames = office.X[: 30 * DAY], office.X[30 * DAY : 31 * DAY]
+    pd.testing.assert_frame_equal(hybrid.forecast(history, future), hybrid.forecast(*frames))
+    with pytest.raises(ValueError, match=r"future begins at 2023-.*, but history ends at"):
+        hybrid.forecast(history, future.rows(slice(1, None)))
+    with pytest.raises(ValueError, match="future has no role 'q_sol'"):
+        hybrid.forecast(history, future.replace(inputs={"T_oa": future.inputs["T_oa"]}))
+    now = deepcopy(hybrid).update(office.X[28 * DAY : 30 * DAY])
+    pd.testing.assert_frame_equal(now.forecast(None, future), deepcopy(now).forecast(None, frames[1]))
+
+
 def test_forecast_in_time_zones(office):
     X, y = (table.tz_localize("America/Chicago") for table in (office.X[: 9 * DAY], office.y[: 9 * DAY]))
     past, ahead = X[: 8 * DAY], X[8 * DAY :]

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._table import ZoneTable, append_tables, concatenate_tables, read_table, read_target
+from .._table import ZoneTable, append_tables, read_table, read_target
 from .._threads import one_blas_thread
 from .._time import origin_rows, rows_of
 from .._transaction import unchanged_on_failure
@@ -20,7 +20,7 @@ from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..thermal import RCNetwork
 from .scheme import Scheme
-from .tables import in_zone_of
+from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 
 class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -31,9 +31,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     sampling_time: Any
     origin_step: Any
     max_missing: float
+    intervals: bool = True  # whether fit learns them
     _scheme: Scheme
 
-    # ------------------------------------------------------------------------------------------------------- hooks
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
         raise NotImplementedError
@@ -41,10 +41,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _reading(self) -> tuple[Mapping[str, Any] | None, Any]:
         """Columns and sampling time by which tables are read."""
         return self.columns, self.sampling_time
-
-    def _wants_intervals(self) -> bool:
-        """Whether ``fit`` learns intervals."""
-        return True
 
     # --------------------------------------------------------------------------------------------------------- fit
     @unchanged_on_failure
@@ -81,7 +77,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
-        self._take(scheme.fit(table.replace(history={"T_za": target})), intervals=self._wants_intervals())
+        self._take(scheme.fit(table.replace(history={"T_za": target})), intervals=self.intervals)
         return self
 
     def _take(self, scheme: Scheme, *, intervals: bool) -> None:
@@ -90,7 +86,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         target = training.history["T_za"]
         self._scheme, self.scheme_, self.sampling_time_ = scheme, scheme.name, training.step
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
-        self._learned_to = None if training.utc is None else training.utc[-1]
+        self._learned_to = scheme.rows.last_stamp
         self._intervals = None
         if intervals:
             n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
@@ -101,7 +97,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
 
-    # ------------------------------------------------------------------------------------------------ fitted parts
     @property
     def gray_box_(self) -> Any:
         """The fitted network."""
@@ -136,7 +131,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
         return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
 
-    # ----------------------------------------------------------------------------------------------- tables at hand
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
         columns, sampling_time = self._reading()
         return read_table(
@@ -154,7 +148,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _read_X(self, X: Any) -> ZoneTable:
         table = self._read(X, self._scheme.network, reset=False)
-        # a measured disturbance is not a thing that this estimator reads
+        # a measured disturbance is not read
         return table.replace(history={k: v for k, v in table.history.items() if k == "T_za"})
 
     def _read_following(self, X: Any) -> ZoneTable:
@@ -185,7 +179,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:
             return table.n_history
-        # rows taken in since, and not learned from, tell as well, once the filter has had a day to find the state
+        # rows taken in since without learning count too, once the filter has had a day to find the state
         learned = int((table.utc <= self._learned_to).sum())
         return min(max(learned, rows_per_day(table.step)), table.n_history)
 
@@ -200,10 +194,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        history : DataFrame, ZoneTable or None
+        history : DataFrame or None
             Rows up to the origin, with ``T_za``; where it continues the known rows, those come before it.  None: all
             that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
-        future : DataFrame, or ZoneTable where the history is one
+        future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
@@ -221,8 +215,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             If the two do not join evenly or a column is missing.
         """
         check_is_fitted(self)
-        n_leads = len(future.index)
-        if (history is not None and not len(history.index)) or not n_leads:
+        n_ahead = len(future.index)
+        if (history is not None and not len(history.index)) or not n_ahead:
             raise ValueError("history and future need at least one row each.")
         levels = None if quantiles is None else read_quantiles(quantiles)
         scheme = self._present_scheme()
@@ -231,42 +225,35 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             paths = scheme.forecast_ahead(ahead)
         else:
             table, origin = self._read_both(history, future)
-            paths = scheme.forecast(table, origin, n_leads)
+            paths = scheme.forecast(table, origin, n_ahead)
         found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
         if levels is not None:
             if history is None:
                 table = append_tables(scheme.rows.end(), ahead)
-                origin = np.array([table.n_rows - n_leads - 1])
-            bands = self._quantile_paths(table, origin, n_leads, levels)[0]
+                origin = np.array([table.n_rows - n_ahead - 1])
+            bands = self._quantile_paths(table, origin, n_ahead, levels)[0]
             found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
         return pd.DataFrame(found, index=future.index)
 
-    def _read_future(self, future: Any) -> ZoneTable:
-        names = list(getattr(self, "feature_names_in_", future.columns))
-        absent = [name for name in names if name not in future.columns and name not in self._past_columns()]
-        if absent:
-            raise ValueError(f"future has no column {absent[0]!r}, which the training table has.")
-        table = self._read_following(future.reindex(columns=names))
+    def _read_future(self, future: pd.DataFrame | ZoneTable) -> ZoneTable:
+        if isinstance(future, ZoneTable):
+            table = self._read_following(unmeasured(future, self._scheme.rows.training))
+        else:
+            names = list(getattr(self, "feature_names_in_", future.columns))
+            refuse_absent(names, future, self._past_columns(), "the training table")
+            table = self._read_following(future.reindex(columns=names))
         self._scheme.rows.refuse_unless_following(table)
         return table
 
     def _read_both(self, history: Any, future: Any) -> tuple[ZoneTable, np.ndarray]:
         """History and future as one table, after the known rows where it follows them, and the row of the origin."""
         if isinstance(history, ZoneTable):
-            if not future.follows(history):
-                raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}.")
-            table, n_tail = self._with_history(concatenate_tables([history, future.replace(history={})]))
-            return table, np.array([n_tail + history.n_rows - 1])
-        stamps = in_zone_of(future.index, history.index)
-        names, past = list(getattr(self, "feature_names_in_", history.columns)), self._past_columns()
-        absent = [n for n in names if n not in future.columns and n in history.columns and n not in past]
-        if absent:
-            raise ValueError(f"future has no column {absent[0]!r}, which history has.")
-        whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
-        for name in past & set(whole.columns):
-            whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
+            whole: Any = join_tables(history, future, self._scheme.rows.training)
+        else:
+            names = list(getattr(self, "feature_names_in_", history.columns))
+            whole = join_frames(history, future, names, self._past_columns())
         table, n_tail = self._with_history(whole)
-        return table, np.array([n_tail + len(history) - 1])
+        return table, np.array([n_tail + len(history.index) - 1])
 
     def _past_columns(self) -> set[str]:
         """Columns of the measured temperature, which is known up to an origin only."""
@@ -382,15 +369,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             return self.fit(X, y)
         table, rows = self._read_following(X), self._scheme.rows
         target = read_target(rows.in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
-        latest, known = rows.latest.utc, 0
-        if table.utc is not None and latest is not None:
-            known = int((table.utc <= latest[-1]).sum())
-        new = table.replace(history={"T_za": target}).rows(slice(known, None))
+        new = rows.without_known(table.replace(history={"T_za": target}))
         if new.n_rows:
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
-        latest = self._scheme.rows.latest.utc
-        self._learned_to = None if latest is None else latest[-1]
+        self._learned_to = self._scheme.rows.last_stamp
         return self
 
     @one_blas_thread

@@ -1,4 +1,4 @@
-"""Weights of several models by lead, from their errors on left-out weeks and on the history so far."""
+"""Blend weights of several models by lead, from their errors on left-out weeks and on the history."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-#: shares of the horizon at which groups of leads end, and at which their weights hold
+#: ends of the groups of leads, and the leads that their weights are those of, as shares of the horizon
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
 #: pull toward prior weights, beside the harmonic mean of the models' squared errors
@@ -48,7 +48,7 @@ def moments(errors: np.ndarray, groups: np.ndarray, share: np.ndarray) -> np.nda
 
 
 def faded(age: np.ndarray) -> np.ndarray:
-    """How much an error counts that many days later; 0 before it was known."""
+    """Weight of an error, by its age [days]; 0 before it was known."""
     return np.where(age >= 0, 0.5 ** (np.maximum(age, 0.0) / _HALF_LIFE), 0.0)
 
 

@@ -1,4 +1,4 @@
-"""When what was learned no longer holds: sequential tests on the size of day-ahead errors, and on what comes back."""
+"""Drift monitor: sequential tests on the size of day-ahead errors, and on their recurrence from day to day."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from scipy.optimize import brentq
 _ALLOWANCE = 0.5
 #: standard errors of the reference mean by which the allowance is larger
 _SURE = 1.65
-#: allowance of the sum of what comes back, whose terms are more skewed than normal ones, and a term's largest value
-_ALLOWANCE_BACK, _MOST_BACK = 1.0, 6.0
-#: share of the mean of earlier days' errors that stays from one day to the next
+#: allowance of the sum of recurrences, which are more skewed than normal variables, and the largest value of one
+_ALLOWANCE_RECURRENCE, _MOST_RECURRENCE = 1.0, 6.0
+#: share of the fading mean of earlier days' errors that is kept from one day to the next
 _MEMORY = 0.7
-#: a day counts in that mean as one whose error is at most so many times the reference's
+#: limit of a day's error in that mean, as a multiple of the reference's
 _LARGEST = 3.0
 #: blocks of a day whose mean errors are compared
 _BLOCKS = 24
@@ -24,13 +24,13 @@ _BLOCKS = 24
 _MOST_CORRELATION = 0.8
 #: a working day that moves less than this share of the usual range is quiet
 _QUIET = 0.4
-#: a day's error counts by its logarithm, which is bounded below by this share of the reference's
+#: least error of a day, as a share of the reference's median, before its logarithm is taken
 _SMALLEST = 0.05
 KINDS = ("", "level", "schedule", "quiet")
 
 
 class DriftMonitor:
-    """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it comes back.
+    """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
     (weekday or weekend), in standard deviations of a sum of such days, so that days that resemble their neighbours
@@ -38,9 +38,9 @@ class DriftMonitor:
     a sum above the threshold.  The allowance is larger by 1.65 standard errors of the reference mean.
 
     A schedule that moves makes errors that need not be larger than the worst of before, but that are alike on all days
-    of a kind.  So a second sum takes the product of each day's hourly errors with the fading mean of those of earlier
-    days of its kind, in units of the reference's mean square, less its mean on the reference days and in their standard
-    deviations.  The larger sum counts.
+    of a kind.  A second sum therefore takes the product of each day's hourly errors with the fading mean of those of
+    earlier days of its kind, in units of the reference's mean square, less its mean on the reference days and in their
+    standard deviations.  The larger sum counts.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ class DriftMonitor:
         Median range of the measured series over a weekday, in its unit.
     threshold_ : float
         Of the statistic.
-    back_ : ndarray of shape (2,)
-        Mean and standard deviation of what comes back on the reference days [-].
+    recurrence_ : ndarray of shape (2,)
+        Mean and standard deviation of the recurrence on the reference days [-].
 
     References
     ----------
@@ -72,12 +72,12 @@ class DriftMonitor:
         self.false_alarms_per_year = false_alarms_per_year
 
     def fit(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> Self:
-        """Take the reference.
+        """Learn from reference days.
 
         Parameters
         ----------
         measured, forecast : DataFrame of shape (n_days, n_steps)
-            One row a day, stamped by it; NaN where missing.  Forecasts of days that the model was not fitted on.
+            One row per day, stamped by it; NaN where missing.  Forecasts of days that the model was not fitted on.
 
         Returns
         -------
@@ -111,13 +111,14 @@ class DriftMonitor:
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
         self._bias = np.nanmean(error, axis=0)
         self._square = float(np.nanmean(error**2)) + 1e-12
-        back, self._usual = self._come_back(error, weekend, [None, None])
-        enough = np.isfinite(back).sum() > 1
-        self.back_ = np.array([np.nanmean(back), np.nanstd(back, ddof=1) + 1e-12]) if enough else np.array([0.0, 1.0])
+        recurrence, self._usual = self._recurrence(error, weekend, [None, None])
+        self.recurrence_ = np.array([0.0, 1.0])
+        if np.isfinite(recurrence).sum() > 1:
+            self.recurrence_[:] = np.nanmean(recurrence), np.nanstd(recurrence, ddof=1) + 1e-12
         return self
 
     def watch(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> pd.DataFrame:
-        """Go through later days.
+        """Test later days, one after the other.
 
         Parameters
         ----------
@@ -135,10 +136,11 @@ class DriftMonitor:
         error = (measured - forecast).to_numpy(dtype=np.float64)
         weekend, span = _weekend(measured), _range(measured)
         excess = (self._score(error) - self.mean_[weekend.astype(int)]) / self.std_ - self.allowance_
-        back, _ = self._come_back(error, weekend, self._usual)
-        returned = np.minimum((back - self.back_[0]) / self.back_[1], _MOST_BACK) - _ALLOWANCE_BACK
+        recurrence, _ = self._recurrence(error, weekend, self._usual)
+        mean, std = self.recurrence_
+        recurring = np.minimum((recurrence - mean) / std, _MOST_RECURRENCE) - _ALLOWANCE_RECURRENCE
         sums, rows = [_Sum(2.0 * self.threshold_), _Sum(2.0 * self.threshold_)], []
-        for day, steps in enumerate(zip(excess, returned, strict=True)):
+        for day, steps in enumerate(zip(excess, recurring, strict=True)):
             for one, step in zip(sums, steps, strict=True):
                 one.add(day, step)
             largest = max(sums, key=lambda one: one.total)
@@ -149,7 +151,7 @@ class DriftMonitor:
             rows.append((largest.total, self.threshold_, drifted, begin, kind))
         return pd.DataFrame(rows, index=measured.index, columns=["statistic", "threshold", "drifted", "since", "kind"])
 
-    def _come_back(
+    def _recurrence(
         self, error: np.ndarray, weekend: np.ndarray, usual: list[np.ndarray | None]
     ) -> tuple[np.ndarray, list[np.ndarray | None]]:
         """(n_days,) products of days with the mean of earlier ones, NaN where either is unknown, and the last means."""
@@ -173,7 +175,7 @@ class DriftMonitor:
         return np.log(np.maximum(_rms(error), self._floor))
 
     def _kind(self, error: np.ndarray, working: np.ndarray) -> str:
-        """What the errors since a change have in common."""
+        """The kind of a drift, by the errors since it began."""
         if np.isfinite(working).any() and np.nanmedian(working) < _QUIET * self.range_:
             return "quiet"
         known = np.isfinite(error).any(axis=0)
@@ -183,13 +185,13 @@ class DriftMonitor:
 
 
 class _Sum:
-    """A sum that never falls below zero, nor rises so far above that it takes long to come back."""
+    """A sum that stays between zero and a limit, so that it can fall again soon."""
 
     def __init__(self, most: float) -> None:
         self.total, self.begin, self._most = 0.0, 0, most
 
     def add(self, day: int, step: float) -> None:
-        """Take in a day; one of which nothing is known says nothing."""
+        """Add a day's step; a day without measurements (NaN) changes nothing."""
         if self.total <= 0.0:
             self.begin = day
         self.total = min(max(0.0, self.total + (step if np.isfinite(step) else 0.0)), self._most)

@@ -11,7 +11,7 @@ from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import spell
 from .tables import KEPT, in_zone_of
 
-#: recent rows that are joined to the older ones at once, as joining costs as much for one row as for many
+#: number of recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 _JOINED = 96
 
 
@@ -46,6 +46,12 @@ class KnownRows:
     def latest(self) -> ZoneTable:
         """The table that came last."""
         return self.tables[-1]
+
+    @property
+    def last_stamp(self) -> pd.Timestamp | None:
+        """The stamp of the last row in UTC; None where there are no stamps."""
+        stamps = self.latest.utc
+        return None if stamps is None else stamps[-1]
 
     @property
     def n_rows(self) -> int:
@@ -96,6 +102,12 @@ class KnownRows:
             return table
         begin = self.latest.time[-1] + table.step
         return table.replace(time=pd.date_range(begin, periods=table.n_rows, freq=table.step))
+
+    def without_known(self, table: ZoneTable) -> ZoneTable:
+        """The rows of a table that come after the last known one."""
+        if table.utc is None or self.last_stamp is None:
+            return table
+        return table.rows(slice(int((table.utc <= self.last_stamp).sum()), None))
 
     def refuse_unless_following(self, table: ZoneTable) -> None:
         """Raise a ValueError if a table does not begin one step after the last known row."""

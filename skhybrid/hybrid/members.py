@@ -229,7 +229,7 @@ class RollingARX:
 
 
 class DayBeforeMember:
-    """The temperature of a day before, the rule that is hard to beat with next to nothing learned."""
+    """The temperature of the day before: a rule that learns nothing and is hard to beat after a short training."""
 
     names: tuple[str, ...] = ("day before",)
     is_rule = True

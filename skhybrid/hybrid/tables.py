@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from .._time import ASSUMED_START
 
 #: the disturbance is forecast by hours (paper 3.3)
 _HOUR = pd.Timedelta("1h")
-#: history that is kept of the rows so far: two weeks, the longest lag of any forecaster, and a day
+#: kept history: two weeks, which is the longest lag of any forecaster, and a day
 KEPT = pd.Timedelta("15D")
 #: stamps that a table without any is given in ``predict``, so that it follows no training table
 ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
@@ -48,6 +49,56 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
         past, ahead = names
         raise ValueError(f"{past} has the time zone {history.tz}, {ahead} {future.tz}; localize the one without.")
     return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
+
+
+def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: set[str]) -> pd.DataFrame:
+    """History and future as one frame, in which the ``past`` columns of the future are missing.
+
+    Raises
+    ------
+    ValueError
+        If the future lacks one of the columns ``names``, or only one of the two has a time zone.
+    """
+    stamps = in_zone_of(future.index, history.index)
+    refuse_absent([name for name in names if name in history.columns], future, past, "history")
+    whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
+    for name in past & set(whole.columns):
+        whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
+    return whole
+
+
+def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> ZoneTable:
+    """History and future as one table, in which nothing of the future is measured.
+
+    Raises
+    ------
+    ValueError
+        If the future does not follow the history, or lacks an input of the training table.
+    """
+    if not future.follows(history):
+        raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; join them.")
+    return concatenate_tables([history, unmeasured(future, training)])
+
+
+def refuse_absent(names: Sequence[Any], future: pd.DataFrame, past: set[str], where: str) -> None:
+    """Raise a ValueError if the future lacks one of the columns ``names``; the ``past`` ones it need not have."""
+    absent = [name for name in names if name not in future.columns and name not in past]
+    if absent:
+        raise ValueError(f"future has no column {absent[0]!r}, which {where} has.")
+
+
+def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
+    """The rows to forecast, of which nothing is measured.
+
+    Raises
+    ------
+    ValueError
+        If an input of the training table is missing.
+    """
+    absent = [role for role in training.inputs if role not in future.inputs]
+    if absent:
+        raise ValueError(f"future has no role {absent[0]!r}, which the training table has.")
+    return future.replace(history={})
 
 
 def utc_of(table: ZoneTable) -> pd.DatetimeIndex:

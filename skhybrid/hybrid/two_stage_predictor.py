@@ -93,9 +93,6 @@ class BaseTwoStage(BaseHybrid):
             sampling_time if sampling_time is not None else getattr(self.gray_box, "sampling_time", None),
         )
 
-    def _wants_intervals(self) -> bool:
-        return bool(self.intervals)
-
     def _two_stage_scheme(self) -> TwoStageScheme:
         if self.disturbance not in ("input", "output"):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")

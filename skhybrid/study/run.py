@@ -298,11 +298,11 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
 def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
     """Temperature under the known control, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
-    past: Any = data.history
-    ahead: Any = data.future
+    parts: tuple[Any, Any] = (data.history, data.future)
     if isinstance(whole, ZoneTable):
-        past, ahead = whole.rows(slice(None, len(past))), whole.rows(slice(len(past), None))
-    out = model.forecast(past, ahead, quantiles=INTERVAL if has_intervals else None)
+        n_past = len(data.history)
+        parts = (whole.rows(slice(n_past)), whole.rows(slice(n_past, None)))
+    out = model.forecast(*parts, quantiles=INTERVAL if has_intervals else None)
     heat = delivered_heat(identification, data.future)
     if heat is not None:
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
