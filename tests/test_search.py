@@ -16,7 +16,7 @@ from sklearn.preprocessing import FunctionTransformer
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID, _table
 from skhybrid.datasets import make_office
-from skhybrid.forecasting import list_cases
+from skhybrid.forecasting import ModelCase, list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
 from skhybrid.model_selection.search import candidates, shared, tasks, workers
 from skhybrid.persistence import load_model, save_model
@@ -460,6 +460,18 @@ def test_a_column_that_no_candidate_reads_may_hold_anything(office):
     expected = clone(search).fit(X, y).cv_results_["mean_test_score"]
     found = search.fit(X.assign(u_heat=np.nan), y).cv_results_["mean_test_score"]
     np.testing.assert_array_equal(found, expected)
+
+
+def test_a_case_without_its_columns_fails_as_it_does_outside_a_search(office):
+    X = office.X[["T_oa", "q_sol"]]
+    case = ModelCase("heating", 1, ("zeta", "i_heat"), ("i_heat",))
+    forecaster = DisturbanceForecaster("mlp", case, max_epochs=1)
+    with pytest.raises(ValueError, match="reads i_heat and i_cool") as alone:
+        forecaster.fit(X, office.heat_gain)
+    search = DesignMatrixSearchCV(forecaster, {"dropout": [0.0]}, cv=CV, error_score="raise", verbose=0)
+    with pytest.raises(ValueError, match="reads i_heat and i_cool") as searched:
+        search.fit(X, office.heat_gain)
+    assert str(searched.value) == str(alone.value)
 
 
 def test_a_network_without_its_libraries_is_refused_before_anything_is_fitted(office, estimator, count, monkeypatch):

@@ -121,7 +121,8 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
-            made.append(StudyModel(label, _two_stage(settings, DisturbanceForecaster(name), memory), note))
+            baseline = _two_stage(settings, DisturbanceForecaster(name), memory).set_params(intervals=False)
+            made.append(StudyModel(label, baseline, note))
     return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
 
 

@@ -22,7 +22,7 @@ from .settings import Settings
 
 #: quantiles of the intervals that are shown: 80 % lie between them
 INTERVAL = (0.1, 0.9)
-#: told before every step: number of the step, number of steps, text
+#: called before every step with its number, the number of steps and a text
 Progress = Callable[[int, int, str], None]
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 
 from .._table import ROLES, role_of
 
-#: `[forecaster] model` that stands for the default of HybridPredictor, which learns schedules through its network
+#: `[forecaster] model` of the default HybridPredictor, the schedule model
 SCHEDULE = "schedule"
 #: `[estimator] name` -> class of the identification
 ESTIMATORS = {

@@ -27,7 +27,7 @@ def last_step(estimator: Any) -> Any:
 
 
 def forecaster_prefix(estimator: Any) -> str:
-    """What stands before a forecaster's parameters, such as ``"forecaster__"``.
+    """Prefix of a forecaster's parameters in an estimator, such as ``"forecaster__"``.
 
     Raises
     ------

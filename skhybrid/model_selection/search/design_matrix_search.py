@@ -251,7 +251,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
             self._rank_stopped_last(outcome.stopped_at)
 
     def _identity(self, candidates: list[dict[str, Any]]) -> pd.DataFrame:
-        """The columns that tell candidates apart."""
+        """The columns that identify candidates."""
         if isinstance(self.matrix, DesignMatrix):
             table = self.matrix.table
             if forecaster_prefix(self.estimator) == "":  # a forecaster alone has no kind of disturbance

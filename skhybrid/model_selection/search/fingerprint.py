@@ -80,8 +80,8 @@ def as_plain(value: Any) -> str:
     """
     if _is_estimator(value):
         params = sorted(value.get_params(deep=False).items())
-        told = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)
-        return f"{_name(type(value))}({told})"
+        inside = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)
+        return f"{_name(type(value))}({inside})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
@@ -90,10 +90,10 @@ def as_plain(value: Any) -> str:
         return repr(value.item())
     if inspect.isroutine(value) or inspect.isclass(value):
         return _name(value)
-    told = repr(value)
-    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in told:
+    text = repr(value)
+    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text:
         return f"{_name(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
-    return told
+    return text
 
 
 def _is_estimator(value: Any) -> bool:

@@ -264,12 +264,12 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
         If settings differ; the message names them.
     """
     names = [name for name in {**known, **given} if known.get(name) != given.get(name)] if known else []
-    told = {name: f"{name} is {known.get(name, 'absent')} there and {given.get(name, 'absent')} here" for name in names}
-    versions = [told.pop(name) for name in names if name.startswith(VERSION)]
-    if told:
-        more = f" and {len(told) - 5} more" if len(told) > 5 else ""
+    shown = {n: f"{n} is {known.get(n, 'absent')} there and {given.get(n, 'absent')} here" for n in names}
+    versions = [shown.pop(name) for name in names if name.startswith(VERSION)]
+    if shown:
+        more = f" and {len(shown) - 5} more" if len(shown) > 5 else ""
         raise ValueError(
-            f"store {path} was made with other data or settings: {'; '.join(list(told.values())[:5])}{more}; give "
+            f"store {path} was made with other data or settings: {'; '.join(list(shown.values())[:5])}{more}; give "
             "another store, or the same data and settings."
         )
     if versions:

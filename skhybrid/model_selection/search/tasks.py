@@ -125,7 +125,8 @@ def identify(
         estimator = given.candidate(params)
         prefix = forecaster_prefix(estimator)
         quick = DisturbanceForecaster("persistence", horizon=last_step(estimator).horizon or "1D")
-        estimator.set_params(**{prefix.removesuffix("__"): quick})
+        outer = prefix.removesuffix("forecaster__")
+        estimator.set_params(**{f"{outer}forecaster": quick, f"{outer}intervals": False})
         fitted = estimator.fit(*given.training_rows(split, [estimator]))
         return {(name, split): IdentifiedNetwork(fitted, None)}
     except Exception:

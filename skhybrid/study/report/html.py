@@ -269,7 +269,7 @@ def _building(parameters: pd.DataFrame, identification: str | None, label: str) 
     )
     return (
         "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
-        "error tells how well the data determine a value."
+        "error shows how well the data determine a value."
         + (
             ""
             if identification is None
