@@ -36,15 +36,14 @@ class LeftOut(NamedTuple):
 class QuantileForecastMixin(RollingForecastMixin):
     """``predict_quantiles`` beside ``predict``.
 
-    A subclass sets ``_intervals`` in ``fit``: what it learned, or None where the training table was too short.
+    A subclass sets ``_intervals`` in ``fit``: what it learned, or None where the training table was too short; nothing
+    is learned later.  ``_no_intervals`` is the error where there are none.
     """
 
     _intervals: LeadIntervals | None
-
-    def _learn_intervals(self) -> LeadIntervals:
-        raise ValueError(
-            "the training table was too short to learn intervals from; fit on two days or more, with T_za measured."
-        )
+    _no_intervals = (
+        "the training table was too short to learn intervals from; fit on two days or more, with T_za measured."
+    )
 
     def _first_past(self, table: ZoneTable) -> int:
         """The first row of a table whose forecasts tell about the present: the first one after the training."""
@@ -55,7 +54,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
-            self._intervals = self._learn_intervals()
+            raise ValueError(self._no_intervals)
         return self._intervals
 
     @one_blas_thread

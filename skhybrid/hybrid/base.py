@@ -16,7 +16,7 @@ from .._time import origin_rows, rows_of
 from .._transaction import unchanged_on_failure
 from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting.features import rows_per_day
-from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals
+from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..thermal import RCNetwork
 from .scheme import Scheme
@@ -170,11 +170,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
-    def _learn_intervals(self) -> LeadIntervals:
-        raise ValueError(
-            "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
-            "T_za measured, and with intervals=True."
-        )
+    _no_intervals = (
+        "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
+        "T_za measured, and with intervals=True."
+    )
 
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:
