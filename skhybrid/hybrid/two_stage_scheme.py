@@ -109,8 +109,8 @@ class TwoStageScheme(Scheme):
         """Schemes that share this one's identification: each as if fitted with that forecaster on the same table."""
         first = self._with(disturbance=disturbance)
         zeta = first._estimate()
-        steps = first.steps if all(map(reads_tables, forecasters)) else frame_of(first.steps)
-        fitted = fit_each(forecasters, steps, first.steps.history["zeta"])
+        alike = all(map(reads_tables, forecasters))
+        fitted = fit_each(forecasters, first.steps if alike else frame_of(first.steps), first.zeta_)
         return [first._with(forecaster=one, forecaster_=one)._begin_aggregation(zeta) for one in fitted]
 
     def _begin_aggregation(self, zeta: np.ndarray) -> Self:
@@ -177,7 +177,9 @@ class TwoStageScheme(Scheme):
         return made._with_steps(join_steps(made.steps, new)) if new.n_rows else made
 
     def _with_steps(self, steps: ZoneTable) -> Self:
-        forecaster = self._refit.fitted(steps) if refits_fast(self.forecaster_) else self.forecaster_
+        forecaster = self.forecaster_
+        if refits_fast(forecaster):  # by a refit of its own: what it keeps is of rows that this scheme may never know
+            forecaster = WeeklyRefit(forecaster).fitted(steps)
         return self._with(
             forecaster_=forecaster,
             steps=steps,

@@ -193,7 +193,8 @@ def test_an_updated_model_can_be_saved(office, fitted, tmp_path):
 # ------------------------------------------------------------------------------------------------ what is refused
 SCHEMES = {
     "schedule": lambda: HybridPredictor(known=KNOWN),
-    "two-stage": lambda: _hybrid(adapt="full"),
+    "two-stage": lambda: _hybrid(adapt="linear"),
+    "two-stage, identified again": lambda: _hybrid(adapt="full"),
 }
 
 
@@ -201,6 +202,11 @@ SCHEMES = {
 def either(request, office):
     model = SCHEMES[request.param]().fit(office.X[:N_TRAIN], office.y[:N_TRAIN])
     return model.update(office.X[N_TRAIN : N_TRAIN + 5])
+
+
+@pytest.fixture
+def places(request, either):
+    return PLACES[request.node.callspec.params["either"]]
 
 
 def _all_that_it_says(model, office):
@@ -260,6 +266,11 @@ PLACES = {
         ("base.intervals_from", "fit"),
         ("known_rows.KnownRows.appended", "update"),
         ("hourly_aggregation.HourlyAggregation.added", "update"),
+        ("weekly_refit.fit_forecaster", "partial_fit"),
+        ("two_stage_scheme.HourlyAggregation.since", "partial_fit"),
+    ),
+    "two-stage, identified again": (
+        ("known_rows.KnownRows.appended", "partial_fit"),
         ("two_stage_scheme.identify_again", "partial_fit"),
         ("two_stage_scheme.fit_forecaster", "partial_fit"),
         ("two_stage_scheme.HourlyAggregation.since", "partial_fit"),
@@ -268,17 +279,18 @@ PLACES = {
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
-def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, office, monkeypatch):
+def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, places, office, monkeypatch):
     """Wherever it is interrupted, and however much it has done by then."""
     model = deepcopy(either)
     before, attributes = _all_that_it_says(model, office), dict(vars(model))
     rows = slice(N_TRAIN + 5, N_TRAIN + 5 + DAY)
+    warmer = office.X[rows].assign(T_za=office.y[rows] + 1.0)  # nothing of these rows must stay
 
     def interrupted(*args, **kwargs):
         raise error
 
-    for place, method in PLACES[model.scheme_]:
-        given = (office.X[rows],) if method == "update" else (office.X[rows], office.y[rows])
+    for place, method in places:
+        given = (warmer,) if method == "update" else (warmer, warmer["T_za"])
         with monkeypatch.context() as patch:
             patch.setattr(f"skhybrid.hybrid.{place}", interrupted)
             with pytest.raises(error):
