@@ -19,7 +19,6 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
-    "Part",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
