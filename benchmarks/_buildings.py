@@ -1,4 +1,4 @@
-"""Buildings, occupancies and set-point plans that the day-ahead forecast is tuned and tested on.
+"""Buildings, occupancies and set-point plans for tuning and testing the day-ahead forecast.
 
 Every building is run twice with the same weather and people: ``irregular`` keeps the model's set-points (a home gets a
 programmable thermostat), ``shifted`` draws new ones every day (a control that the log of ``irregular`` never saw).
@@ -155,7 +155,7 @@ _USES = {
 
 
 def occupy(building: Building, names: dict[str, set[str]], reference: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Irregular schedules of gains in place of reference ones, all from one draw of who is there when."""
+    """Irregular schedules of gains in place of reference ones, all from one draw of presence."""
     rng = np.random.default_rng(building.seed)
     persistence, spread, off, arrival, within, lights, equipment = _USES[building.use]
     level = _ar1(rng, N_DAYS, persistence, spread)
@@ -215,7 +215,7 @@ def _life_at_home(rng: np.random.Generator) -> np.ndarray:
 
 
 def _bursts(rng: np.random.Generator) -> np.ndarray:
-    """Cooking and washing: at most three a day, half an hour to an hour and a half, in units of the installed power."""
+    """Cooking and washing: at most three per day of 0.5 to 1.5 h, in units of the installed power."""
     days = np.zeros((N_DAYS, DAY))
     for day in range(N_DAYS):
         for chance, hour in ((0.5, 7.5), (0.4, 12.5), (0.7, 18.5)):

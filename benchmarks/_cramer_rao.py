@@ -1,4 +1,4 @@
-"""Cramer-Rao bound of the office's parameters where the gain is not measured, but its statistics are known.
+"""Cramer-Rao bound of the office's parameters if the gain is not measured, but its statistics are known.
 
 The measurements are jointly Gaussian: the mean follows from the parameters, the inputs, a weekly profile of unknown
 level and shape and an unknown ventilation; the covariance from the rest of the gain (its variance depends on the hour,

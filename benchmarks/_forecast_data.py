@@ -1,7 +1,7 @@
-"""The logs of the forecast bench: training rows, the rows behind them, and what is known of site, plant and truth.
+"""Logs of the forecast benchmark: training rows, the rows after them, and what is known of site, plant and truth.
 
-A row of the bench is a data set.  The rows behind the training span begin where that ended, so that a model that
-learns on may use the time between training and test; no origin lies before ``start``.
+A row of the benchmark is a data set.  The later rows begin where the training ended, so a model that keeps learning may
+use the time between training and test.  No origin lies before ``start``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from skhybrid.datasets import load_small_office, make_office, read_zone_csv
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 STEP = pd.Timedelta("15min")
-#: weather that a facade model reads beside ``q_sol``, where it was logged; no role of the data contract.
+#: weather that a facade model reads beside ``q_sol``, if it was logged; not a role of the data contract
 BEAM_AND_SKY = ("dni", "dhi")
 #: six weeks of training and two months of test of the small office, a week apart (shared/data/README.md, recipes.md B).
 SEASONS = {
@@ -25,7 +25,7 @@ SEASONS = {
     "winter": ("2018-02-01", "2018-03-14", "2018-03-22", "2018-05-15"),
     "summer": ("2018-06-01", "2018-07-12", "2018-07-20", "2018-09-12"),
 }
-#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, as nobody says where the homes are.
+#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, since the homes' sites are unknown
 CHICAGO, NETHERLANDS = (41.98, -87.92), (52.1, 5.2)
 _BUILDING_COLUMNS = {
     "T_oa": "T_out_degC",
@@ -40,7 +40,7 @@ _HOME_COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd
 
 @dataclass(frozen=True)
 class Truth:
-    """What a simulation knows and no model is given, for training and later rows."""
+    """Quantities that a simulation knows and no model is given, for training and later rows."""
 
     heat_gain: pd.Series  # all unmeasured heat [kW]
     air: pd.Series  # the part of it that outdoor air brings [kW]
@@ -49,26 +49,26 @@ class Truth:
 
 @dataclass(frozen=True)
 class DataSet:
-    """One row of the bench."""
+    """One row of the benchmark."""
 
     name: str
-    train: pd.DataFrame  # one column a role with T_za, and BEAM_AND_SKY where logged
-    later: pd.DataFrame  # the same of the rows behind: history up to start, then the test
+    train: pd.DataFrame  # one column per role with T_za, and BEAM_AND_SKY if logged
+    later: pd.DataFrame  # the same of the rows after it: history up to start, then the test
     start: pd.Timestamp  # no origin before it
     origin_step: str
-    site: tuple[float, float] | None = None  # latitude, longitude [deg] where irradiance is global horizontal
-    known: Mapping[str, float] = field(default_factory=dict)  # capacity that an identification is told
+    site: tuple[float, float] | None = None  # latitude, longitude [deg] if the irradiance is global horizontal
+    known: Mapping[str, float] = field(default_factory=dict)  # capacity that an identification is given
     capacity: Mapping[str, float] = field(default_factory=dict)  # true capacities of stages [kW]
     truth: Truth | None = None
 
     def delivered(self) -> pd.Series | None:
-        """Heat that was delivered in the later rows [kW]; None where a stage is all that was logged."""
+        """Heat delivered in the later rows [kW]; None if only a stage was logged."""
         if "Q_hvac" in self.later:
             return self.later["Q_hvac"]
         return self.later[list(self.capacity)] @ pd.Series(self.capacity) if self.capacity else None
 
     def limits(self) -> tuple[float, float] | None:
-        """The least and most heat that the plant ever gave [kW], for want of a nameplate; None where stages tell."""
+        """The least and most heat of the plant [kW], for lack of a nameplate; None if stages were logged."""
         if "Q_hvac" not in self.later:
             return None
         heat = pd.concat([self.train["Q_hvac"], self.later["Q_hvac"]])
@@ -76,7 +76,7 @@ class DataSet:
 
 
 def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataSet]]:
-    """Loaders by name, each taking a seed; only synthetic data differ by it.
+    """Loaders by name; each takes a seed, which matters for synthetic data only.
 
     Parameters
     ----------
@@ -101,32 +101,32 @@ def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataS
 
 
 def varies(name: str) -> bool:
-    """Whether a data set is drawn anew for every seed."""
+    """Whether a data set differs from seed to seed."""
     return name.startswith("make_office")
 
 
 def group_of(name: str) -> str:
-    """The folder of a further EnergyPlus run (``dev``, ``held``), else nothing."""
+    """The folder of a further EnergyPlus run (``dev``, ``held``), else an empty string."""
     return name.partition(": ")[0] if ": " in name else ""
 
 
 def split(
     name: str,
-    trained: pd.DataFrame,
-    tested: pd.DataFrame,
+    training_run: pd.DataFrame,
+    test_run: pd.DataFrame,
     spans: tuple[str, str, str, str],
     origin_step: str,
     **facts: object,
 ) -> DataSet:
     """Cut training and later rows: first and last day of training, first and last day of the test.
 
-    Where the two come from different runs, one step is left out between them: the temperature jumps there, and no model
-    must take that for something the building did.
+    If the two come from different runs, one step between them is left out: the temperature jumps there, and no model
+    may mistake that for behaviour of the building.
     """
     first, last, start, end = spans
-    train = trained[first:last]
-    behind = train.index[-1] + (STEP if trained is tested else 2 * STEP)
-    later = tested[tested.index >= behind][:end]
+    train = training_run[first:last]
+    first_later = train.index[-1] + (STEP if training_run is test_run else 2 * STEP)
+    later = test_run[test_run.index >= first_later][:end]
     begin = pd.Timestamp(start)
     begin = begin if later.index.tz is None else begin.tz_localize(later.index.tz)
     return DataSet(name, train.copy(), later.copy(), begin, origin_step, **facts)  # type: ignore[arg-type]
@@ -135,12 +135,12 @@ def split(
 # ------------------------------------------------------------------------------------------------------------ loaders
 @lru_cache(maxsize=4)
 def _building_run(path: Path) -> pd.DataFrame:
-    """A year of EnergyPlus: means moved to the start of their step; the stamps say the zone."""
+    """A year of EnergyPlus: means moved to the start of their step; the stamps carry the time zone."""
     return read_zone_csv(path, _BUILDING_COLUMNS, label="right")
 
 
 def office_run(file: str) -> pd.DataFrame:
-    """A run of the small office (irregular, shifted, regular); the shipped autumn where that is all there is."""
+    """A run of the small office (irregular, shifted, regular), or the shipped autumn if there is nothing else."""
     path = SHARED / f"small_office_chicago_{file}.csv"
     if path.is_file():
         return _building_run(path)
@@ -150,9 +150,9 @@ def office_run(file: str) -> pd.DataFrame:
 
 def _office(season: str, file: str, seed: int) -> DataSet:
     name = f"office {season}, " + {"irregular": "same control", "shifted": "new control"}.get(file, "regular occupancy")
-    trained = office_run("irregular" if file == "shifted" else file)
-    tested = office_run(file) if file == "shifted" else trained
-    return split(name, trained, tested, SEASONS[season], "7h", site=CHICAGO)
+    training_run = office_run("irregular" if file == "shifted" else file)
+    test_run = office_run(file) if file == "shifted" else training_run
+    return split(name, training_run, test_run, SEASONS[season], "7h", site=CHICAGO)
 
 
 def read_home(number: int) -> pd.DataFrame:
@@ -188,7 +188,7 @@ def _synthetic(climate: str, seed: int, train_days: int = 28, test_days: int = 2
 
 # ------------------------------------------------------------------------------------------------ further buildings
 def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
-    """A data set a building, season and control of what ``make_buildings.py`` left in a folder."""
+    """One data set per building, season and control of a folder that ``make_buildings.py`` wrote."""
     found: dict[str, Callable[[int], DataSet]] = {}
     for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
         spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
@@ -200,6 +200,6 @@ def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
 
 
 def _fresh_run(name: str, stem: Path, file: str, spans: tuple, site: tuple[float, float], seed: int) -> DataSet:
-    trained = _building_run(stem.with_name(f"{stem.name}_irregular.csv"))
-    tested = trained if file == "irregular" else _building_run(stem.with_name(f"{stem.name}_{file}.csv"))
-    return split(name, trained, tested, spans, "7h", site=site)
+    training_run = _building_run(stem.with_name(f"{stem.name}_irregular.csv"))
+    test_run = training_run if file == "irregular" else _building_run(stem.with_name(f"{stem.name}_{file}.csv"))
+    return split(name, training_run, test_run, spans, "7h", site=site)

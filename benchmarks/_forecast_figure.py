@@ -1,4 +1,4 @@
-"""Figures of the forecast bench: error by hour ahead, and by length of training."""
+"""Figures of the forecast benchmark: error by hour ahead, and by length of training."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from skhybrid.inspection._style import COLORS, grid_or_new, tidy
 
-#: who is drawn; more lines than these hide one another.
+#: models that are drawn; more lines would hide one another
 LINES = ("CONV", "hour-of-week mean", "ridge", ARX, REFITTED, HYBRID, ORACLE, AIR_ORACLE)
 #: the same look in every figure
 STYLES = {
@@ -34,12 +34,12 @@ STYLES = {
     ORACLE: {"color": "#777777", "linestyle": ":"},
     AIR_ORACLE: {"color": "#777777", "linestyle": "-"},
 }
-#: a panel reaches as high as these.
+#: models that set the height of a panel
 _FRAME = ("ridge", ARX, REFITTED, HYBRID)
 
 
 def draw(runs: dict[tuple[str, str], list[Any]], path: Path) -> Path:
-    """Write the picture, whole or not at all."""
+    """Write the figure, complete or not at all."""
     datas = [d for d in dict.fromkeys(data for data, _ in runs) if not group_of(d)]
     axes = grid_or_new(None, len(datas), 4, (3.3, 2.5))
     for ax, data in zip(axes, datas, strict=True):
@@ -50,7 +50,7 @@ def draw(runs: dict[tuple[str, str], list[Any]], path: Path) -> Path:
 
 
 def draw_learning(frame: pd.DataFrame, models: tuple[str, ...], path: Path) -> Path:
-    """Error by days of training, a panel a log: every date a point, their geometric mean the line."""
+    """Error by days of training, one panel per log: one point per date, and a line of their geometric means."""
     logs = list(dict.fromkeys(frame["log"]))
     axes = grid_or_new(None, len(logs), 3, (4.4, 3.0))
     for ax, log in zip(axes, logs, strict=True):
@@ -73,7 +73,7 @@ def draw_learning(frame: pd.DataFrame, models: tuple[str, ...], path: Path) -> P
 
 
 def _saved(axes: np.ndarray, path: Path) -> Path:
-    """Write a figure, whole or not at all."""
+    """Write a figure, complete or not at all."""
     entries: dict[str, Any] = {}
     for ax in axes:
         entries |= {label: handle for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}

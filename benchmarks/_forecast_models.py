@@ -1,12 +1,12 @@
-"""The models of the forecast bench by name, each made for a data set and a seed."""
+"""Models of the forecast benchmark by name, each made for a data set and a seed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from _forecast_baselines import Boosted, Held, LeftAlone, Oracle, Yesterday
 from _forecast_data import BEAM_AND_SKY, DataSet
-from _forecast_rivals import Boosted, Held, LeftAlone, Oracle, Yesterday
 from sklearn.pipeline import make_pipeline
 
 from skhybrid import (
@@ -21,7 +21,7 @@ from skhybrid import (
 
 Make = Callable[[DataSet, int], Any]
 ADAPTING = {None: "hybrid, static", "linear": "hybrid, linear", "full": "hybrid, full"}
-#: the default, of which ratios are told; what they are ratios to; and which of the models are the conventional ones.
+#: the default, whose ratios are reported; what they are ratios to; and the conventional models
 HYBRID, ARX, REFITTED, ORACLE = ADAPTING[HybridPredictor().adapt], "ARX", "ARX re-fitted", "oracle"
 AIR_ORACLE = "oracle with air"
 CONVENTIONAL = ("CONV", "ID alone", "OD alone")
@@ -30,20 +30,20 @@ NETWORK_CASE = {"case": "case01", "n_layers": 1, "activation": "relu", "residual
 
 
 class Model(NamedTuple):
-    """How a model of the bench is made."""
+    """How a model of the benchmark is made."""
 
     make: Make
     group: str = "cheap"  # "cheap", "hybrid" or "networks": what a command runs
-    random: bool = False  # whether it draws random numbers, so that every seed counts
+    random: bool = False  # whether it draws random numbers, so that seeds matter
     facades: bool = False  # whether it reads the irradiance on facades
     applies: Callable[[DataSet], bool] = lambda data: True
 
 
 def bounds_for(data: DataSet) -> dict[str, tuple[float, float]] | None:
-    """The paper's bounds, moved by how much larger the plant is than the 6 kW of the paper's office.
+    """The paper's bounds, scaled by the size of the plant relative to the 6 kW of the paper's office.
 
-    They are those of a room of 57 m2; a school of a hundred times the heat lies far outside them, and a conventional
-    model at its bounds (errors of 8-12 K) would be no rival.  None where only stages were logged.
+    They are those of a room of 57 m2.  A school with a hundred times the heat lies far outside them, and a conventional
+    model at its bounds (errors of 8-12 K) would not be a fair baseline.  None if only stages were logged.
     """
     if "Q_hvac" not in data.train:
         return None
@@ -52,8 +52,8 @@ def bounds_for(data: DataSet) -> dict[str, tuple[float, float]] | None:
     return masses | dict.fromkeys(("R_zw", "R_zo"), (0.1 / k, 40.0 / k)) | {"A_win": (0.1 * k, 25.0 * k)}
 
 
-def _published(forecaster: str, **settings: Any) -> Make:
-    """The paper's scheme around the best identification of the package."""
+def _two_stage(forecaster: str, **settings: Any) -> Make:
+    """The two-stage scheme with the best identification of the package."""
 
     def make(data: DataSet, seed: int) -> Any:
         model = DisturbanceForecaster(model=forecaster, **settings)
@@ -72,7 +72,7 @@ def _alone(identification: type) -> Make:
 
 
 def with_facades(make: Make) -> Make:
-    """The same model behind the irradiance on four facades, from beam and sky where logged, else from global."""
+    """The same model after a transformer that adds irradiance on four facades, from beam and sky if logged."""
 
     def piped(data: DataSet, seed: int) -> Any:
         from skhybrid.preprocessing import FacadeIrradiance  # type: ignore[attr-defined]
@@ -102,9 +102,9 @@ MODELS: dict[str, Model] = {
     "CONV": Model(_alone(GrayBoxRC)),
     "ID alone": Model(_alone(InputDisturbanceID)),
     "OD alone": Model(_alone(OutputDisturbanceID)),
-    "last week's disturbance": Model(_published("last_week")),
-    "hour-of-week mean": Model(_published("profile")),
-    "ridge": Model(_published("ridge")),
+    "last week's disturbance": Model(_two_stage("last_week")),
+    "hour-of-week mean": Model(_two_stage("profile")),
+    "ridge": Model(_two_stage("ridge")),
     "gradient boosting": Model(lambda data, seed: Boosted(random_state=seed)),
     ARX: Model(lambda data, seed: ARXRegressor()),
     "ARX, facades": Model(with_facades(lambda data, seed: ARXRegressor()), facades=True, applies=has_facades),
@@ -112,10 +112,10 @@ MODELS: dict[str, Model] = {
     "ARX re-fitted, facades": Model(
         with_facades(lambda data, seed: ARXRegressor(adapt="refit")), facades=True, applies=has_facades
     ),
-    "MLP": Model(_published("mlp", **NETWORK_CASE), "networks", random=True),
-    "CNN": Model(_published("cnn", **NETWORK_CASE), "networks", random=True),
-    "RNN": Model(_published("rnn", **NETWORK_CASE), "networks", random=True),
-    "LSTM": Model(_published("lstm", **NETWORK_CASE), "networks", random=True),
+    "MLP": Model(_two_stage("mlp", **NETWORK_CASE), "networks", random=True),
+    "CNN": Model(_two_stage("cnn", **NETWORK_CASE), "networks", random=True),
+    "RNN": Model(_two_stage("rnn", **NETWORK_CASE), "networks", random=True),
+    "LSTM": Model(_two_stage("lstm", **NETWORK_CASE), "networks", random=True),
     **{name: Model(_hybrid(adapt), "hybrid") for adapt, name in ADAPTING.items()},
     f"{HYBRID}, facades": Model(
         with_facades(lambda data, seed: HybridPredictor(random_state=seed)), "hybrid", facades=True, applies=has_facades

@@ -1,4 +1,4 @@
-"""How much better one model is than another at the same origins, and how sure that is."""
+"""Ratios of the errors of two models at the same origins, with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from _forecast_store import Errors
 
-#: forecasts of one spell of weather or absence err together: they are drawn together.
+#: errors within one spell of weather or absence are correlated, so they are drawn together
 BLOCK = pd.Timedelta("3D")
 N_DRAWS, LEVEL = 2000, 0.90
 
@@ -37,7 +37,7 @@ def drawn_rows(n: int, length: int, n_draws: int, rng: np.random.Generator) -> n
 
 @lru_cache(maxsize=64)
 def draw_counts(n: int, length: int, seed: int) -> np.ndarray:
-    """(N_DRAWS, n) how often each draw holds each origin: sums over a draw are a product with it."""
+    """(N_DRAWS, n) how often each draw contains each origin; a product with it sums over a draw."""
     rows = drawn_rows(n, length, N_DRAWS, np.random.default_rng(seed))
     flat = (rows + n * np.arange(N_DRAWS)[:, None]).ravel()
     return np.bincount(flat, minlength=N_DRAWS * n).reshape(N_DRAWS, n).astype(np.float64)
@@ -50,12 +50,12 @@ def blocks_of(origin: pd.Index) -> int:
 
 
 def paired(mine: Errors, other: Errors) -> tuple[np.ndarray, np.ndarray, pd.Index]:
-    """Sums of squared errors (n,) of two models at the origins that both forecast.
+    """Sums of squared errors (n,) of two models at their common origins.
 
     Raises
     ------
     ValueError
-        If the two were not compared with the same measurements.
+        If the two models were not compared with the same measurements.
     """
     common = mine.origin[mine.origin.isin(other.origin)]
     rows = [errors.origin.get_indexer(common) for errors in (mine, other)]
@@ -65,14 +65,14 @@ def paired(mine: Errors, other: Errors) -> tuple[np.ndarray, np.ndarray, pd.Inde
 
 
 def ratio(mine: Sequence[Errors], other: Sequence[Errors], key: str) -> Ratio:
-    """Ratio of the errors of two models, over realisations that are drawn each by itself.
+    """Ratio of the errors of two models over realisations, each of which is drawn separately.
 
     Parameters
     ----------
     mine, other : sequence of Errors
-        One a realisation (seed); one alone stands for all.
+        One per realisation (seed); a single one is used for all.
     key : str
-        Data sets of one key (a building and its season) have the same origins drawn, since they share their weather.
+        Data sets with the same key (a building and its season) draw the same origins, because they share their weather.
     """
     size = max(len(mine), len(other))
     sums, draws = np.zeros(2), np.zeros((2, N_DRAWS))
@@ -86,7 +86,7 @@ def ratio(mine: Sequence[Errors], other: Sequence[Errors], key: str) -> Ratio:
 
 
 def geometric_mean(ratios: Sequence[Ratio]) -> Ratio:
-    """The geometric mean of ratios, its draws being those of the ratios together."""
+    """The geometric mean of ratios; its draws are those of the ratios, combined."""
     value = np.exp(np.mean([np.log(r.value) for r in ratios]))
     return with_interval(float(value), np.exp(np.mean([np.log(r.draws) for r in ratios], axis=0)))
 

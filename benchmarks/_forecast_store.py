@@ -1,8 +1,8 @@
-"""One run of the forecast bench, and the folder where runs are kept so that the bench can be filled in pieces.
+"""One run of the forecast benchmark, and the folder of runs, which can be filled in pieces.
 
-A run is a data set, a model and a seed.  It is kept as a CSV file, written whole or not at all, whose first line says
-what it is (JSON behind ``#``); the others hold, for every origin, the sum of squared errors and the number of errors of
-each hour ahead, of the temperature [K] and of the load [kW].
+A run is a data set, a model and a seed.  It is kept as a CSV file, written completely or not at all.  Its first line
+describes the run (JSON after ``#``).  Each further line holds, for one origin, the sum of squared errors and the number
+of errors of each hour ahead, of the temperature [K] or of the load [kW].
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from skhybrid.model_selection import backtest
 
 STORE = Path(__file__).parent / ".forecast"
 HOURS = 24
-#: origins of a load forecast come so often: every hour of the day is reached by every lead.
+#: distance of load origins; 25 h, so that every lead meets every hour of the day
 LOAD_STEP = pd.Timedelta("25h")
 _COLUMNS = [f"{kind}_{hour}" for kind in ("square", "count") for hour in range(1, HOURS + 1)]
 _WARM: set[str] = set()
@@ -42,7 +42,7 @@ class Errors(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A run as it is kept."""
+    """A run, as stored."""
 
     facts: dict[str, Any]  # data, model, seed, tag, fit_seconds, predict_ms, load_mean, date
     temperature: Errors  # [K]
@@ -50,7 +50,7 @@ class Run(NamedTuple):
 
 
 def by_hour(origin: Any, hour: Any, error: Any) -> Errors:
-    """Gather errors, one an element, by origin and hour ahead (1 ... 24); NaN and later hours are left out.
+    """Sum squared errors by origin and hour ahead (1 ... 24); NaN and later hours are left out.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def assess(data: DataSet, name: str, spec: Model, seed: int, tag: str) -> Run:
 
 
 def _warm(model: Any, train: pd.DataFrame) -> None:
-    """Have everything compiled and loaded before the clock starts."""
+    """Compile and load everything before the clock starts."""
     rows = train.iloc[: 5 * 96]
     with contextlib.suppress(Exception):  # too short for this model: then the first run is slower
         model.fit(rows, rows["T_za"])
@@ -108,9 +108,9 @@ def _warm(model: Any, train: pd.DataFrame) -> None:
 
 
 def load_errors(model: Any, data: DataSet, later: pd.DataFrame) -> tuple[Errors | None, float]:
-    """Error of the heat that would have held the measured temperature, and the mean size of the heat delivered [kW].
+    """Error of the heat that would have held the measured temperature, and the mean of the delivered heat [kW].
 
-    As in a study (``skhybrid.study``), the measured temperature stands in for the set-point.
+    As in a study (``skhybrid.study``), the measured temperature is the set-point.
     """
     delivered = data.delivered()
     if delivered is None or (data.truth is not None and hasattr(model, "truth")):
@@ -134,7 +134,7 @@ def _wall(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
 
 
 def _predicted_load(model: Any, rows: pd.DataFrame, setpoint: pd.Series, origins: np.ndarray, data: DataSet) -> Any:
-    """The load with the state taken at the origins, or None of a model that predicts none."""
+    """The load from the states at the origins, or None if the model predicts no load."""
     if isinstance(model, Pipeline):
         model, rows = model[-1], model[:-1].transform(rows)
     if hasattr(model, "load_from"):
@@ -201,6 +201,6 @@ def read_runs(store: Path = STORE) -> Iterator[Run]:
 
 
 def is_done(data: str, model: str, seed: int, tag: str | None, store: Path = STORE) -> bool:
-    """Whether a run is kept, and by this tag where one is given."""
+    """Whether a run is kept, with this tag if one is given."""
     path = path_of(data, model, seed, store)
     return path.is_file() and tag in (None, read_facts(path)["tag"])

@@ -1,4 +1,4 @@
-"""Tables and figure of the forecast bench, from the runs that are kept."""
+"""Tables and figure of the forecast benchmark, from the runs that are kept."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Runs = dict[tuple[str, str], list[Run]]
 
 
 def gathered(runs: Iterable[Run]) -> Runs:
-    """Runs by data set and model, in the order of the bench; one a seed."""
+    """Runs by data set and model, in the order of the benchmark; one per seed."""
     found: Runs = {}
     for run in runs:
         found.setdefault((run.facts["data"], run.facts["model"]), []).append(run)
@@ -47,12 +47,12 @@ def gathered(runs: Iterable[Run]) -> Runs:
 
 
 def rmse(errors: Errors, hours: slice = slice(None)) -> float:
-    """Root mean squared error of some of the hours ahead, by default of all."""
+    """Root mean squared error over some hours ahead, by default over all."""
     return float(np.sqrt(errors.square[:, hours].sum() / errors.count[:, hours].sum()))
 
 
 def family(data: str) -> str:
-    """Building and season: what data sets share that differ by control alone."""
+    """Building and season, shared by data sets that differ in their control only."""
     return data.split(",")[0]
 
 
@@ -67,7 +67,7 @@ def compared(runs: Runs, model: str, other: str) -> dict[str, Ratio]:
 
 # ------------------------------------------------------------------------------------------------------------ numbers
 def summary(runs: Runs) -> pd.DataFrame:
-    """A row a data set and model: everything that ``forecast.csv`` holds."""
+    """One row per data set and model: the contents of ``forecast.csv``."""
     models = dict.fromkeys(model for _, model in runs)
     ratios = {other: {m: compared(runs, m, other) for m in models} for other in (ARX, REFITTED)}
     rows = []
@@ -122,7 +122,7 @@ def load_cell(mine: list[Run]) -> str:
 
 
 def ratio_table(runs: Runs, other: str, keep: Callable[[str], bool]) -> pd.DataFrame:
-    """Ratios of all models to one, with a geometric mean where a model has every data set of the table."""
+    """Ratios of all models to one, with a geometric mean if a model has every data set of the table."""
     datas = list(dict.fromkeys(data for data, model in runs if keep(data) and (data, other) in runs))
     rows = {}
     for model in _in_order(list(dict.fromkeys(model for data, model in runs if data in datas))):
@@ -134,7 +134,7 @@ def ratio_table(runs: Runs, other: str, keep: Callable[[str], bool]) -> pd.DataF
 
 
 def by_lead(runs: Runs, keep: Callable[[str], bool]) -> pd.DataFrame:
-    """Error by hour ahead, the geometric mean of the data sets, of the models that have them all."""
+    """Error by hour ahead, the geometric mean over data sets, for models that have them all."""
     datas = {data for data, _ in runs if keep(data)}
     rows = {}
     for model in _in_order(list(dict.fromkeys(m for _, m in runs))):
@@ -148,7 +148,7 @@ def by_lead(runs: Runs, keep: Callable[[str], bool]) -> pd.DataFrame:
 
 
 def goals(runs: Runs) -> pd.DataFrame:
-    """What the default reaches of what it is asked for, on every data set."""
+    """The default beside its targets, on every data set."""
     rows: dict[str, dict[str, str]] = {}
     asked = (
         (ARX, 0.85),
@@ -221,7 +221,7 @@ def _is_of(group: str, data: str) -> bool:
 
 
 def _group_tables(runs: Runs, label: str, keep: Callable[[str], bool]) -> dict[str, pd.DataFrame]:
-    """Errors, ratios and loads of the data sets of one kind; of many data sets a row each."""
+    """Errors, ratios and loads of the data sets of one kind; many data sets become rows."""
     tables = {f"RMSE [K], {label}": crossed(runs, keep, error_cell)}
     for other in (ARX, REFITTED):
         if any(keep(data) and model == other for data, model in runs):

@@ -1,13 +1,12 @@
-"""Cramer-Rao bound of the office's parameters where the gain is modelled as the estimator models it, and unknown.
+"""Cramer-Rao bound of the office's parameters if the gain is unknown and follows the estimator's model of it.
 
-The measurements are jointly Gaussian.  Beside the network's parameters everything that describes the gain is unknown,
-with no more known of it than the estimator's priors: the profile and the ventilation, which are in the mean, and the
-time constant, the sixteen standard deviations, the factors of the days and the thermometer's noise, which are in the
-covariance.  They are put where they fit the office's true building best.  The bound is that of data which such a gain
-made; a true gain is another one.
+The measurements are jointly Gaussian.  Besides the network's parameters, everything that describes the gain is unknown,
+up to the estimator's priors: the profile and the ventilation, which are in the mean, and the time constant, the sixteen
+standard deviations, the factors of the days and the thermometer's noise, which are in the covariance.  Their values are
+those that fit the office's true building best.  The bound is for data with such a gain; the true gain differs.
 
-Dense matrices and SciPy only.  ``python benchmarks/_information.py`` holds it to the spread of the estimates from
-drawn measurements.
+Dense matrices and SciPy only.  ``python benchmarks/_information.py`` compares the bound with the spread of
+estimates from drawn measurements.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ def profile_columns() -> np.ndarray:
 
 
 def fitted_gain(office) -> dict[str, float]:
-    """What describes the gain, where it makes the measurements likeliest beside the true building.
+    """Parameters of the gain that make the measurements most likely, given the true building.
 
     Logarithms of time constant, standard deviations and factors; levels [kW], standardised waves, ventilation [kW/K].
     """
@@ -128,7 +127,7 @@ def information(office, gain: dict[str, float], step: float = 1e-3) -> pd.DataFr
 
 
 def bound(office, gain: dict[str, float] | None = None) -> pd.Series:
-    """Standard deviations of the relative errors [%] where the gain's description is unknown too."""
+    """Standard deviations of the relative errors [%] if the parameters of the gain are unknown too."""
     found = information(office, fitted_gain(office) if gain is None else gain)
     total = found.to_numpy() + np.diag([prior_precision(name) for name in found])
     return pd.Series(100 * np.sqrt(np.diag(np.linalg.inv(total)))[: len(NAMES)], index=list(NAMES))

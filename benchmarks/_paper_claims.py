@@ -1,4 +1,4 @@
-"""What the paper's section 2 states: its Table 1, and its sentences as predicates on the numbers of a run."""
+"""Statements of the paper's section 2: its Table 1, and its sentences as predicates on the numbers of a run."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ THREE = ("CONV", "ID", "OD")
 
 
 def _over(model: str, *names: str) -> tuple[Claim, ...]:
-    """One claim a parameter: the model overestimates it."""
+    """One claim per parameter: the model overestimates it."""
     return tuple(
         Claim(
             "Table 1",
@@ -236,7 +236,7 @@ def judge(claims: tuple[Claim, ...], runs: list[pd.DataFrame]) -> pd.DataFrame:
     -------
     DataFrame
         A row a claim, index ``where``; columns ``the paper says``, ``here`` and ``the paper's numbers``, the last two
-        with the verdict and the medians behind it.
+        with the verdict and its medians.
     """
     rows = []
     for claim in claims:
@@ -249,7 +249,7 @@ def judge(claims: tuple[Claim, ...], runs: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def verdict(count: int, n: int) -> str:
-    """In words, from how many of the runs a statement holds in."""
+    """The verdict in words, from the number of runs in which a statement holds."""
     if count in (0, n):
         return "holds" if count else "does not hold"
     return f"holds in {count} of {n}"

@@ -36,7 +36,7 @@ def draw_all(case: Any, works: dict[str, Any], fitted: dict[str, Any], runs: lis
 
 
 def weeks(series: pd.Series) -> pd.DataFrame:
-    """Hourly means, a row an hour of the week and a column a week."""
+    """Hourly means, one row per hour of the week and one column per week."""
     hourly = series.resample("1h").mean()
     hours = hourly.index.day_of_week * 24 + hourly.index.hour
     number = (hourly.index - hourly.index[0]).days // 7
@@ -45,7 +45,7 @@ def weeks(series: pd.Series) -> pd.DataFrame:
 
 
 def save(figure: Any, name: str) -> Path:
-    """Write a PNG, whole or not at all."""
+    """Write a PNG, completely or not at all."""
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"paper_{name}.png"
     part = path.with_suffix(".part")
@@ -64,7 +64,7 @@ def draw_responses(truth: dict[str, float], fitted: dict[str, Any]) -> None:
 
 
 def draw_parameters(runs: list[pd.DataFrame]) -> None:
-    """Each parameter as a factor of the truth: a dot a seed, a cross the paper's rescaled number."""
+    """Each parameter as a factor of the truth: one dot per seed, and a cross for the paper's rescaled number."""
     figure, ax = plt.subplots(figsize=(9, 3.8), layout="constrained")
     for j, name in enumerate(MODELS):
         place = np.arange(len(FREE)) + 0.18 * (j - 1.5)
@@ -105,7 +105,7 @@ def draw_days(case: Any, predicted: dict[str, pd.Series], name: str, origin_days
 
 
 def draw_runtime(case: Any, works: dict[str, Any]) -> None:
-    """Hourly cooling runtime that holds the measured temperature, a panel a model, over the measured one."""
+    """Hourly cooling runtime that holds the measured temperature, one panel per model, over the measured one."""
     true = case.office.X["u_cool"][case.test].resample("1h").mean()
     figure, axes = plt.subplots(len(MODELS), 1, sharex=True, sharey=True, figsize=(10, 7), layout="constrained")
     for ax, name in zip(axes, MODELS, strict=True):

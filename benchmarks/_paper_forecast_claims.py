@@ -1,4 +1,4 @@
-"""What the paper's sections 4.3, 4.4 and 5 state of forecasts, as predicates on the numbers of a run."""
+"""Statements of the paper's sections 4.3, 4.4 and 5 on forecasts, as predicates on the numbers of a run."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pandas as pd
 
 #: the paper's two approaches, and ours: all on the same log
 CONVENTIONAL = "conventional OD"
-HYBRIDS = {"published here": "hybrid OD, LSTM", "default here": "default"}
+HYBRIDS = {"two-stage here": "hybrid OD, LSTM", "default here": "default"}
 #: a forecast that follows the measured profile correlates with it by more than this
 PROFILE = 0.5
 #: an error is not negligible from here on: five times the noise of the simulated sensor [K]
 NEGLIGIBLE = 0.15
 
-#: numbers that differ by a smaller share are alike
+#: numbers that differ by a smaller share count as equal
 ALIKE = 0.02
 
 Pair = Callable[[str, str], float]  # of "c" (conventional) or "h" (hybrid) and a quantity
@@ -132,7 +132,7 @@ WHY = {
 
 
 def judge(claims: tuple[Claim, ...], runs: dict[str, list[pd.DataFrame]]) -> pd.DataFrame:
-    """Which statements hold, for the published scheme and for the default, with the numbers.
+    """Which statements hold, for the two-stage scheme and for the default, with the numbers.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def judge(claims: tuple[Claim, ...], runs: dict[str, list[pd.DataFrame]]) -> pd.
 
 
 def verdict(count: int, n: int) -> str:
-    """In words, from how many of the runs a statement holds in."""
+    """The verdict in words, from the number of runs in which a statement holds."""
     if count in (0, n):
         return "holds" if count else "does not hold"
     return f"holds in {count} of {n}"

@@ -35,10 +35,10 @@ class Log(NamedTuple):
     """A thermostat log cut into training and what follows, with the heat that was delivered."""
 
     train: pd.DataFrame  # roles, T_za among them
-    after: pd.DataFrame  # the rows behind it without a gap
+    after: pd.DataFrame  # the rows after it, without a gap
     test_start: pd.Timestamp  # first forecast; rows of ``after`` before it are history
-    capacity: Mapping[str, float] | None  # stage -> kW; None where the log holds the heat itself
-    known: Mapping[str, float] | None  # what a published identification is given
+    capacity: Mapping[str, float] | None  # stage -> kW; None if the log holds the heat itself
+    known: Mapping[str, float] | None  # given to an identification
     band: pd.DataFrame | None  # heating and cooling set-point of ``after`` [degC]
     theta: Mapping[str, float] | None  # the true network, where there is one
 
@@ -111,7 +111,7 @@ class Conventional:
         return self.gray_box.drive(X, origins, np.zeros((len(origins), PER_DAY)))
 
     def predict_load(self, X: pd.DataFrame, setpoint: Any) -> pd.DataFrame:
-        """The load, sought anew from the measurements at every midnight (paper Eq. inverseQ2)."""
+        """The load, computed again from the measurements at every midnight (paper Eq. inverseQ2)."""
         origins = np.union1d([0], midnights(X.index))
         longest = int(np.diff(np.append(origins, len(X))).max())
         return self.gray_box.required_heat(X, setpoint, origins, np.zeros((len(origins), longest)))
@@ -128,12 +128,12 @@ def _lstm(gray_box: Any, seed: int, **settings: Any) -> HybridPredictor:
     return HybridPredictor(gray_box, network, adapt=None, random_state=seed, **settings)
 
 
-def _linear(gray_box: Any, model: str, seed: int) -> HybridPredictor:
+def _with_baseline(gray_box: Any, model: str, seed: int) -> HybridPredictor:
     return HybridPredictor(gray_box, DisturbanceForecaster(model), adapt=None, random_state=seed)
 
 
 def methods(log: Log, seed: int) -> dict[str, Callable[[], Any]]:
-    """Unfitted models by name, each made when it is called for."""
+    """Makers of unfitted models, by name."""
 
     def identify(kind: type) -> Any:
         return kind(known=log.known, n_starts=STARTS, random_state=seed)
@@ -143,8 +143,8 @@ def methods(log: Log, seed: int) -> dict[str, Callable[[], Any]]:
         "conventional ID": lambda: Conventional(identify(InputDisturbanceID)),
         "conventional OD": lambda: Conventional(identify(OutputDisturbanceID)),
         "hybrid OD, LSTM": lambda: _lstm(identify(OutputDisturbanceID), seed),
-        "hybrid OD, profile": lambda: _linear(identify(OutputDisturbanceID), "profile", seed),
-        "hybrid OD, ridge": lambda: _linear(identify(OutputDisturbanceID), "ridge", seed),
+        "hybrid OD, profile": lambda: _with_baseline(identify(OutputDisturbanceID), "profile", seed),
+        "hybrid OD, ridge": lambda: _with_baseline(identify(OutputDisturbanceID), "ridge", seed),
         "default": lambda: HybridPredictor(random_state=seed),
     }
     if seed == 0 and log.band is not None:  # networks train for long: their variants once, on the simulated buildings

@@ -17,7 +17,7 @@ from _report import RESULTS
 
 from skhybrid.inspection._style import COLORS, MEASURED, shared_legend, tidy, time_axis
 
-#: what is drawn, and under which name
+#: methods that are drawn, and their labels
 DRAWN = {"conventional OD": "conventional", "hybrid OD, LSTM": "hybrid, LSTM", "default": "hybrid, default"}
 STYLE = {
     "conventional OD": {"color": COLORS[1], "linestyle": "--"},
@@ -43,7 +43,7 @@ def draw_all(shown: dict[str, tuple[Log, dict[str, pd.DataFrame]]], runs: dict[s
 
 
 def save(figure: Any, name: str) -> Path:
-    """Write a PNG, whole or not at all."""
+    """Write a PNG, completely or not at all."""
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"paper_forecast_{name.replace(' ', '_')}.png"
     part = path.with_suffix(".part")
@@ -103,7 +103,7 @@ def _mark_day(ax: Any, rows: pd.DataFrame, said: dict[str, pd.DataFrame], day: p
 
 
 def draw_windows(runs: dict[str, list[pd.DataFrame]]) -> None:
-    """Temperature above and load below: RMSE by 6-hour window, a column a log, dots the seeds."""
+    """Temperature above and load below: RMSE by 6-hour window, one column per log, one dot per seed."""
     figure, axes = plt.subplots(2, len(runs), figsize=(2.5 * len(runs) + 1, 5.2), layout="constrained", squeeze=False)
     place = np.arange(len(WINDOWS))
     for column, (name, frames) in enumerate(runs.items()):

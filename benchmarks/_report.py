@@ -1,4 +1,4 @@
-"""Tables that a benchmark leaves behind: what, with which command, on which machine, when."""
+"""Result tables of a benchmark, with its command, machine and date."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RESULTS = Path(__file__).parent / "results"
 def write_table(
     name: str, title: str, command: str, tables: dict[str, pd.DataFrame], note: str = "", folder: Path = RESULTS
 ) -> Path:
-    """Write tables as Markdown, whole or not at all."""
+    """Write tables as Markdown, completely or not at all."""
     cores = os.cpu_count()
     lines = [f"# {title}", "", f"`{command}`, {datetime.date.today()}, {platform.machine()}, {cores} cores, "]
     lines[-1] += f"Python {platform.python_version()}."

@@ -1,4 +1,4 @@
-"""What the paper's 4.2 found in its design matrix, as predicates on the numbers of ours."""
+"""Findings of the paper's section 4.2 as predicates on our numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pandas as pd
 
 CASE01 = "DEEP_AR_LSTM_FORECAST-case01"
-#: from here on something counts as shown, as in the package's own rules
+#: probability from which a claim counts as shown, as in the package's own rules
 SHOWN = 0.95
 
 Facts = Mapping[str, float]
@@ -36,8 +36,8 @@ def _surely(name: str) -> Callable[[Facts], bool]:
 
 CLAIMS = (
     Claim("CNN reduces the error against MLP in most samples", _likely("P(CNN)"), ("P(CNN)",)),
-    Claim("LSTM does", _likely("P(LSTM)"), ("P(LSTM)",)),
-    Claim("RNN does not", _unlikely("P(RNN)"), ("P(RNN)",)),
+    Claim("LSTM reduces it", _likely("P(LSTM)"), ("P(LSTM)",)),
+    Claim("RNN does not reduce it", _unlikely("P(RNN)"), ("P(RNN)",)),
     Claim(
         "LSTM has the stronger effect than RNN",
         lambda f: f["effect LSTM [K]"] < f["effect RNN [K]"],
@@ -79,13 +79,13 @@ CLAIMS = (
 
 
 def judge(facts: Mapping[str, Facts], claims: tuple[Claim, ...] = CLAIMS) -> pd.DataFrame:
-    """One row a statement, one column a scope (a climate, or both): the verdict, and the numbers behind it."""
+    """One row per statement, one column per scope (a climate, or both): the verdict and its numbers."""
     rows = []
     for claim in claims:
         row = {"the paper says": claim.statement}
         for scope, known in facts.items():
             if any(name not in known for name in claim.shown):
-                row[scope] = "not asked of this part"
+                row[scope] = "not applicable to this part"
                 continue
             numbers = ", ".join(f"{name} {known[name]:.3g}" for name in claim.shown)
             row[scope] = f"{'holds' if claim.holds(known) else 'does not hold'}: {numbers}"

@@ -1,4 +1,4 @@
-"""What the full design matrix would take, from what the part that ran took."""
+"""Cost of the full design matrix, extrapolated from the part that ran."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from skhybrid.forecasting.cases import NETWORKS, RECURRENT, resolve_case
 from skhybrid.model_selection import design_matrix
 
 LEADS = 24
-#: inputs that a recurrent network reads a row, filling included
+#: inputs that a recurrent network reads per row, padding included
 _INPUTS = 8
 _COLUMNS = {"zeta": 1, "how": 4, "hod": 2, "dow": 2, "weekday": 1, "T_oa": 1, "q_sol": 1, "i_heat": 1, "i_cool": 1}
 
 
 def multiplications(row: pd.Series) -> float:
-    """Of one forward pass of one window [millions]; a backward pass takes about twice as many."""
+    """Multiplications of one forward pass of one window [millions]; a backward pass takes about twice as many."""
     case = resolve_case(row["case"], row["framework"])
     n_past, width, layers = 24 * case.pattern_days, row["hidden_size"], row["n_layers"]
     head = width * width + width
@@ -41,10 +41,10 @@ def _convolutions(row: pd.Series, flat: int) -> float:
 
 
 def costs(results: pd.DataFrame) -> pd.DataFrame:
-    """One row a framework: candidates and hours of what ran, and hours of the paper's full grid.
+    """One row per framework: candidates and hours of what ran, and hours of the paper's full grid.
 
-    Seconds of a candidate are taken as ``epochs * (a + b * multiplications)`` with a and b of the framework by
-    non-negative least squares; the rest of the grid is given the mean number of epochs of what ran.
+    The seconds of a candidate are modelled as ``epochs * (a + b * multiplications)``, with a and b of the framework by
+    non-negative least squares.  The rest of the grid gets the mean number of epochs of what ran.
     """
     full = design_matrix().table
     rows = {}

@@ -1,4 +1,4 @@
-"""What the study of the paper's design matrix trains: data, estimator, sizes in levels, and the order of work."""
+"""Plan of the study of the paper's design matrix: data, estimator, sizes in levels, and the order of work."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from skhybrid.model_selection.search.fingerprint import candidate_id
 
 CLIMATES = {"oakland": "2023-07-08", "chicago": "2023-07-08"}
 KINDS = ("input", "output")
-TRAIN_DAYS, TEST_DAYS, ROWS_A_DAY = 28, 182, 96
-#: rivals that the published scheme takes in the place of a network; the others are in ``_study_rivals.py``.
+TRAIN_DAYS, TEST_DAYS, ROWS_PER_DAY = 28, 182, 96
+#: baselines that the two-stage scheme takes in place of a network; the others are in ``_study_baselines.py``
 BASELINES = ("ridge", "profile", "last_week", "persistence")
 #: sizes that a level adds to every case; levels after the last of a framework add nothing to it.
 A_LEVEL = 3
-#: candidates that a worker takes at once: as many as are trained as one stack, and few enough that a stop loses little.
+#: candidates per task of a worker: as many as are trained as one stack, and few enough that a stop loses little
 CHUNK = {"mlp": 3, "cnn": 1, "rnn": 6, "lstm": 6, "baselines": 8}
 
 _DENSE = ("n_layers", "hidden_size", "activation")
@@ -33,7 +33,7 @@ def _named(names: tuple[str, ...], rows: list[tuple[Any, ...]], **fixed: int) ->
     return [dict(zip(names, row, strict=True)) | fixed for row in rows]
 
 
-#: The sizes of each framework, three a level.  MLP: a Graeco-Latin square of layers, activation, level and width (10
+#: The sizes of each framework, three per level.  MLP: a Graeco-Latin square of layers, activation, level and width (10
 #: thrice, the other three widths twice), so that every level has each depth and each activation once.  RNN and LSTM:
 #: the same of two levels, widths 10 and 20 twice, 40 and 60 once.  CNN: all pairs of layers and width, activations in
 #: turn; of channels and pooling only the cheapest (10 channels, pools of 4).
@@ -64,7 +64,7 @@ SIZES: dict[str, list[dict[str, Any]]] = {
     ),
 }
 SIZES["lstm"] = SIZES["rnn"]
-#: cheap ones first, so that a stop leaves out what costs most
+#: the cheap ones first, so that a stop leaves out what costs most
 ORDER = ("mlp", "rnn", "lstm", "cnn")
 
 
@@ -125,8 +125,8 @@ class Split(NamedTuple):
 
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows that train, and those behind them that test."""
-        cut = TRAIN_DAYS * ROWS_A_DAY
+        """Rows of the training, and of the test after it."""
+        cut = TRAIN_DAYS * ROWS_PER_DAY
         return np.arange(cut), np.arange(cut, len(self.X))
 
     @property
@@ -137,7 +137,7 @@ class Split(NamedTuple):
 
     @property
     def test(self) -> tuple[pd.DataFrame, pd.Series]:
-        """The half year behind them."""
+        """The half year after them."""
         cut = len(self.rows[0])
         return self.X.iloc[cut:], self.y.iloc[cut:]
 
@@ -155,7 +155,7 @@ def gray_box() -> OutputDisturbanceID:
 
 
 def estimator(**changes: Any) -> HybridPredictor:
-    """What candidates are set into; ``changes`` of the network's training are for trials."""
+    """The estimator that takes the candidates; ``changes`` of the network's training are for trials."""
     forecaster = DisturbanceForecaster.published("lstm", n_repeats=1, random_state=0, **changes)
     return HybridPredictor(gray_box(), forecaster, adapt=None, random_state=0)
 

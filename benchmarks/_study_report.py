@@ -1,4 +1,4 @@
-"""Tables and figures of the study, from whatever part of it is in the store."""
+"""Tables and figures of the study, from the part of it that is in the store."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from _study_plan import CLIMATES, SIZES, TEST_DAYS, TRAIN_DAYS
 from _study_tables import (
     SIZE_COLUMNS,
     Findings,
+    baselines_table,
     comparable,
     effects,
     even_part,
     facts,
     find,
     load_results,
-    rivals_table,
     robustness_table,
     transfer,
 )
@@ -33,17 +33,18 @@ _CSV += ["rmse", "fit_time", "score_time", "n_epochs", "error"]
 #: cases that the figure of robustness shows, of up to 152
 _SHOWN = 30
 NOTE = (
-    f"make_office in two climates: the first {TRAIN_DAYS} days, from 8 July, train, the {TEST_DAYS} days behind them "
-    "test; RMSE of the room temperature, an origin a day at midnight, every quarter of an hour of the day ahead.  Gray "
-    "box OutputDisturbanceID with known Q_h, identified once a climate.  Networks as DisturbanceForecaster.published, "
-    "but one seed in the place of ten repeats: up to 1000 epochs, patience 150, the last week of training validates.  "
+    f"make_office in two climates: the first {TRAIN_DAYS} days, from 8 July, are for training, the next {TEST_DAYS} "
+    "days for testing.  RMSE of the room temperature, one origin per day at midnight, all quarter hours of the day "
+    "ahead.  Gray box OutputDisturbanceID with known Q_h, identified once per climate.  Networks as "
+    "DisturbanceForecaster.published, but with one seed instead of ten repeats: up to 1000 epochs, patience 150, "
+    "validation on the last week of training.  "
     "**The part**: all 21, 21, 17 and 17 cases of MLP, CNN, RNN and LSTM, ID and OD, both climates, in the same few "
     "sizes each (benchmarks/_study_plan.py): MLP a Graeco-Latin square over layers, width and activation, RNN and LSTM "
     "two thirds of such a square, CNN with **10 channels and pools of 4 only**, since more channels, or no pools, "
-    "over seven days cost minutes to hours a candidate.  Tables and figures use the sizes that are finished in every "
-    "case, disturbance and climate.  **The test months choose here, as in the paper**, so that the error of what is "
-    "chosen is flattered; what the choice is worth shows in the other climate (same building and occupants, other "
-    "weather), below.  P(reduces): probability that a term reduces the error.  *cases*: rows of a case share what no "
+    "over seven days cost minutes to hours per candidate.  Tables and figures use the sizes that are finished in every "
+    "case, disturbance and climate.  **The test months make the choice here, as in the paper**, so the error "
+    "of the choice is optimistic; its error in the other climate (same building and occupants, other weather) is "
+    "below.  P(reduces): probability that a term reduces the error.  *cases*: rows of a case share what no "
     "ingredient explains (this package's default in select_case); *rows*: each size an experiment of its own, as in "
     "the paper; *cases, log*: effects on log(RMSE), on which a few very bad candidates weigh less."
 )
@@ -77,7 +78,7 @@ def report(store: Path, folder: Path = RESULTS) -> Path:
 
 
 def _write_csv(results: pd.DataFrame, path: Path) -> None:
-    """Every candidate that was finished, failed ones too."""
+    """Write every finished candidate, failed ones too."""
     path.parent.mkdir(exist_ok=True)
     done = results[results["rmse"].notna() | results["error"].notna()]
     errors = done["error"].map(lambda text: str(text).strip().splitlines()[-1] if text else "")
@@ -88,17 +89,17 @@ def _write_csv(results: pd.DataFrame, path: Path) -> None:
 
 def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[str, pd.DataFrame]:
     tables = {
-        "The paper's findings beside ours": judge(facts(results, found)),
-        "What ran, and what all of it would take": costs(results),
+        "The paper's findings and ours": judge(facts(results, found)),
+        "Cost of what ran, and of the full matrix": costs(results),
         "Sizes that all tables below use": sizes_used(part),
-        "Models without a network, beside the choice": rivals_table(results, found),
+        "Models without a network, and the choice": baselines_table(results, found),
     }
     for climate, choice in found.choices.items():
         kind = {"input": "ID", "output": "OD"}[choice.disturbance]
-        rules = pd.DataFrame({"what the rule did": choice.reasons}, index=range(1, len(choice.reasons) + 1))
+        rules = pd.DataFrame({"result of the rule": choice.reasons}, index=range(1, len(choice.reasons) + 1))
         tables[f"The choice, {climate}: {choice.name} ({kind})"] = rules.rename_axis("rule")
     if len(moved := transfer(results, found)):
-        tables["What a choice is worth in the other climate"] = moved
+        tables["Error of a choice in the other climate"] = moved
     if found.regressions:
         tables["Ingredients [K, or of the logarithm]"] = effects(found.regressions, ["where", "grouping"])
     if found.sizes:
@@ -106,20 +107,20 @@ def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[
     for climate in found.robustness:
         tables[f"Robustness, {climate}: the first forty"] = robustness_table(found, climate)
     if found.refused:
-        refused = pd.DataFrame({"why": found.refused}).rename_axis("what the package refused to tell")
-        tables["Refused, since chains were bad"] = refused
+        refused = pd.DataFrame({"why": found.refused}).rename_axis("refused")
+        tables["Refused because chains were bad"] = refused
     return tables
 
 
 def sizes_used(part: pd.DataFrame) -> pd.DataFrame:
-    """One row a framework: its sizes and how many candidates that makes; two sizes or more can be robust."""
+    """One row per framework: its sizes, its number of candidates, and whether robustness can be compared."""
     rows = {}
     for framework in SIZES:
         here = part[part["framework"] == framework]
         sizes = here[[c for c in SIZE_COLUMNS if here[c].notna().any()]].drop_duplicates()
         said = ["-".join(_plain(v) for v in row) for row in sizes.itertuples(index=False)]
         names = " - ".join(sizes.columns)
-        compared = "yes" if len(comparable(here)) else "no: it takes two sizes"
+        compared = "yes" if len(comparable(here)) else "no: that takes two sizes"
         rows[framework] = {"candidates": len(here), "sizes": f"({names}) " + ", ".join(said), "robustness": compared}
     return pd.DataFrame(rows).T.rename_axis("framework")
 

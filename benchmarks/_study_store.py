@@ -1,4 +1,4 @@
-"""Reading what the study has kept, while it runs or after."""
+"""Reader of the results that the study has stored, while it runs or afterwards."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _COLUMNS = ["id", "rmse", "fit_time", "score_time", "n_epochs", "error", "finish
 
 
 def read_results(path: Path) -> pd.DataFrame:
-    """One row a finished candidate of a store (empty where there is none); nothing is written."""
+    """One row per finished candidate of a store, read-only; empty if there is no store."""
     if not path.is_file():
         return pd.DataFrame(columns=_COLUMNS)
     query = "SELECT candidate, rmse, fit_time, score_time, n_epochs, error, finished FROM result WHERE split = 0"

@@ -1,4 +1,4 @@
-"""The study's results as one table, the even part of it, and what the paper's method makes of that."""
+"""Results of the study as one table, its even part, and the findings of the paper's method on that part."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import _study_rivals
+import _study_baselines
 import numpy as np
 import pandas as pd
 from _study_claims import CASE01
@@ -25,13 +25,13 @@ SIZE_COLUMNS = list(dict.fromkeys(name for sizes in SIZES.values() for size in s
 
 
 def load_results(store: Path) -> pd.DataFrame:
-    """One row a planned candidate and rival, ``rmse`` NaN where it has not finished (or ``error`` says why not)."""
+    """One row per planned candidate and baseline; ``rmse`` is NaN if it has not finished or has failed (``error``)."""
     plan = planned()
     parts = []
     for climate in CLIMATES:
         kept = read_results(store / f"{climate}.sqlite")
         parts.append(plan[plan["climate"] == climate].merge(kept, on="id", how="left"))
-        others = _study_rivals.read(store, climate).assign(climate=climate, level=0)
+        others = _study_baselines.read(store, climate).assign(climate=climate, level=0)
         parts.append(others.assign(name=others["framework"]))
     table = pd.concat(parts, ignore_index=True).drop(columns="id")
     for column in ("case", "disturbance", "error", "activation"):
@@ -40,7 +40,7 @@ def load_results(store: Path) -> pd.DataFrame:
 
 
 def even_part(results: pd.DataFrame) -> pd.DataFrame:
-    """Candidates of the sizes that are finished in all cases, disturbances and climates; else all that is finished."""
+    """Candidates of the sizes that are finished in all cases, disturbances and climates, else all finished ones."""
     networks = results[results["case"].notna()]
     done = networks["rmse"].notna() | networks["error"].notna()
     whole = done.groupby([networks["framework"], *(networks[c] for c in SIZE_COLUMNS)], dropna=False).transform("all")
@@ -49,28 +49,28 @@ def even_part(results: pd.DataFrame) -> pd.DataFrame:
 
 
 def comparable(part: pd.DataFrame) -> pd.DataFrame:
-    """Rows of cases with two sizes or more: of a single one nobody knows how it spreads."""
+    """Rows of cases with two sizes or more; a single size has no spread."""
     n_sizes = part.groupby(["climate", *BY])["rmse"].transform("size")
     return part[n_sizes > 1]
 
 
-def simple_rivals(results: pd.DataFrame, climate: str) -> pd.DataFrame:
-    """Rows that select_case sets beside the cases."""
-    here = results[(results["climate"] == climate) & results["framework"].isin(_study_rivals.SIMPLE)]
+def simple_baselines(results: pd.DataFrame, climate: str) -> pd.DataFrame:
+    """Rows that select_case compares with the cases."""
+    here = results[(results["climate"] == climate) & results["framework"].isin(_study_baselines.SIMPLE)]
     return here[here["rmse"].notna()]
 
 
 class Findings(NamedTuple):
-    """What the method found in a part."""
+    """Findings of the method in a part."""
 
     regressions: dict[tuple[str, str], PatternExpressiveness]  # by scope and grouping
     sizes: dict[tuple[str, str], PatternExpressiveness]  # by framework and climate
     robustness: dict[str, RobustnessComparison]  # by climate
     choices: dict[str, CaseChoice]  # by climate
-    refused: dict[str, str]  # what the package would not tell, since chains were bad, and why
+    refused: dict[str, str]  # what the package refused because chains were bad, and why
 
     def add(self, kind: str, key: Any, make: Callable[[], Any]) -> None:
-        """Take in a finding, or why there is none."""
+        """Add a finding, or the reason why there is none."""
         begun = time.monotonic()
         try:
             getattr(self, kind)[key] = make()
@@ -93,12 +93,12 @@ def find(results: pd.DataFrame) -> Findings:
         for climate in climates:
             here = several[several["climate"] == climate]
             if here.groupby(list(BY)).ngroups > 1:
-                _compare(found, climate, here, simple_rivals(results, climate))
+                _compare(found, climate, here, simple_baselines(results, climate))
     return found
 
 
 def _regress(found: Findings, scope: str, part: pd.DataFrame, terms: list[str]) -> None:
-    """By cases, whose rows share what no ingredient explains, also of log(rmse), and as the paper does, by rows."""
+    """By cases, whose rows share what no ingredient explains; the same of log(rmse); and by rows, as the paper does."""
     kinds: dict[str, dict[str, Any]] = {"rows": {}}
     if part.groupby(list(BY)).size().max() > 1:
         kinds = {"cases": {"group": BY}, "cases, log": {"group": BY, "log": True}} | kinds
@@ -107,7 +107,7 @@ def _regress(found: Findings, scope: str, part: pd.DataFrame, terms: list[str]) 
         found.add("regressions", (scope, grouping), lambda one=one: one.fit(part))
 
 
-def _compare(found: Findings, climate: str, here: pd.DataFrame, rivals: pd.DataFrame) -> None:
+def _compare(found: Findings, climate: str, here: pd.DataFrame, baselines: pd.DataFrame) -> None:
     """Sizes of each framework, robustness of all cases, and the choice."""
     for framework in dict.fromkeys(here["framework"]):
         rows = here[here["framework"] == framework]
@@ -116,24 +116,24 @@ def _compare(found: Findings, climate: str, here: pd.DataFrame, rivals: pd.DataF
         found.add("sizes", (framework, climate), lambda one=one, rows=rows: one.fit(rows))
     found.add("robustness", climate, lambda: RobustnessComparison(by=BY, random_state=0).fit(here))
     columns = [*IDENTITY, *SIZE_COLUMNS, "rmse"]
-    both = pd.concat([here[columns], rivals[columns]], ignore_index=True)
+    both = pd.concat([here[columns], baselines[columns]], ignore_index=True)
     found.add("choices", climate, lambda: select_case(both, random_state=0))
 
 
 # ---------------------------------------------------------------------------------------------------------- as tables
 def effects(regressions: dict[Any, PatternExpressiveness], names: list[str]) -> pd.DataFrame:
-    """One row a regression and term."""
+    """One row per regression and term."""
     columns = ["mean", "lower", "upper", "probability_reduces"]
     parts = {key: one.summary_[columns] for key, one in regressions.items()}
     table = pd.concat(parts, names=[*names, "term"])
     untold = {key: "; ".join(one.left_out_) for key, one in regressions.items() if one.left_out_}
-    rows = [(*key, terms, *["cannot be told"] * len(columns)) for key, terms in untold.items()]
+    rows = [(*key, terms, *["cannot be separated"] * len(columns)) for key, terms in untold.items()]
     more = pd.DataFrame(rows, columns=[*names, "term", *columns]).set_index([*names, "term"])
     return pd.concat([table.astype(object), more]) if len(more) else table
 
 
 def robustness_table(found: Findings, climate: str, n_rows: int = 40) -> pd.DataFrame:
-    """Cases by rising median, those that cannot be told from the best and some behind them."""
+    """Cases by rising median: those that cannot be told from the best, and some after them."""
     one = found.robustness[climate]
     table = pd.DataFrame(
         {
@@ -150,19 +150,19 @@ def robustness_table(found: Findings, climate: str, n_rows: int = 40) -> pd.Data
 
 
 def transfer(results: pd.DataFrame, found: Findings) -> pd.DataFrame:
-    """What a choice that was made in one climate is worth in the other."""
+    """Errors in one climate of choices that were made in the other."""
     part, rows = even_part(results), []
     for climate, choice in found.choices.items():
         here = part[part["climate"] == climate].sort_values("rmse", kind="stable")
         of_case = here[(here["name"] == choice.name) & (here["disturbance"] == choice.disturbance)]
-        rivals = simple_rivals(results, climate).sort_values("rmse", kind="stable")
+        baselines = simple_baselines(results, climate).sort_values("rmse", kind="stable")
         picks = {"the paper's rules": of_case.iloc[0], "lowest error of all": here.iloc[0]}
         for other in CLIMATES:
             if other == climate or other not in set(part["climate"]):
                 continue
-            pool = {"network": part[part["climate"] == other], "rival": simple_rivals(results, other)}
-            for how, pick in {**picks, **({"best simple rival": rivals.iloc[0]} if len(rivals) else {})}.items():
-                twin = pool["rival" if pick["case"] is None else "network"]
+            pool = {"network": part[part["climate"] == other], "baseline": simple_baselines(results, other)}
+            for how, pick in {**picks, **({"best baseline": baselines.iloc[0]} if len(baselines) else {})}.items():
+                twin = pool["baseline" if pick["case"] is None else "network"]
                 same = [*IDENTITY, *SIZE_COLUMNS]
                 twin = twin[[bool(row == _key(pick, same)) for row in (_key(r, same) for _, r in twin.iterrows())]]
                 rows.append(
@@ -170,11 +170,11 @@ def transfer(results: pd.DataFrame, found: Findings) -> pd.DataFrame:
                         "chosen on": climate,
                         "by": how,
                         "candidate": _said(pick),
-                        "error there, flattered [K]": float(pick["rmse"]),
+                        "error there, optimistic [K]": float(pick["rmse"]),
                         "used on": other,
                         "error [K]": float(twin["rmse"].iloc[0]) if len(twin) else np.nan,
                         "lowest of all there [K]": float(pool["network"]["rmse"].min()),
-                        "lowest simple rival there [K]": float(pool["rival"]["rmse"].min()),
+                        "lowest baseline there [K]": float(pool["baseline"]["rmse"].min()),
                     }
                 )
     return pd.DataFrame(rows).set_index("chosen on") if rows else pd.DataFrame()
@@ -192,8 +192,8 @@ def _said(row: pd.Series) -> str:
     return f"{row['name']}{kind}" + (f"; {size}" if size else "")
 
 
-def rivals_table(results: pd.DataFrame, found: Findings) -> pd.DataFrame:
-    """Everything without a network, and of the networks the choice, case01 of the LSTM and the lowest of all."""
+def baselines_table(results: pd.DataFrame, found: Findings) -> pd.DataFrame:
+    """All models without a network, and of the networks the choice, case01 of the LSTM and the lowest error."""
     part, rows = even_part(results), []
     for climate in CLIMATES:
         here = results[(results["climate"] == climate) & results["case"].isna() & results["rmse"].notna()]
@@ -225,7 +225,7 @@ def _range(errors: pd.Series) -> str:
 
 # ----------------------------------------------------------------------------------------------------------- as facts
 def facts(results: pd.DataFrame, found: Findings) -> dict[str, dict[str, float]]:
-    """Numbers by name, for each climate and for both, that the paper's statements are tried on."""
+    """Numbers by name, for each climate and for both, that decide the paper's statements."""
     part = even_part(results)
     known: dict[str, dict[str, float]] = {scope: {} for scope in (*CLIMATES, "both")}
     for (scope, grouping), one in found.regressions.items():
@@ -240,9 +240,9 @@ def facts(results: pd.DataFrame, found: Findings) -> dict[str, dict[str, float]]
     for climate in CLIMATES:
         here = part[part["climate"] == climate]
         known[climate] |= {f"log how/{other}": v for other in ("dow", "weekday") if (v := how_against(here, other))}
-        rivals = results[(results["climate"] == climate) & (results["framework"] == "conventional")]
-        if len(rivals):
-            known[climate]["conventional [K]"] = float(rivals["rmse"].iloc[0])
+        conventional = results[(results["climate"] == climate) & (results["framework"] == "conventional")]
+        if len(conventional):
+            known[climate]["conventional [K]"] = float(conventional["rmse"].iloc[0])
     for climate, choice in found.choices.items():
         known[climate]["chosen [K]"] = choice.median
         known[climate]["LSTM-case01 chosen"] = float((choice.name, choice.disturbance) == (CASE01, "input"))

@@ -1,13 +1,13 @@
-"""How often intervals of nominal 90 % hold the true parameters: the office, fitted many times.
+"""Coverage of nominal 90 % intervals of the parameters, from many fits of the office.
 
     nice python benchmarks/coverage.py                     # 200 seeds of the periodic model, 40 of CONV, ID and OD
     nice python benchmarks/coverage.py --seeds 20 --few 5  # a quick look
     python benchmarks/coverage.py --report                 # the table from what has been run
 
-Every fit is a line of ``coverage.jsonl`` in the work folder as soon as it is done; a run that is started again goes on
-from there.  The seeds (5000 and up) were used for no choice; half of them lie in the July of Oakland, half in the
-October of Chicago.  Infiltration of 0.008 kW/K is always on, in parallel with R_zo, so that no measurement can tell
-the two apart: the true R_zo is 1 / (1 / 9 + 0.008) K/kW.
+Every fit becomes a line of ``coverage.jsonl`` in the work folder; a run that is started again continues from there.
+The seeds (5000 and up) were used for no choice; half of them lie in the July of Oakland, half in the October of
+Chicago.  Infiltration of 0.008 kW/K is always on, in parallel with R_zo, so no measurement can separate the two: the
+true R_zo is 1 / (1 / 9 + 0.008) K/kW.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def run(path: Path, wanted: list[tuple[str, int]], first: int) -> None:
 
 
 def read(path: Path) -> list[dict]:
-    """Rows that were written whole."""
+    """Rows that were written completely."""
     out = []
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:

@@ -1,8 +1,8 @@
-"""What missing measurements, steps, slow thermometers and gaps do to the identified parameters.
+"""Effect of missing measurements, steps, slow thermometers and gaps on the identified parameters.
 
 Writes ``results/data_as_they_are.md``: ``python benchmarks/data_as_they_are.py``.  Every condition sees the same
-simulated building, weather, gains and thermostat as the complete 15-min log beside it, seed by seed, so that what it
-costs is a paired difference: a bias shows as a mean difference beyond its standard error.
+simulated building, weather, gains and thermostat as the complete 15-min log beside it, seed by seed, so its cost
+is a paired difference: a bias shows as a mean difference beyond its standard error.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Log = tuple[pd.DataFrame, pd.Series]
 
 
 def office(step: str, seed: int) -> Log:
-    """The log of one building at a step; the run behind it is the same at every step."""
+    """The log of one building at a step; the underlying run is the same at every step."""
     log = make_office(DAYS, sampling_time=step, noise_std=NOISE, random_state=3000 + seed)
     return log.X, log.y
 
@@ -141,7 +141,7 @@ def identified(method: str, condition: str, seed: int) -> dict[str, object]:
 
 
 def sizes(frame: pd.DataFrame) -> pd.DataFrame:
-    """Median absolute error [%] by method and condition, and seconds a fit."""
+    """Median absolute error [%] by method and condition, and seconds per fit."""
     grouped = frame.assign(**frame[list(NAMES)].abs()).groupby(["method", "condition"], sort=False)
     return grouped[[*NAMES, "seconds"]].median().round(2)
 
@@ -162,7 +162,7 @@ def shifts(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Run what is asked for and write the tables."""
+    """Run what is requested and write the tables."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--slow-seeds", type=int, default=2, help="seeds of Periodic at 1 min")
@@ -184,7 +184,7 @@ def main() -> None:
     frame = pd.DataFrame(rows)
     spread = frame.groupby(["method", "condition"], sort=False)[[f"std {n}" for n in NAMES]].median().round(2)
     tables = {
-        "Median absolute error [%] and seconds a fit": sizes(frame),
+        "Median absolute error [%] and seconds per fit": sizes(frame),
         SHIFTS: shifts(frame),
         "Standard error that the fit itself gives, median [%]": spread,
     }

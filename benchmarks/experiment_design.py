@@ -1,4 +1,4 @@
-"""Do planned errors come true?  ``plan_experiment`` against the spread of identifications of fresh simulated logs.
+"""Planned errors of ``plan_experiment`` against the spread of identifications of new simulated logs.
 
 Writes ``results/experiment_design.md``: ``python benchmarks/experiment_design.py``.  ``--statistics`` prints the gain
 of the synthetic office by class instead, which the defaults of ``GainStatistics`` round.

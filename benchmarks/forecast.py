@@ -1,9 +1,9 @@
-"""The forecast bench: day-ahead error of temperature and load, every model on every log.
+"""The forecast benchmark: day-ahead error of temperature and load, every model on every log.
 
-``python benchmarks/forecast.py`` runs what is not yet there and writes ``results/forecast.md``, ``forecast.csv`` and
-``forecast.png``.  Finished runs are kept in ``benchmarks/.forecast``, so that it may be stopped at any moment and gone
-on with; ``--tag`` names a version of the code, and redoes what was run by another.  Logs that are not beside the
-checkout (``../shared/data``) are left out.  Run it on one core (``OMP_NUM_THREADS=1``): times are those of one.
+``python benchmarks/forecast.py`` runs what is missing and writes ``results/forecast.md``, ``forecast.csv`` and
+``forecast.png``.  Finished runs are kept in ``benchmarks/.forecast``, so it may be stopped at any moment and continued.
+``--tag`` names a version of the code; runs with another tag are repeated.  Logs that are not beside the checkout
+(``../shared/data``) are left out.  Run it on one core (``OMP_NUM_THREADS=1``), because times are those of one core.
 
     python benchmarks/forecast.py --quick                                a subset, in about two minutes
     python benchmarks/forecast.py --data office --models ARX "hybrid*"   some rows, some columns
@@ -31,7 +31,7 @@ QUICK_MODELS = ("yesterday", "CONV", "hour-of-week mean", ARX, REFITTED, HYBRID)
 
 
 def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
-    """Names that equal or match (``*``) one of the wanted ones, or begin with one where none equals it."""
+    """Names that equal or match (``*``) a wanted one, or begin with it if no name does."""
     if wanted is None:
         return names
     found: set[str] = set()
@@ -46,14 +46,14 @@ def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
 def tasks(
     loaders: dict[str, Callable[[int], DataSet]], models: list[str], seeds: int
 ) -> Iterator[tuple[str, int, list[str]]]:
-    """Data set, seed and the models that this seed makes a difference to."""
+    """Data set, seed and the models for which this seed matters."""
     for name in loaders:
         for seed in range(seeds):
             yield name, seed, [m for m in models if seed == 0 or varies(name) or MODELS[m].random]
 
 
 def run_one(data: DataSet, name: str, spec: Model, seed: int, tag: str, store: Path) -> None:
-    """Run, keep and say it; what fails is said, and tried again by the next command."""
+    """Run, keep and print the result; a failure is printed, and tried again by the next command."""
     begun = time.perf_counter()
     try:
         run = assess(data, name, spec, seed, tag)
@@ -66,7 +66,7 @@ def run_one(data: DataSet, name: str, spec: Model, seed: int, tag: str, store: P
 
 
 def fill(options: argparse.Namespace) -> None:
-    """Run what is asked for and not there."""
+    """Run what is requested and missing."""
     loaders = data_sets(options.buildings)
     loaders = {n: loaders[n] for n in chosen(list(loaders), options.data)}
     groups = {"cheap", *([] if options.no_hybrid else ["hybrid"]), *(["networks"] if options.networks else [])}
@@ -87,7 +87,7 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--models", nargs="+", help="names of models, their beginnings or patterns")
     parser.add_argument("--seeds", type=int, default=3, help="realisations of make_office, starts of networks")
     parser.add_argument("--buildings", type=Path, nargs="+", default=[], help="folders that make_buildings.py made")
-    parser.add_argument("--tag", help="version of the code; runs by another one are redone")
+    parser.add_argument("--tag", help="version of the code; runs with another tag are repeated")
     parser.add_argument("--networks", action="store_true", help="the paper's networks too, which take hours")
     parser.add_argument("--no-hybrid", action="store_true", help="without the hybrid default")
     parser.add_argument("--quick", action="store_true", help="a small subset")

@@ -48,7 +48,7 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def best_of(work: Callable[[], object], repeats: int = 3) -> float:
-    """Shortest of a few calls [s]: what the machine can do when nothing else asks for it."""
+    """Shortest of a few calls [s], the one least disturbed by other processes."""
     return min(seconds_of(work) for _ in range(repeats))
 
 
@@ -120,7 +120,7 @@ def darkgreybox_start(X: pd.DataFrame, y: np.ndarray, method: str, rng: np.rando
 
 
 def darkgreybox_rows(X: pd.DataFrame, y: np.ndarray, n_starts: int) -> list[dict[str, object]]:
-    """darkgreybox by its two usual methods, or why not."""
+    """darkgreybox by its two usual methods, or the reason why it is missing."""
     try:
         import darkgreybox  # noqa: F401
     except ImportError as error:
@@ -135,7 +135,7 @@ def darkgreybox_rows(X: pd.DataFrame, y: np.ndarray, n_starts: int) -> list[dict
                 failed = f", others fail: {str(error)[:60]}"
         if took:
             what = f"darkgreybox TiTe, {method} ({len(took)} of {n_starts} starts{failed})"
-            rows.append({"what": what, "seconds a start": float(np.mean(took))})
+            rows.append({"what": what, "seconds per start": float(np.mean(took))})
         else:
             rows.append({"what": f"darkgreybox TiTe, {method}: no start ran{failed}"})
     return rows
@@ -199,7 +199,7 @@ def speed_table(dg_starts: int, scipy_starts: int) -> pd.DataFrame:
         model._rows = (X, y)
         took = best_of(lambda fit=fit, model=model: fit(model))
         made = len(model.starts_)
-        rows.append({"what": f"{name} ({made} made)", "seconds": took, "seconds a start": took / made})
+        rows.append({"what": f"{name} ({made} made)", "seconds": took, "seconds per start": took / made})
     v, rng = X[list(ROLES)].to_numpy(), np.random.default_rng(0)
     starts = [scipy_start(v, y.to_numpy(), 0.25, rng) for _ in range(scipy_starts)]
     mean = float(np.mean([s[0] for s in starts]))
@@ -207,18 +207,18 @@ def speed_table(dg_starts: int, scipy_starts: int) -> pd.DataFrame:
         {
             "what": f"the same likelihood in NumPy and SciPy, {scipy_starts} starts, x50 extrapolated",
             "seconds": N_STARTS * mean,
-            "seconds a start": mean,
+            "seconds per start": mean,
         }
     )
     rows += darkgreybox_rows(X, y.to_numpy(), dg_starts)
     table = pd.DataFrame(rows).set_index("what")
-    table["seconds"] = table["seconds"].fillna(N_STARTS * table["seconds a start"])
+    table["seconds"] = table["seconds"].fillna(N_STARTS * table["seconds per start"])
     table["of the passes"] = table["seconds"] / whole
     return table
 
 
 def chain(n_nodes: int) -> RCNetwork:
-    """A wall of ``n_nodes - 1`` layers behind the zone, its last layer to the outside."""
+    """A wall of ``n_nodes - 1`` layers beyond the zone, its last layer to the outside."""
     layers = [f"l{i}" for i in range(1, n_nodes)]
     places = ["za", *layers]
     resistors = {f"R_{a}_{b}": (a, b) for a, b in pairwise(places)}
@@ -249,7 +249,7 @@ def exponent(sizes: list[int], times: list[float]) -> float:
 
 
 def growth(sizes: list[int], data: Callable[[int], tuple[object, pd.DataFrame, pd.Series]]) -> pd.DataFrame:
-    """Milliseconds an evaluation and seconds a fit by size, and the fitted exponents."""
+    """Milliseconds per evaluation and seconds per fit by size, and the fitted exponents."""
     columns: dict[str, list[float]] = {}
     for name, make in makers().items():
         fits, each = [], []

@@ -1,10 +1,10 @@
-"""Do 80 % intervals cover 80 %, how wide are they, and what makes them good?
+"""Coverage and width of 80 % intervals, by kind of interval.
 
-Every model on every log of the forecast bench, with intervals whose scale is constant by lead, depends on lead and hour
-of day, and (the default) also follows the errors of the last days.  How that is done was chosen on the office's winter
-and summer, on home 1 and on other synthetic offices than these: the rows marked "chosen on" show what it looks like
-where it was tuned, the others what it is worth.  Writes ``results/intervals.md`` and a picture beside it; logs that are
-not beside the checkout are left out.  ``python benchmarks/intervals.py``
+Every model runs on every log of the forecast benchmark, with three kinds of interval: the scale is constant for each
+lead, depends on lead and hour of day, or (the default) also follows the errors of the last days.  The method was chosen
+on the office's winter and summer, on home 1 and on synthetic offices other than these.  Rows marked "chosen on" show
+logs on which it was tuned; the others show its real quality.  Writes ``results/intervals.md`` and a figure.  Logs that
+are not beside the checkout are left out.  ``python benchmarks/intervals.py``
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ def back_test(model: object, data: DataSet, settings: dict[str, bool], origin_st
 
 
 def lead_groups(frame: pd.DataFrame) -> np.ndarray:
-    """Which of three spans of leads each row is in."""
+    """The span of leads, of three, that each row is in."""
     hours = frame["lead"] / pd.Timedelta("1h")
     return np.select([hours <= 2, hours <= 8], ["0-2 h", "2-8 h"], "8-24 h")
 
 
 def measure(names: list[str]) -> pd.DataFrame:
-    """A row a log, model, kind of interval and span of leads."""
+    """One row per log, model, kind of interval and span of leads."""
     rows, loaders = [], data_sets()
     with tempfile.TemporaryDirectory() as memory:
         for name in names or list(loaders):
@@ -93,7 +93,7 @@ def _marked(name: str) -> str:
 
 
 def tables(found: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """What the report shows."""
+    """Tables of the report."""
     found = found.assign(log=found["log"].map(_marked))
     whole = found[found["leads"] == "all"]
     usual = found[found["interval"] == "following (default)"]
@@ -122,7 +122,7 @@ def tables(found: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def picture(name: str) -> None:
-    """A week of the hybrid's bands on one log, three weeks behind its start."""
+    """A week of the hybrid's bands on one log, three weeks after its start."""
     from skhybrid.inspection import ForecastDisplay
 
     data = data_sets()[name](0)
@@ -136,7 +136,7 @@ def picture(name: str) -> None:
 
 
 def main() -> None:
-    """Run all, or the logs that are named, and write the table."""
+    """Run all logs, or the named ones, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("logs", nargs="*", help="names of logs, default all")
     chosen = parser.parse_args().logs

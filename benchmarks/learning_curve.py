@@ -1,9 +1,9 @@
-"""How much training a day-ahead forecast needs: 3, 7, 14 and 28 days before the same test weeks.
+"""Day-ahead error by length of training: 3, 7, 14 and 28 days before the same test weeks.
 
-``python benchmarks/learning_curve.py`` runs what is not yet there (kept in ``benchmarks/.forecast/learning``, as for
-``forecast.py``) and writes ``results/learning_curve.md``, ``learning_curve.csv`` and ``learning_curve.png``.  On every
-log there are several dates; training of any length ends at the date, and the two weeks behind it are the test, so that
-the lengths are compared at the same origins.
+``python benchmarks/learning_curve.py`` runs what is missing (kept in ``benchmarks/.forecast/learning``, as for
+``forecast.py``) and writes ``results/learning_curve.md``, ``learning_curve.csv`` and ``learning_curve.png``.  Every log
+has several dates.  Training of any length ends at the date, and the next two weeks are the test, so all lengths are
+compared at the same origins.
 
     python benchmarks/learning_curve.py --quick             one date of two logs, 3 and 7 days
     python benchmarks/learning_curve.py --models "hybrid*" --tag blend
@@ -39,7 +39,7 @@ PAPER_DATES = ("2023-07-31", "2023-10-30", "2024-01-29")
 
 
 def _cut(run: Callable[[], pd.DataFrame], log: str, date: str, days: int, step: str, **facts: object) -> DataSet:
-    """``days`` before the date to learn from, two weeks from it on to forecast."""
+    """``days`` of training before the date, and a test of two weeks from the date on."""
     day = pd.Timestamp(date)
     first, last, end = (str((day + pd.Timedelta(d, unit="D")).date()) for d in (-days, -1, TEST_DAYS - 1))
     rows = run()
@@ -47,13 +47,13 @@ def _cut(run: Callable[[], pd.DataFrame], log: str, date: str, days: int, step: 
 
 
 def _paper_run(climate: str, date: str) -> pd.DataFrame:
-    """Four weeks before the date and two behind it; the perturbed weekend is the first, which only 28 days reach."""
+    """Four weeks before the date and two after it; the perturbed weekend is the first, which only 28 days include."""
     start = pd.Timestamp(date) - pd.Timedelta(max(DAYS), unit="D")
     return make_office(max(DAYS) + TEST_DAYS, climate, start=start, random_state=start.day_of_year).X
 
 
 def name_of(log: str, date: str, days: int) -> str:
-    """How a case is kept."""
+    """The name under which a case is kept."""
     return f"{log}, {date}, {days} days"
 
 
@@ -78,7 +78,7 @@ def cases() -> dict[tuple[str, str, int], Callable[[], DataSet]]:
 
 
 def fill(options: argparse.Namespace, wanted: dict[tuple[str, str, int], Callable[[], DataSet]]) -> None:
-    """Run what is asked for and not there."""
+    """Run what is requested and missing."""
     for (log, date, days), load in wanted.items():
         name = name_of(log, date, days)
         left = [m for m in options.models if not is_done(name, m, 0, options.tag, options.store)]
@@ -90,7 +90,7 @@ def fill(options: argparse.Namespace, wanted: dict[tuple[str, str, int], Callabl
 
 # ------------------------------------------------------------------------------------------------------------ results
 def table_of(runs: dict[tuple[str, str, int, str], Run]) -> pd.DataFrame:
-    """A row a case and model: the error, and its ratio to the best of the simple ones on that case."""
+    """One row per case and model: the error, and its ratio to the best simple baseline of that case."""
     frame = pd.DataFrame([(*key, rmse(run.temperature)) for key, run in runs.items()])
     frame.columns = pd.Index(["log", "date", "days", "model", "rmse"])
     simple = frame[frame["model"].isin(SIMPLE)].groupby(["log", "date", "days"])["rmse"].min().rename("best_simple")
@@ -101,14 +101,14 @@ def table_of(runs: dict[tuple[str, str, int, str], Run]) -> pd.DataFrame:
 
 
 def means(frame: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Geometric means over dates, by log and model, a column a length of training."""
+    """Geometric means over dates, by log and model, one column per length of training."""
     logs = np.log(frame[column]).groupby([frame["log"], frame["model"], frame["days"]], sort=False).mean()
     table = np.exp(logs).reset_index().pivot_table(values=column, index=["log", "model"], columns="days", sort=False)
     return table.rename(columns=lambda d: f"{d} days").map(lambda v: "" if np.isnan(v) else f"{v:.3f}")
 
 
 def default_against(runs: dict[tuple[str, str, int, str], Run], frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratio of the default to each rival over all cases, and how often it is worse than the best simple one."""
+    """Ratio of the default to each baseline over all cases, and how often it is worse than the best simple one."""
     rows: dict[str, dict[str, str]] = {}
     for days in sorted(frame["days"].unique()):
         mine = {key[:3]: run for key, run in runs.items() if key[2] == days and key[3] == HYBRID}
@@ -147,8 +147,8 @@ def write_results(store: Path, folder: Path) -> list[Path]:
         )
     tables["RMSE [K], geometric mean of the dates"] = means(frame, "rmse")
     note = (
-        "Training ends at the date, however long it is; the two weeks behind it are the test.  Brackets: 90 % interval "
-        f"of a paired bootstrap by blocks of three days of origins.  Simple ones: {', '.join(SIMPLE)}."
+        "Training of any length ends at the date; the next two weeks are the test.  Brackets: 90 % interval "
+        f"of a paired bootstrap by blocks of three days of origins.  Simple baselines: {', '.join(SIMPLE)}."
     )
     command = "python benchmarks/learning_curve.py"
     md = write_table("learning_curve", "How much training a forecast needs", command, tables, note, folder)
@@ -160,7 +160,7 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--models", nargs="+", help="names of models, their beginnings or patterns")
     parser.add_argument("--data", nargs="+", help="names of logs, their beginnings or patterns")
-    parser.add_argument("--tag", help="version of the code; runs by another one are redone")
+    parser.add_argument("--tag", help="version of the code; runs with another tag are repeated")
     parser.add_argument("--quick", action="store_true", help="one date of two logs, 3 and 7 days")
     parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
     parser.add_argument("--store", type=Path, default=STORE / "learning", help="where runs are kept")

@@ -58,7 +58,7 @@ def _meta(buildings: list[Building]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Make what is missing."""
+    """Make the missing years."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / ".buildings")
     parser.add_argument("--group", choices=("dev", "held"))

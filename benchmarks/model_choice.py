@@ -1,4 +1,4 @@
-"""How often compare_models and the tests of white errors are right, on data whose model is known."""
+"""Error rates of compare_models and of the tests of white errors, on data whose model is known."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def nested(n_seeds: int) -> pd.DataFrame:
 
 
 def office(n_seeds: int) -> pd.DataFrame:
-    """The office (a 2R2C with unmeasured gains): what is recommended, and what held-out rows say of each."""
+    """The office (a 2R2C with unmeasured gains): the recommendation, and all scores on held-out rows."""
     tables, picks = [], []
     for seed in range(100, 100 + n_seeds):
         data = make_office(n_days=14, random_state=seed)

@@ -1,10 +1,10 @@
-"""Two objectives: errors one step ahead find the building, errors of a day ahead find the forecast.
+"""Two objectives of an identification: one-step errors suit the parameters, day-ahead errors the forecast.
 
     nice python benchmarks/objectives.py             # 20 offices, CONV, ID and OD under both objectives
     nice python benchmarks/objectives.py --seeds 2   # a quick look
 
-Fourteen days of an office train, the seven behind them test.  The seeds (7000 and up) were used for no choice; half of
-the offices lie in the July of Oakland, half in the October of Chicago.
+Fourteen days of an office are for training, the next seven for testing.  The seeds (7000 and up) were used for no
+choice; half of the offices lie in the July of Oakland, half in the October of Chicago.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _off_centre(runs: pd.DataFrame, name: str) -> pd.Series:
 
 
 def _scatter(runs: pd.DataFrame, name: str) -> float:
-    """Around the centre of each climate; NaN where there is one office a climate."""
+    """Around the centre of each climate; NaN if there is one office per climate."""
     return float(np.sqrt((_off_centre(runs, name) ** 2).sum() / max(len(runs) - len(CLIMATES), 1))) or np.nan
 
 

@@ -58,7 +58,7 @@ def forecast(model: Any, log: Log) -> pd.DataFrame:
 
 
 def kept(name: str, log: Log, seed: int, again: list[str] | None, compute: bool) -> dict[str, pd.DataFrame]:
-    """The forecasts of every method, those of an earlier run taken as they are; without ``compute`` only those."""
+    """The forecasts of every method, from an earlier run if there is one; without ``compute`` from that run only."""
     out = {}
     for method, make in methods(log, seed).items():
         path = ROWS / f"{name} {seed} {method}.pkl".replace(" ", "_")
@@ -116,7 +116,7 @@ def _parts(error: pd.Series, time: pd.DatetimeIndex, unit: str) -> dict[str, flo
 
 # --------------------------------------------------------------------------------------------------------------- tables
 def spread(values: list[float]) -> str:
-    """Median with the lowest and highest, where there are several different ones."""
+    """Median, with the lowest and highest if they differ."""
     values = [v for v in values if np.isfinite(v)]
     if not values:
         return ""
@@ -130,7 +130,7 @@ def _over_seeds(frames: list[pd.DataFrame], method: str, quantity: str) -> str:
 
 
 def table_of(runs: dict[str, list[pd.DataFrame]], quantity: str) -> pd.DataFrame:
-    """A row a method, a column a log: median (lowest to highest)."""
+    """One row per method, one column per log: median (lowest to highest)."""
     names = list(dict.fromkeys(m for frames in runs.values() for m in frames[0].index))
     cells = {m: {log: _over_seeds(frames, m, quantity) for log, frames in runs.items()} for m in names}
     table = pd.DataFrame(cells).T.rename_axis("method")
@@ -138,7 +138,7 @@ def table_of(runs: dict[str, list[pd.DataFrame]], quantity: str) -> pd.DataFrame
 
 
 def windows_of(frames: list[pd.DataFrame], unit: str) -> pd.DataFrame:
-    """A row a method, a column a 6-hour window and kind of day."""
+    """One row per method, one column per 6-hour window and kind of day."""
     columns = [unit, *(f"{w} {unit}" for w in WINDOWS), f"weekday {unit}", f"weekend {unit}"]
     cells = {m: {c: _over_seeds(frames, m, c) for c in columns} for m in frames[0].index}
     return pd.DataFrame(cells).T.rename_axis("method").rename(columns={unit: "all"})
@@ -190,7 +190,7 @@ thermostat's two set-points."""
 
 
 def note(runs: dict[str, list[pd.DataFrame]]) -> str:
-    """What was run, how it differs from the paper, and the pictures."""
+    """The setup, its differences from the paper, and the figures."""
     loads = ", ".join(f"{name} {np.median([f['mean load kW'].iloc[0] for f in fs]):.2g}" for name, fs in runs.items())
     counts = ", ".join(f"{name} {len(frames)}" for name, frames in runs.items())
     names = [name.replace(" ", "_") for name in runs]
@@ -203,7 +203,7 @@ def note(runs: dict[str, list[pd.DataFrame]]) -> str:
 
 
 def reasons(runs: dict[str, list[pd.DataFrame]]) -> str:
-    """What is known of why numbers differ from the paper's, with the numbers that say so."""
+    """Known reasons for differences from the paper, with their numbers."""
 
     def middle(name: str, field: str) -> str:
         method, quantity = field.split("|")

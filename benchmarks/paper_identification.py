@@ -41,7 +41,7 @@ NOISE = ("sigma_x", "sigma_zeta", "rho_1", "rho_2")
 
 
 class AtWork(NamedTuple):
-    """What a network with given parameters says about the test days."""
+    """Results of a network with given parameters on the test days."""
 
     with_gain: pd.Series  # three days ahead, the gain given [degC]
     without_gain: pd.Series  # a day ahead without it [degC]
@@ -63,7 +63,7 @@ class Case(NamedTuple):
 
 # ------------------------------------------------------------------------------------------------------- identification
 def identify(case: Case, seed: int, n_starts: int) -> dict[str, object]:
-    """Every method twice: ``<method> raw`` with nothing known, ``<method>`` with the capacity on the name plate."""
+    """Every method twice: ``<method> raw`` with nothing known, ``<method>`` with the capacity on the nameplate."""
     X, y = case.office.X[: case.n_train], case.office.y[: case.n_train]
     fitted = {}
     for name, model in METHODS.items():
@@ -91,7 +91,7 @@ def predict_with_gain(theta: dict[str, float], case: Case) -> pd.Series:
 
 
 def put_to_work(theta: dict[str, float], case: Case) -> AtWork:
-    """All that section 2 asks of a network, from its parameters alone."""
+    """All results of section 2 for a network, from its parameters alone."""
     X, y, gain = case.office.X, case.office.y, case.office.heat_gain
     model = GrayBoxRC(known=theta, horizon="1D").fit(X[: case.n_train], y[: case.n_train])
     rows = case.test
@@ -158,7 +158,7 @@ def own_forecast(model: object, case: Case) -> float:
 
 
 def run(case: Case, seed: int, n_starts: int) -> tuple[pd.DataFrame, dict[str, AtWork], dict[str, object]]:
-    """One office: all numbers (a row a model), what each network says, and the fits."""
+    """One office: all numbers (one row per model), the results of each network, and the fits."""
     fitted = identify(case, seed, n_starts)
     rows, works = {}, {}
     for label, theta in thetas(fitted, case.office.theta).items():
@@ -177,7 +177,7 @@ def run(case: Case, seed: int, n_starts: int) -> tuple[pd.DataFrame, dict[str, A
 
 # --------------------------------------------------------------------------------------------------------------- tables
 def spread(values: list[float]) -> str:
-    """Median with the lowest and highest, where there are several different ones."""
+    """Median, with the lowest and highest if they differ."""
     values = [v for v in values if np.isfinite(v)]
     if not values:
         return ""
@@ -227,7 +227,7 @@ def tables(runs: dict[int, list[pd.DataFrame]], truth: dict[str, float]) -> dict
 
 # ----------------------------------------------------------------------------------------------------------------- main
 def scale_note(case: Case, fitted: dict[str, object], runs: list[pd.DataFrame]) -> str:
-    """What one office says about the scale, and what it costs over the seeds."""
+    """Evidence on the scale from one office, and its cost over the seeds."""
     model = fitted["OD raw"]
     ends = model.starts_[model.starts_["loss"] < model.loss_ * 1.0001]["Q_h"]
     raw = model.theta_.to_dict()

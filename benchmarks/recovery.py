@@ -1,4 +1,4 @@
-"""Recovery of the paper's office, over seeds that were used for no choice, beside two Cramer-Rao bounds.
+"""Recovery of the paper's office over unused seeds, beside two Cramer-Rao bounds.
 
 Writes ``results/recovery.md``: ``python benchmarks/recovery.py``.  Fits and bounds that ``results/recovery.csv``
 and ``results/recovery_bounds.csv`` have are not made again: remove these files, or rows of them, to begin anew.
@@ -31,7 +31,7 @@ METHODS = {
     FINE: PeriodicDisturbanceID(variance="3h"),
 }
 FIRST_SEED = 5000
-#: signed errors [%], one row a fit, from which the tables are made
+#: signed errors [%], one row per fit, from which the tables are made
 ROWS = Path(__file__).parent / "results" / "recovery.csv"
 BOUNDS = ROWS.with_name("recovery_bounds.csv")
 #: what a bound presumes of the gain
@@ -131,7 +131,7 @@ def beside_bounds(frame: pd.DataFrame, crb: pd.DataFrame, method: str = FINE) ->
 def note(seeds: int, scene_seeds: int) -> str:
     """What the tables mean."""
     return (
-        f"14 days with a perturbed first weekend, noise 0.03 K, Q_h known; {seeds} seeds a row from {FIRST_SEED} on "
+        f"14 days with a perturbed first weekend, noise 0.03 K, Q_h known; {seeds} seeds per row from {FIRST_SEED} on "
         f"({scene_seeds} in the other scenes).  R_zo is against the nominal 9 K/kW, 'R_zo eff.' against 8.396 K/kW, "
         "which infiltration at all hours makes of it and nothing measured can tell apart (without gain there is none, "
         "and both are the same).  'No perturbed weekend' knows Q_c instead of Q_h.\n\n"
@@ -157,7 +157,7 @@ def main() -> None:
     office = run("office", arguments.seeds, list(METHODS), fit)
     grouped = office.set_index(["climate", "method"]).groupby(level=[0, 1], sort=False)
     tables = {
-        "Median absolute relative error [%] and seconds a fit": medians(office),
+        "Median absolute relative error [%] and seconds per fit": medians(office),
         "Targets [%]": TARGETS.to_frame("at most").T.rename_axis("target"),
         "Median relative error with its sign [%]": grouped.median(),
         "Interquartile range of the signed error [%]": grouped.quantile(0.75) - grouped.quantile(0.25),
@@ -170,7 +170,7 @@ def main() -> None:
         if name in ("home", "shop"):
             tables[f"Periodic 3h beside the Cramer-Rao bounds, {name}"] = beside_bounds(scenes[name], bounds(name, 1))
     together = pd.concat({name: medians(frame) for name, frame in scenes.items()}, names=["scene"])
-    tables["Other scenes: median absolute relative error [%] and seconds a fit"] = together
+    tables["Other scenes: median absolute relative error [%] and seconds per fit"] = together
     write_table(
         "recovery",
         "Recovery of the paper's office",

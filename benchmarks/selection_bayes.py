@@ -1,7 +1,7 @@
-"""What the Bayesian part of model selection costs, and what groups do to the intervals of a regression.
+"""Cost of the Bayesian part of model selection, and the effect of groups on the intervals of a regression.
 
-The table is made: the paper's 76 cases of four frameworks, 36 sizes each, ID, with known effects, a part of each case
-that no ingredient explains (0.05 K) and a spread over the sizes (10 %).
+The table is synthetic: the paper's 76 cases of four frameworks, 36 sizes each, ID, with known effects, an effect of
+each case that no ingredient explains (0.05 K), and a spread over the sizes (10 %).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TRUE = {"CNN": 0.0, "RNN": 0.0, "LSTM": -0.05, "time": -0.1, "pattern": 0.01, "p
 
 
 def make_results(n_sizes: int = 36, seed: int = 0) -> pd.DataFrame:
-    """One row a candidate."""
+    """One row per candidate."""
     rng = np.random.default_rng(seed)
     rows = []
     for framework, case in list_cases()[["model", "name"]].to_numpy():

@@ -1,9 +1,9 @@
-"""The paper's whole method of selection (3.2, 3.3, 4.2) on its office, in both climates: train, compare, choose.
+"""The paper's complete method of selection (3.2, 3.3, 4.2) on its office in both climates: train, compare, choose.
 
 ``python benchmarks/selection_study.py run --store DIR --hours H`` trains an even part of the design matrix, level by
-level, and keeps every result in DIR; stop it at will, start it again, and it goes on.  A process a climate keeps two
-cores busiest: ``--climates oakland --jobs 1`` beside ``--climates chicago --jobs 1``.
-``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is there.
+level, and keeps every result in DIR.  It may be stopped and started again at any time.  One process per climate keeps
+two cores busiest: ``--climates oakland --jobs 1`` beside ``--climates chicago --jobs 1``.
+``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is stored.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import _study_rivals
+import _study_baselines
 from _study_plan import CHUNK, CLIMATES, ORDER, Split, Unit, estimator, load, units
 from _study_store import n_finished
 
@@ -25,7 +25,7 @@ COMMAND = "python benchmarks/selection_study.py"
 
 
 class Stopped(KeyboardInterrupt):
-    """The time is up, or somebody asks to stop: no candidate's failure, which a search would write down."""
+    """The time is up, or a user stops the run; a search must not record this as the failure of a candidate."""
 
 
 def _stop(number: int, frame: Any) -> None:
@@ -33,7 +33,7 @@ def _stop(number: int, frame: Any) -> None:
 
 
 def run(store: Path, hours: float, todo: list[Unit], n_jobs: int) -> bool:
-    """Train what is not in the store yet; whether that was finished."""
+    """Train what is not in the store yet; True if all was finished."""
     store.mkdir(parents=True, exist_ok=True)
     usual = {number: signal.signal(number, _stop) for number in (signal.SIGTERM, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_REAL, 3600.0 * hours)
@@ -42,18 +42,18 @@ def run(store: Path, hours: float, todo: list[Unit], n_jobs: int) -> bool:
     try:
         data = {climate: load(climate) for climate in climates}
         for climate in climates:
-            _study_rivals.run(store, climate, data[climate])
+            _study_baselines.run(store, climate, data[climate])
         for i, unit in enumerate(todo, 1):
             n_new, seconds = search(store, unit, data[unit.climate], n_jobs)
             n_done += n_new
             elapsed = time.monotonic() - begun
             print(
                 f"[{elapsed / 3600:.2f} h] {i}/{len(todo)} {unit}: {n_new} candidates in {seconds:.0f} s; "
-                f"{n_done} since the start, {60 * n_done / elapsed:.1f} a minute",
+                f"{n_done} since the start, {60 * n_done / elapsed:.1f} per minute",
                 flush=True,
             )
     except KeyboardInterrupt:
-        print("stopped; the same command goes on where it was", flush=True)
+        print("stopped; the same command continues", flush=True)
         return False
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -63,7 +63,7 @@ def run(store: Path, hours: float, todo: list[Unit], n_jobs: int) -> bool:
 
 
 def search(store: Path, unit: Unit, data: Split, n_jobs: int, **changes: Any) -> tuple[int, float]:
-    """Run one search; how many candidates were not in the store before, and seconds."""
+    """Run one search; returns the number of new candidates and the seconds."""
     begun = time.time()
     made = DesignMatrixSearchCV(
         estimator(**changes),
@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--climates", nargs="+", default=list(CLIMATES), choices=list(CLIMATES))
     parser.add_argument("--frameworks", nargs="+", default=list(ORDER), choices=list(ORDER), help="in this order")
-    parser.add_argument("--by-size", action="store_true", help="one size of all frameworks, then the next")
+    parser.add_argument("--by-size", action="store_true", help="one size of all frameworks, then the next size")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     if given.what == "run":

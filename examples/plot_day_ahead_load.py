@@ -2,8 +2,8 @@
 The heat that tomorrow will need
 ================================
 
-A small office, simulated with EnergyPlus: the thermostat's two set-points of tomorrow are known, the weather is
-forecast, and the people are not.  How much heat will it take, when is the peak, and what would a smaller plant do?
+A small office, simulated with EnergyPlus.  Tomorrow's two set-points are known and the weather is forecast; the people
+are unknown.  How much heat will the office take, when is the peak, and what would a smaller plant do?
 """
 
 # %%
@@ -24,10 +24,10 @@ train = X["2018-09-03":"2018-10-14"]
 setpoints["2018-10-15":"2018-10-15"].iloc[[0, 24, 32, 84, 95]]
 
 # %%
-# One model of the whole
-# ----------------------
-# Fitted on six autumn weeks in which it mostly cooled.  It is asked four weeks later, when it heats: the rows in
-# between are its history.  For each day it reads no measurement behind the midnight that begins it.
+# The forecast
+# ------------
+# The model is fitted on six autumn weeks in which the plant mostly cooled.  It forecasts four weeks later, when the
+# plant heats; the rows in between are its history.  A day's forecast reads no measurement after its midnight.
 model = HybridPredictor(random_state=0).fit(train, train["T_za"])
 later, last = X["2018-10-15":"2018-11-16"], slice("2018-11-12", "2018-11-16")
 band = setpoints.loc[later.index]
@@ -35,8 +35,8 @@ load = model.predict_load(later, band)
 load[last].resample("1D")[["Q_hvac"]].agg(["min", "mean", "max"]).round(1)
 
 # %%
-# A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The step of the
-# heating set-point in the morning is met at once, with the peak of the day.
+# A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The morning
+# step of the heating set-point is met at once and causes the peak of the day.
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
 time = later[last].index
 above.fill_between(time, band[last]["set_heat"], band[last]["set_cool"], step="post", color="#eeeeee", label="band")
@@ -54,9 +54,9 @@ fig.autofmt_xdate()
 # %%
 # How good it is
 # --------------
-# The measured heat is that of five zones, some of which are cooled while the mean temperature floats in the band.  One
-# zone cannot tell that, so the heating is compared: over all days since the training, beside the plainest guess, the
-# same day of the week before.
+# The measured heat is that of five zones, some of which are cooled while the mean temperature floats in the band.  A
+# model of one zone cannot know that, so only the heating is compared, over all days since the training.  The baseline
+# is the same hour one week before.
 heating = hourly.clip(lower=0.0)
 week = 7 * 24
 guesses = pd.DataFrame({"forecast": heating["forecast"], "a week before": heating["measured"].shift(week)})[week:]
@@ -72,9 +72,9 @@ pd.DataFrame(
 # %%
 # A smaller plant
 # ---------------
-# The same days with a heater of 9 kW and no cooling, which is off from eight in the evening until four in the morning.
-# Limits are numbers or one value a row.  ``T_za`` tells which mornings would be cold, ``Q_hvac_unclipped`` what heat
-# would have met the set-point.
+# The same days with a heater of 9 kW that is off from eight in the evening until four in the morning, and no cooling.
+# Limits are numbers or one value per row.  ``T_za`` shows which mornings would be cold, and ``Q_hvac_unclipped`` the
+# heat that would have met the set-point.
 night = (later.index.hour >= 20) | (later.index.hour < 4)
 small = model.predict_load(later, band, limits=(0.0, np.where(night, 0.0, 9.0)))
 

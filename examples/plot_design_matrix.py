@@ -4,7 +4,8 @@ Which disturbance model? A small design matrix
 
 The paper's second contribution is a method: train a matrix of disturbance models, ask by Bayesian regression which
 ingredients help, compare how robust the cases are to their size, and take the least demanding of those that cannot be
-told from the best.  Here are a few candidates of its 13032 on a synthetic office, with simple rivals in the same table.
+told from the best.  This example runs a few of its 13032 candidates on a synthetic office, with baselines in the same
+table.  It needs the extra ``networks`` for the candidates and ``bayes`` for the choice.
 """
 
 # sphinx_gallery_thumbnail_number = 2
@@ -16,7 +17,7 @@ from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, select_case
 
 # %%
-# Four weeks to learn from and two further ones, which choose; what the choice is worth must be shown on later rows.
+# Four weeks are for training, and two further weeks choose.  The error of the choice must be measured on later rows.
 
 office = make_office(n_days=42, random_state=0)
 matrix = design_matrix(
@@ -25,9 +26,9 @@ matrix = design_matrix(
 print(matrix)
 
 # %%
-# Each candidate is trained in the place of the forecaster; the network of a split is identified once.  With ``store=``
-# a search that is stopped goes on where it was.  Twenty epochs keep this page quick; the paper's settings are 1000
-# with patience 150.  Rivals that are no forecasters of the disturbance, such as ARX, are named beside the matrix.
+# Each candidate replaces the forecaster; the network of a split is identified once.  With ``store=`` a search that was
+# stopped continues.  Twenty epochs keep this page quick; the paper uses 1000 with patience 150.  Baselines that are not
+# forecasters of the disturbance, such as ARX, are given beside the matrix.
 
 estimator = HybridPredictor(
     OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=4, random_state=0),
@@ -41,14 +42,13 @@ results = search.results_
 print(results.sort_values("rmse")[["name", "n_layers", "hidden_size", "rmse"]].head(8).to_string())
 
 # %%
-# The paper's rules in words, and whether a simple rival is enough.
+# The result of the paper's rules in words, and whether a baseline is enough.
 
 choice = select_case(results, random_state=0)
 print(choice)
 
 # %%
-# What stands behind them: which ingredients reduce the error (several sizes of one case do not count as several
-# experiments) ...
+# The evidence: which ingredients reduce the error (several sizes of one case do not count as several experiments) ...
 
 print(choice.expressiveness.summary_.round(3).to_string())
 PosteriorDisplay.from_estimator(choice.expressiveness)

@@ -2,17 +2,18 @@
 The paper's identification study
 ================================
 
-Section 2 of the paper on one office: four ways to identify a room whose occupants nobody measures, and what each is
-good for.  The truth is known here, so everything can be compared with it.  The same over several seeds, with verdicts
-on each statement of the paper: ``benchmarks/results/paper_identification.md``.
+Section 2 of the paper on one office: four ways to identify a room whose occupants nobody measures, and their
+strengths.  The truth is known here, so everything can be compared with it.
+``benchmarks/results/paper_identification.md`` has the same over several seeds, with a verdict on each statement of the
+paper.
 """
 
 # %%
 # The office
 # ----------
 # The paper's two-node network under a thermostat, in Oakland; the set-point of the first weekend is perturbed.  The
-# first seven days are for training.  The weather is the paper's (an EPW file) where it is at hand, and otherwise drawn
-# from the embedded climate.
+# first seven days are for training.  The weather is the paper's if its EPW file is available, and otherwise drawn from
+# the embedded climate.
 import warnings
 from pathlib import Path
 
@@ -35,10 +36,10 @@ X_train, y_train, X_test, y_test = X[:n_train], y[:n_train], X[n_train:], y[n_tr
 print("weather:", "EPW" if found else "embedded climate")
 
 # %%
-# What the data cannot say
-# ------------------------
+# The scale is not identifiable
+# -----------------------------
 # Multiply every capacitance, window and capacity by a factor and divide every resistance by it: no temperature
-# changes.  Starts of the search therefore end at the same loss with any capacity.
+# changes.  Starts of the search therefore reach the same loss with different capacities.
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", ScaleNotIdentifiableWarning)
     raw = OutputDisturbanceID(n_starts=10, random_state=0).fit(X_train, y_train)
@@ -47,13 +48,13 @@ raw.starts_[["loss", "Q_h", "C_w", "R_zo"]].round(3)
 # %%
 # Table 1
 # -------
-# So the capacity on the name plate fixes the scale, and the paper's own numbers are brought to the same capacity.
-name_plate = {"Q_h": office.theta["Q_h"]}  # kW
+# So the capacity on the nameplate fixes the scale, and the paper's numbers are rescaled to the same capacity.
+nameplate = {"Q_h": office.theta["Q_h"]}  # kW
 models = {
-    "CONV": GrayBoxRC(known=name_plate, n_starts=10, random_state=0),
-    "ID": InputDisturbanceID(known=name_plate, n_starts=10, random_state=0),
-    "OD": OutputDisturbanceID(known=name_plate, n_starts=10, random_state=0),
-    "ours": PeriodicDisturbanceID(known=name_plate, random_state=0),
+    "CONV": GrayBoxRC(known=nameplate, n_starts=10, random_state=0),
+    "ID": InputDisturbanceID(known=nameplate, n_starts=10, random_state=0),
+    "OD": OutputDisturbanceID(known=nameplate, n_starts=10, random_state=0),
+    "ours": PeriodicDisturbanceID(known=nameplate, random_state=0),
 }
 for model in models.values():
     model.fit(X_train, y_train)
@@ -67,7 +68,7 @@ printed = {
 power = pd.Series({name: {"R": -1, "f": 0}.get(name[0], 1) for name in table.index})
 for label, numbers in printed.items():
     paper = pd.Series(numbers, table.index, dtype=float)
-    table[f"paper's {label}"] = paper * (name_plate["Q_h"] / paper["Q_h"]) ** power
+    table[f"paper's {label}"] = paper * (nameplate["Q_h"] / paper["Q_h"]) ** power
 table.round(2)
 
 # %%
@@ -84,8 +85,8 @@ steps = StepResponseDisplay.from_estimator(models, truth=true, duration="12h")
 # %%
 # Three days ahead, the gain given
 # --------------------------------
-# With all parameters known a fit only finds the state, and a measured heat may join the inputs: a network is put to
-# the test by itself, without any model of the disturbance.
+# With all parameters known, a fit only finds the initial state, and the heat gain may be an input.  This tests a
+# network without any model of the disturbance.
 thetas = {"true": office.theta, **{label: model.theta_.to_dict() for label, model in models.items()}}
 informed = X.assign(Q_gain=gain)
 with_gain = pd.DataFrame({"measured": y_test})
@@ -95,7 +96,7 @@ for label, theta in thetas.items():
 
 
 def draw_days(frame, ylabel):
-    """Draw a line a column, the first in black."""
+    """Draw one line per column, the first in black."""
     _, axes = plt.subplots(figsize=(9, 3.8), layout="constrained")
     frame.plot(ax=axes, color=["black", "#999999", "#0072B2", "#D55E00", "#009E73", "#CC79A7"], linewidth=1.2)
     axes.set_ylabel(ylabel)
@@ -123,7 +124,7 @@ draw_days(runtime, "cooling runtime [-]")
 # %%
 # A day ahead, the gain unknown
 # -----------------------------
-# No parameters, not even the true ones, make up for the heat that nobody forecasts.
+# No parameters, not even the true ones, make up for heat that nobody forecasts.
 without = pd.DataFrame({"measured": y_test, **{label: network.predict(X_test) for label, network in plain.items()}})
 draw_days(without, "zone temperature [degC]")
 
@@ -135,7 +136,7 @@ errors.pow(2).mean().pow(0.5).round(2)
 # %%
 # The week of the estimated disturbance
 # -------------------------------------
-# Each network turned round: the heat that explains the measured temperature, beside the true gain.
+# Each network inverted: the heat that explains the measured temperature, beside the true gain.
 fig, axes = plt.subplots(3, 1, figsize=(9, 8), sharex=True, layout="constrained")
 for ax, label in zip(axes, ("true", "ours", "CONV"), strict=True):
     DisturbanceWeekDisplay.from_estimator(plain[label], X, truth=gain, ax=ax, title=f"parameters: {label}")

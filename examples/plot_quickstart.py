@@ -2,15 +2,15 @@
 Forecast tomorrow's room temperature
 ====================================
 
-A synthetic office, of which the truth is known: forecast the last day of the log from the midnight before it, with an
-interval, and identify the building's thermal network in spite of the heat that no one measures.
+A synthetic office, so the truth is known.  This example forecasts the last day of the log from the midnight before it,
+with an interval, and identifies the building's thermal network in spite of the heat that nobody measures.
 """
 
 # %%
 # The log
 # -------
 # A row is a step of 15 minutes.  ``X`` holds the weather, the runtime fractions of heating and cooling and, as
-# history, the measured room temperature; ``y`` is the room temperature.  ``heat_gain`` is the truth that no one
+# history, the measured room temperature; ``y`` is the room temperature.  ``heat_gain`` is the true heat that nobody
 # measures: people, plugs, lights and air.
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -28,12 +28,12 @@ X.describe().loc[["min", "mean", "max"]].round(2)
 # %%
 # Two forecasters
 # ---------------
-# The hybrid predictor, and the conventional gray box, which takes the unmeasured heat for noise.  The capacity on the
-# name plate fixes the scale of the network, which temperatures alone cannot.
+# The hybrid predictor, and the conventional gray box, which treats the unmeasured heat as noise.  The capacity on the
+# nameplate fixes the scale of the network, which temperatures alone cannot.
 n_train = len(X) - PER_DAY
-name_plate = {"Q_h": 6.0}  # kW
-hybrid = HybridPredictor(random_state=0).fit(X[:n_train], y[:n_train])
-conventional = GrayBoxRC(known=name_plate, n_starts=5, random_state=0).fit(X[:n_train], y[:n_train])
+nameplate = {"Q_h": 6.0}  # kW
+hybrid = HybridPredictor(known=nameplate).fit(X[:n_train], y[:n_train])
+conventional = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_train], y[:n_train])
 
 # %%
 # Tomorrow
@@ -45,7 +45,7 @@ tomorrow = hybrid.forecast(history, future, quantiles=(0.1, 0.9))
 plain = conventional.predict_from(X, [origin], horizon="1D")[0]
 
 # %%
-# Beside what came.
+# The forecast and the measurement.
 fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 actual = y[n_train:]
 ax.fill_between(
@@ -59,22 +59,21 @@ ax.legend()
 fig.autofmt_xdate()
 
 # %%
-# What the hybrid has learned
-# ---------------------------
-# Schedules of unmeasured heat and of conductance, beside what its network has, for working days and weekends.  Stages
-# are all that is logged of the plant here, so that these kW are relative.
+# The learned schedules
+# ---------------------
+# The hybrid learns schedules of unmeasured heat and of additional conductance, for working days and weekends.
 ScheduleDisplay.from_estimator(hybrid)
 
 # %%
 # The building
 # ------------
-# The hybrid's network is fitted to forecast well, and its parameters are not the building's.  For those there is the
-# identification; here are its parameters beside the true and the conventional ones.
-identified = PeriodicDisturbanceID(known=name_plate, random_state=0).fit(X[:n_train], y[:n_train])
+# The hybrid's network is fitted to forecast well, and its parameters are not those of the building.  An identification
+# finds those.  Its parameters, the true ones and the conventional ones:
+identified = PeriodicDisturbanceID(known=nameplate, random_state=0).fit(X[:n_train], y[:n_train])
 pd.DataFrame({"true": office.theta, "identified": identified.theta_, "conventional": conventional.theta_}).round(2)
 
 # %%
-# Its disturbance is the heat of people, plugs, lights and air, here over the last week of the training.
+# The identified disturbance is the heat of people, plugs, lights and air, here over the last week of the training.
 week = slice(n_train - 7 * PER_DAY, n_train)
 zeta = identified.estimate_disturbance(X[:n_train], smooth=True)
 fig, ax = plt.subplots(figsize=(8, 3.5), layout="constrained")

@@ -3,7 +3,7 @@ Two rooms, two thermometers, two unmeasured gains
 =================================================
 
 A network is declared, not programmed: nodes, resistors, and which nodes are measured, heated and disturbed.  Here two
-rooms share a wall; each has a window, a heater and people of its own.  Both temperatures are fitted at once.
+rooms share a wall.  Each has its own window, heater and people.  Both temperatures are fitted together.
 """
 
 # %%
@@ -61,7 +61,7 @@ X[["T_north", "T_south"]] = T + rng.normal(0.0, 0.03, T.shape)
 # %%
 # The fit
 # -------
-# One nameplate capacity fixes the scale; ``y`` holds a column a measured room.
+# One nameplate capacity fixes the scale.  ``y`` has one column per measured room.
 model = InputDisturbanceID(flat, known={"Q_h_north": 5.0}, n_starts=20, random_state=0)
 model.fit(X, X[["T_north", "T_south"]])
 print(model.identifiability_)
@@ -72,7 +72,7 @@ comparison.round(2)
 # %%
 # The two gains
 # -------------
-# Each room's unmeasured heat is estimated apart.
+# The unmeasured heat of each room is estimated separately.
 import matplotlib.pyplot as plt
 
 zeta = model.estimate_disturbance(X, smooth=True)

@@ -16,10 +16,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import _forecast_tables
 import forecast
 import learning_curve
+from _forecast_baselines import Boosted, Held, LeftAlone, Oracle, Yesterday
 from _forecast_data import DataSet, Truth, data_sets, split
 from _forecast_models import MODELS, Model, bounds_for
 from _forecast_ratios import BLOCK, blocks_of, drawn_rows, paired, ratio
-from _forecast_rivals import Boosted, Held, LeftAlone, Oracle, Yesterday
 from _forecast_store import Errors, Run, assess, by_hour, is_done, load_errors, read_run, write_run
 
 from skhybrid import GrayBoxRC
@@ -35,7 +35,7 @@ def office():
 
 @pytest.fixture
 def data(office):
-    """Eight days of training, three days behind them."""
+    """Eight days of training, three days after them."""
     X, rows = office.X, 8 * 96
     truth = Truth(office.heat_gain, office.gain_parts["air"], office.states)
     return DataSet("tiny", X[:rows], X[rows:], X.index[rows], "5h", capacity=STAGES, truth=truth)
@@ -183,7 +183,7 @@ RIVALS = {
 
 
 @pytest.mark.parametrize("name", RIVALS)
-def test_no_rival_reads_a_temperature_behind_the_origin(name, data):
+def test_no_model_reads_a_temperature_after_the_origin(name, data):
     model = RIVALS[name].fit(data.train, data.train["T_za"])
     origins = np.array([0, 50])
     usual = model.predict_from(data.later, origins)

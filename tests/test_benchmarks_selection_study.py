@@ -12,7 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
-import _study_rivals
+import _study_baselines
 import selection_study
 from _study_claims import judge
 from _study_cost import multiplications
@@ -125,7 +125,7 @@ def test_the_time_limit_ends_a_run_between_and_within_searches(tmp_path, monkeyp
         time.sleep(60.0)
 
     monkeypatch.setattr(selection_study, "load", lambda climate: None)
-    monkeypatch.setattr(_study_rivals, "run", lambda *given: None)
+    monkeypatch.setattr(_study_baselines, "run", lambda *given: None)
     monkeypatch.setattr(selection_study, "search", forever)
     before = signal.getsignal(signal.SIGTERM)
     begun = time.monotonic()
@@ -190,6 +190,6 @@ def test_a_verdict_follows_the_numbers():
     time_row = table.loc["time features reduce the error (0.95 or more)"]
     assert time_row["oakland"].startswith("holds")
     assert time_row["chicago"].startswith("does not hold")
-    lstm_row = table.loc["LSTM does"]
+    lstm_row = table.loc["LSTM reduces it"]
     assert lstm_row["oakland"].startswith("does not hold")
-    assert lstm_row["chicago"] == "not asked of this part"
+    assert lstm_row["chicago"] == "not applicable to this part"

@@ -11,7 +11,7 @@ from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import ParameterGrid
 
-from skhybrid import DisturbanceForecaster, HybridPredictor
+from skhybrid import DisturbanceForecaster, TwoStagePredictor
 from skhybrid.forecasting import ModelCase
 from skhybrid.forecasting.cases import resolve_case
 from skhybrid.model_selection import DesignMatrix, design_matrix
@@ -64,7 +64,7 @@ def test_names_are_the_papers_and_the_forecaster_knows_them(paper):
 
 
 @pytest.mark.parametrize(
-    ("prefix", "estimator"), [("forecaster__", HybridPredictor()), ("", DisturbanceForecaster("ridge"))]
+    ("prefix", "estimator"), [("forecaster__", TwoStagePredictor()), ("", DisturbanceForecaster("ridge"))]
 )
 def test_an_estimator_takes_every_candidate(prefix, estimator):
     matrix = design_matrix(size="small", cases=["case01"])

@@ -426,7 +426,6 @@ def test_a_search_over_forecasters_reads_each_split_once_and_the_table_for_the_r
     assert reads == [SPLIT, SPLIT, WHOLE]
 
 
-@pytest.mark.xfail(strict=False, reason="the two-stage scheme hands frames to its own parts")
 def test_a_search_over_hybrids_reads_each_split_once_and_the_table_for_the_refit(office, estimator, reads):
     matrix = design_matrix(**SIX, size={"hidden_size": [3]})
     DesignMatrixSearchCV(estimator, matrix, cv=CV, verbose=0).fit(office.X, office.y)

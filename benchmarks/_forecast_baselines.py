@@ -1,4 +1,4 @@
-"""Rivals of the forecast bench that the package does not ship: rules, boosting, a gray box left alone, the oracle.
+"""Baselines of the forecast benchmark that the package does not ship: rules, boosting, a plain gray box, an oracle.
 
 Each has ``fit(X, y)`` and ``predict_from(X, origins, horizon)`` and reads ``T_za`` of X up to an origin only.
 """
@@ -18,7 +18,7 @@ from skhybrid.datasets._office import true_system
 
 
 class _WithPast(RegressorMixin, BaseEstimator):
-    """Keeps the last day of training, which stands before X where X follows it."""
+    """Base class that keeps the last day of training as history of an X that follows it."""
 
     def fit(self, X: pd.DataFrame, y: Any) -> Self:
         """Keep the end of the training rows."""
@@ -28,7 +28,7 @@ class _WithPast(RegressorMixin, BaseEstimator):
         return self
 
     def _joined(self, X: pd.DataFrame) -> tuple[pd.DataFrame, int]:
-        """X behind the kept rows where it follows them, and how many rows were put before it."""
+        """X with the kept rows before it if it follows them, and the number of these rows."""
         if X.index[0] == self.past_.index[-1] + self.step_:
             return pd.concat([self.past_, X]), len(self.past_)
         return X, 0
@@ -55,7 +55,7 @@ class Held(_WithPast):
 
 
 class LeftAlone(RegressorMixin, BaseEstimator):
-    """A gray box of which no disturbance is forecast: the network runs from the filtered state by the known inputs.
+    """A gray box without a forecast of the disturbance: the network runs from the filtered state with the known inputs.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class LeftAlone(RegressorMixin, BaseEstimator):
         return self.gray_box_.drive(X, origins, np.zeros((len(origins), leads)))
 
     def load_from(self, X: pd.DataFrame, setpoint: Any, origins: np.ndarray, limits: Any = None) -> pd.DataFrame:
-        """The load without unmeasured heat, the state being taken at the origins."""
+        """The load without unmeasured heat, from the states at the origins."""
         leads = int(np.diff(np.append(origins, len(X))).max())
         return self.gray_box_.required_heat(X, setpoint, origins, np.zeros((len(origins), leads)), limits=limits)
 
@@ -85,8 +85,8 @@ class LeftAlone(RegressorMixin, BaseEstimator):
 class Boosted(_WithPast):
     """Gradient boosting of the change of temperature since the origin, over (origin, lead) pairs.
 
-    What a data scientist would give it: the lead, hour and day of the target, how the temperature moved before the
-    origin, the temperature at the target's time a day earlier, and means of every input from origin to target.
+    The features that a data scientist would choose: lead, hour and day of the target, the change of temperature before
+    the origin, the temperature at the target's time a day earlier, and means of every input from origin to target.
     """
 
     def __init__(self, every: str = "1h", random_state: int | None = None) -> None:
@@ -94,7 +94,7 @@ class Boosted(_WithPast):
         self.random_state = random_state
 
     def fit(self, X: pd.DataFrame, y: Any) -> Self:
-        """Train on origins ``every`` so often, whose day lies in X."""
+        """Train on one origin per ``every``, if its next day lies in X."""
         super().fit(X, y)
         self.inputs_ = [c for c in X if c != "T_za"]
         rows = X.assign(T_za=np.asarray(y, dtype=np.float64))
@@ -122,7 +122,7 @@ class Boosted(_WithPast):
         here, hourly = T[origins][:, None], rows_of("1h", self.step_)
 
         def at(back: np.ndarray) -> np.ndarray:
-            """Temperature so many rows before each origin, of (n_origins, n_leads), relative to the origin's."""
+            """(n_origins, n_leads) temperature ``back`` rows before each origin, relative to that of the origin."""
             wanted = origins[:, None] - back
             return np.where(wanted >= 0, T[np.maximum(wanted, 0)], np.nan) - here
 
@@ -131,7 +131,7 @@ class Boosted(_WithPast):
         columns += [at(np.full_like(targets, lag * hourly)) for lag in (1, 3, 6)]
         for name in self.inputs_:
             total = np.concatenate([[0.0], rows[name].to_numpy().cumsum()])
-            for span in (n_leads, 3 * hourly):  # an input of a row acts over the step behind its stamp
+            for span in (n_leads, 3 * hourly):  # an input acts over the step after its stamp
                 first = np.maximum(targets - span, origins[:, None])
                 columns.append((total[targets] - total[first]) / np.maximum(targets - first, 1))
         return np.stack(columns, axis=-1).reshape(targets.size, -1), T[origins]
@@ -145,9 +145,9 @@ class Oracle(RegressorMixin, BaseEstimator):
     truth : Truth
         Of training and later rows.
     knows_air : bool
-        False: the mean is that of all unmeasured heat.  True: of what people and devices give off, and the heat of
-        outdoor air comes from the mean conductance of that hour of the week, so that a change of season does not
-        make the oracle wrong.
+        False: the mean of all unmeasured heat.  True: the mean of the heat of people and devices; the heat of outdoor
+        air then comes from the mean conductance of that hour of the week, so that a change of season does not make the
+        oracle wrong.
     """
 
     def __init__(self, truth: Truth, knows_air: bool = False) -> None:

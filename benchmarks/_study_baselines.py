@@ -1,4 +1,4 @@
-"""Rivals without a network, on the same rows and by the same score as the candidates of the study."""
+"""Baselines without a network, on the same rows and with the same score as the candidates of the study."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from _study_plan import Split, gray_box
 from skhybrid import ARXRegressor, HybridPredictor
 from skhybrid.model_selection.scorers import MeasuredRmse
 
-#: simple enough that a network must beat them; the default of the package is shown beside, and is not simple
+#: simple enough that a network must beat them; the package's default is shown too, but is not simple
 SIMPLE = ("ridge", "profile", "last_week", "persistence", "arx")
 MAKERS: dict[str, Callable[[], Any]] = {
     "arx": lambda: ARXRegressor(),
@@ -24,12 +24,12 @@ MAKERS: dict[str, Callable[[], Any]] = {
 
 
 def path_of(store: Path, climate: str) -> Path:
-    """Where the rivals of a climate are kept."""
-    return store / f"rivals_{climate}.csv"
+    """Where the baselines of a climate are kept."""
+    return store / f"baselines_{climate}.csv"
 
 
 def read(store: Path, climate: str) -> pd.DataFrame:
-    """What is kept: ``framework``, ``rmse`` [K], ``fit_time`` and ``score_time`` [s]."""
+    """The kept results: ``framework``, ``rmse`` [K], ``fit_time`` and ``score_time`` [s]."""
     path = path_of(store, climate)
     if not path.is_file():
         return pd.DataFrame(columns=["framework", "rmse", "fit_time", "score_time"])
@@ -37,7 +37,7 @@ def read(store: Path, climate: str) -> pd.DataFrame:
 
 
 def run(store: Path, climate: str, data: Split) -> None:
-    """Fit and score those that are not kept yet, each written when it is done."""
+    """Fit and score those that are not kept yet; each is written when it is done."""
     table = read(store, climate)
     for name, make in MAKERS.items():
         if name in set(table["framework"]):

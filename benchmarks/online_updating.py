@@ -1,7 +1,7 @@
-"""Living with a building: time of ``update`` and ``forecast``, and errors before and after a change of schedule.
+"""Online updating: time of ``update`` and ``forecast``, and errors before and after a change of schedule.
 
-Writes ``results/living_times.md``, ``results/living.md`` and ``results/living.png``.  Some twenty minutes on one core:
-``python benchmarks/living.py``; ``--times`` measures times only.
+``python benchmarks/online_updating.py`` writes ``results/online_updating.md``, ``online_updating.png`` and
+``online_updating_times.md``, in about twenty minutes on one core.  ``--times`` measures times only.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from skhybrid.datasets import make_office, make_weather
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.inspection._style import line_style, tidy
 
-COMMAND = "python benchmarks/living.py"
+COMMAND = "python benchmarks/online_updating.py"
 DAY, WEEK = 96, 7 * 96
-#: Mondays a quarter of a year apart: some seasons make the weeks after a change harder than those before, some easier.
+#: Mondays a quarter of a year apart, because some seasons make the weeks after a change harder, some easier
 STARTS = tuple(map(pd.Timestamp, ("2023-02-06", "2023-05-01", "2023-07-31", "2023-10-30")))
 TRAIN, BEFORE, AFTER = 4, 4, 6  # weeks
-#: offices at each of them, none of which comes twice: a week that its people make hard is as hard in every season
+#: offices per start, all different; a week that is hard because of its people is as hard in every season
 N_OFFICES = 3
-#: by how much the clock of people and set-points lags behind the sun's after the change
+#: lag of the clock of people and set-points against the sun's after the change
 CHANGES = {
     "no change": "0h",
     "three hours later": "-3h",
@@ -37,9 +37,9 @@ CHANGES = {
 
 
 def make_log(seed: int, lag: str, start: pd.Timestamp) -> pd.DataFrame:
-    """An office whose people and set-points keep another clock from week TRAIN + BEFORE on, under one weather.
+    """An office whose people and set-points follow another clock from week TRAIN + BEFORE on, under one weather.
 
-    The second part is an office of its own whose weather was moved on the clock; where the two meet the temperature
+    The second part is a separate office whose weather was shifted on the clock.  Where the two meet, the temperature
     jumps once by up to a few kelvin.
     """
     days, change = 7 * (TRAIN + BEFORE + AFTER), start + pd.Timedelta(weeks=TRAIN + BEFORE)
@@ -57,25 +57,25 @@ def make_log(seed: int, lag: str, start: pd.Timestamp) -> pd.DataFrame:
     return pd.concat([first.X, later[later.index >= change][: AFTER * WEEK]])
 
 
-def fitted(X: pd.DataFrame, adapt: str | None, published: bool = False) -> HybridPredictor:
-    """The default, or the published scheme with its linear forecaster, trained on the first weeks."""
-    parts = (PeriodicDisturbanceID(known={"Q_h": 6.0}), DisturbanceForecaster("ridge")) if published else ()
+def fitted(X: pd.DataFrame, adapt: str | None, two_stage: bool = False) -> HybridPredictor:
+    """The default, or the two-stage scheme with ridge, fitted on the first weeks."""
+    parts = (PeriodicDisturbanceID(known={"Q_h": 6.0}), DisturbanceForecaster("ridge")) if two_stage else ()
     model = HybridPredictor(*parts, adapt=adapt, random_state=0)
     return model.fit(X[: TRAIN * WEEK], X["T_za"][: TRAIN * WEEK])
 
 
-#: name -> adapt, and whether it is the published scheme
+#: name -> adapt, and whether it is the two-stage scheme
 MODELS = {
     "frozen": (None, False),
     "adapted": ("full", False),
     "partial_fit on drift": (None, False),
-    "published, frozen": (None, True),
-    "published, adapted": ("linear", True),
+    "two-stage, frozen": (None, True),
+    "two-stage, adapted": ("linear", True),
 }
 
 
 def weekly(model: HybridPredictor, X: pd.DataFrame, learn: bool) -> tuple[list[float], list[int]]:
-    """RMSE [K] of day-ahead forecasts by weeks, and the weeks at whose end ``partial_fit`` was called on a drift."""
+    """RMSE [K] of day-ahead forecasts by week, and the weeks after which ``partial_fit`` was called on a drift."""
     errors, learned = [], []
     for week in range(TRAIN, TRAIN + BEFORE + AFTER):
         rows = X[week * WEEK : (week + 1) * WEEK]
@@ -88,14 +88,14 @@ def weekly(model: HybridPredictor, X: pd.DataFrame, learn: bool) -> tuple[list[f
 
 
 def study() -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors by change, model, start, seed and week (0 is the first after the change); what the drift signal said."""
+    """Errors by change, model, start, seed and week (0 is the first after the change), and the drift signals."""
     rows, signals = [], []
     for change, (number, start), office in product(CHANGES, enumerate(STARTS), range(N_OFFICES)):
         seed = N_OFFICES * number + office
         X = make_log(seed, CHANGES[change], start)
         signal = {"change": change, "start": str(start.date()), "seed": seed} | alarms(X, start)
-        for name, (adapt, published) in MODELS.items():
-            errors, learned = weekly(fitted(X, adapt, published), X, name.startswith("partial"))
+        for name, (adapt, two_stage) in MODELS.items():
+            errors, learned = weekly(fitted(X, adapt, two_stage), X, name.startswith("partial"))
             weeks = enumerate(errors, start=-BEFORE)
             rows += [(change, name, signal["start"], seed, week, error) for week, error in weeks]
             if name.startswith("partial"):
@@ -106,7 +106,7 @@ def study() -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def alarms(X: pd.DataFrame, start: pd.Timestamp) -> dict[str, object]:
-    """What the frozen default's signal says before and after the change."""
+    """Drift signal of the frozen default before and after the change."""
     days = fitted(X, None).drift(X[TRAIN * WEEK :])
     drifted = days[days["drifted"]]
     at = start + pd.Timedelta(weeks=TRAIN + BEFORE)
@@ -119,7 +119,7 @@ def alarms(X: pd.DataFrame, start: pd.Timestamp) -> dict[str, object]:
 
 
 def recovery(errors: pd.DataFrame, by: list[str]) -> pd.DataFrame:
-    """Errors of the weeks before, the two after and the four from then on; ratios to before."""
+    """Errors of the weeks before, of the two after and of the four after those; ratios to before."""
     span = np.select([errors["week"] < 0, errors["week"] < 2], ["before", "first two weeks"], "later")
     square = errors.assign(span=span, square=errors["rmse"] ** 2)
     table = square.pivot_table(index=by, columns="span", values="square", sort=False) ** 0.5
@@ -131,7 +131,7 @@ def recovery(errors: pd.DataFrame, by: list[str]) -> pd.DataFrame:
 
 
 def picture(means: pd.DataFrame) -> None:
-    """Weekly errors, mean of starts and seeds: a panel a change, a line a model."""
+    """Draw weekly errors, means over starts and seeds: one panel per change, one line per model."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
@@ -145,7 +145,7 @@ def picture(means: pd.DataFrame) -> None:
     axes[0].set_ylim(0.0, 1.05 * float(means.to_numpy().max()))
     axes[0].set_ylabel("day-ahead RMSE [K]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False)
-    figure.savefig(RESULTS / "living.png", dpi=130)
+    figure.savefig(RESULTS / "online_updating.png", dpi=130)
 
 
 # ---------------------------------------------------------------------------------------------------------- speed
@@ -159,10 +159,10 @@ def cpu_ms(call: Callable[[int], object], n: int) -> tuple[float, float]:
     return 1e3 * float(np.median(spent)), 1e3 * min(spent)
 
 
-def speed(adapt: str, published: bool) -> pd.DataFrame:
-    """Of updates and forecasts, early and late in a model's life."""
+def speed(adapt: str, two_stage: bool) -> pd.DataFrame:
+    """Time of updates and forecasts, early and late in a model's use."""
     X = make_log(0, "0h", STARTS[1])
-    model = fitted(X, adapt, published)
+    model = fitted(X, adapt, two_stage)
     square = np.random.default_rng(0).normal(size=(60, 60))
     loop = cpu_ms(lambda i: [square @ square for _ in range(100)], 50)
     rows, now = {}, TRAIN * WEEK
@@ -174,7 +174,7 @@ def speed(adapt: str, published: bool) -> pd.DataFrame:
         rows[f"update, one row, {name}"] = cpu_ms(lambda i, at=begin: model.update(X[at + i : at + i + 1]), DAY)
         now += DAY
         future = X[now : now + DAY].drop(columns="T_za")
-        model.forecast(None, future)  # the re-fit of a new week is made once, by the first forecast of it
+        model.forecast(None, future)  # the first forecast of a new week fits again, once
         rows[f"forecast, 24 h, {name}"] = cpu_ms(lambda i, ahead=future: model.forecast(None, ahead), 60)
     days = [X[now + i * DAY : now + (i + 1) * DAY] for i in range(4)]
     rows["update, 96 rows"] = cpu_ms(lambda i: model.update(days[i]), len(days))
@@ -184,15 +184,15 @@ def speed(adapt: str, published: bool) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Run all; write table and picture."""
+    """Run all; write tables and figure."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SkhybridWarning)
         times = {
-            "Published scheme, 2R2C and ridge: CPU time of a call": speed("linear", True),
+            "Two-stage, 2R2C and ridge: CPU time of a call": speed("linear", True),
             "Default: CPU time of a call": speed("full", False),
         }
         print(*times.values(), sep="\n", flush=True)
-        write_table("living_times", "Time of an update and of a forecast", f"{COMMAND} --times", times)
+        write_table("online_updating_times", "Time of an update and of a forecast", f"{COMMAND} --times", times)
         if "--times" in sys.argv[1:]:
             return
         errors, signals = study()
@@ -200,8 +200,8 @@ def main() -> None:
     RESULTS.mkdir(exist_ok=True)
     picture(means)
     write_table(
-        "living",
-        "Living with a building",
+        "online_updating",
+        "Online updating",
         COMMAND,
         {
             "Day-ahead RMSE [K] around a change of schedule": recovery(errors, ["change", "model"]),
@@ -213,7 +213,7 @@ def main() -> None:
         },
         f"make_office (Oakland), {TRAIN} weeks of training, {BEFORE} weeks as before, then {AFTER} under another "
         f"schedule; {N_OFFICES} offices (seeds) at each of {len(STARTS)} starts a quarter of a year apart, as some "
-        "seasons make later weeks harder, others easier; the default, and the published scheme with ridge.",
+        "seasons make later weeks harder, others easier; the default, and the two-stage scheme with ridge.",
     )
 
 

@@ -1,0 +1,66 @@
+"""Rules that keep the source readable: one name per thing, small files and functions, no foreign private state."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import skhybrid
+
+PACKAGE = Path(skhybrid.__file__).parent
+SOURCES = {path.relative_to(PACKAGE).as_posix(): path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
+TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
+#: modules that share a base name because they are about the same thing
+SAME_THING = {
+    "base",  # the base class of its folder
+    "posterior",  # of the parameters: sampled in identification, drawn in inspection
+}
+MOST_LINES, MOST_LINES_OF_A_FUNCTION = 400, 40
+
+
+def body_length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function's body, its docstring left out."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 1
+
+
+def foreign_private_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Assignments to a private attribute of an object other than ``self`` or ``cls``."""
+    for node in ast.walk(tree):
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        if isinstance(node, ast.AugAssign | ast.AnnAssign):
+            targets = [node.target]
+        parts = [part for target in targets for part in ast.walk(target) if isinstance(part, ast.Attribute)]
+        for part in parts:
+            own = isinstance(part.value, ast.Name) and part.value.id in ("self", "cls")
+            if part.attr.startswith("_") and not own:
+                yield node.lineno, ast.unparse(part)
+
+
+def test_no_two_modules_share_a_base_name():
+    names = Counter(
+        Path(path).stem.lstrip("_") for path in SOURCES if not path.endswith(("__init__.py", "__main__.py"))
+    )
+    assert {name for name, count in names.items() if count > 1} <= SAME_THING
+
+
+@pytest.mark.parametrize("path", sorted(TREES))
+def test_no_module_writes_private_state_of_another_object(path):
+    assert not [f"{path}:{line} {target}" for line, target in foreign_private_writes(TREES[path])]
+
+
+def test_a_foreign_write_is_seen():
+    source = "self._a = 1\nother._b = 2\nthing.c = 3\nx, one._d[0] = 4, 5\n"
+    assert [target for _, target in foreign_private_writes(ast.parse(source))] == ["other._b", "one._d"]
+
+
+@pytest.mark.parametrize("path", sorted(SOURCES))
+def test_files_and_functions_are_small(path):
+    assert SOURCES[path].count("\n") <= MOST_LINES
+    functions = (node for node in ast.walk(TREES[path]) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+    long = {f"{f.name} ({body_length(f)})" for f in functions if body_length(f) > MOST_LINES_OF_A_FUNCTION}
+    assert not long
