@@ -23,10 +23,9 @@ from skhybrid.schedule import (
 )
 from skhybrid.schedule.channels import GROUPS, known_heat, make_channels, make_plan, with_contrast
 from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
-from skhybrid.schedule.emitter import emitter_series
 from skhybrid.schedule.filter_model import NOISE, FilterModel
 from skhybrid.schedule.lead_problem import LeadProblem, ScoredForecasts, Shrinkage, penalty_of
-from skhybrid.schedule.responses import error_columns, simulate_responses
+from skhybrid.schedule.responses import emitter_series, error_columns, simulate_responses
 from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min

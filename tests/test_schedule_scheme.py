@@ -23,7 +23,7 @@ from skhybrid.hybrid.residual_correction import residual_correction
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import NumberedSegment, fit_leads, forecast_from_origins, loads, make_segment
-from skhybrid.schedule.part_load import increasing_curve
+from skhybrid.schedule.schedule_loads import increasing_curve
 from skhybrid.thermal import get_network
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ScaleNotIdentifiableWarning")

@@ -1,44 +1,24 @@
 """Compiled physics: discretisation, predictors, filters, forecast errors and load paths; arrays in, NamedTuples out."""
 
-from .autoregression import iterate_lags
 from .channel_filter import ChannelAdjoint, ChannelFilter, filter_channels, filter_channels_adjoint
 from .discretization import Discrete, discretize, divided_difference
 from .forecast_sample import ForecastSample, hourly_sample
-from .horizon_errors import (
-    FilteredSeries,
-    FilterGains,
-    InputStates,
-    LeadSensitivity,
-    filter_gains,
-    filter_series,
-    lead_errors,
-    lead_sensitivities,
-    simulate_inputs,
-)
+from .horizon_errors import filter_gains, filter_series, lead_errors, lead_sensitivities, simulate_inputs
 from .innovations import Model, Prediction, Sensitivity, one_step_errors, one_step_sensitivities
-from .inverse_load import LoadPath, simulate_inverse
-from .kalman import Filtered, Smoothed, kalman_filter, smooth_states
+from .kalman import kalman_filter, smooth_states
 from .lead_rows import lead_rows
-from .lq_path import solve_lq_path
-from .multi_step_errors import LeadErrors, multi_step_sensitivities
-from .simulation import simulate_path
+from .load_paths import simulate_inverse, solve_lq_path
+from .multi_step_errors import multi_step_sensitivities
+from .simulation import iterate_lags, simulate_path
 
 __all__ = [
     "ChannelAdjoint",
     "ChannelFilter",
     "Discrete",
-    "FilterGains",
-    "Filtered",
-    "FilteredSeries",
     "ForecastSample",
-    "InputStates",
-    "LeadErrors",
-    "LeadSensitivity",
-    "LoadPath",
     "Model",
     "Prediction",
     "Sensitivity",
-    "Smoothed",
     "discretize",
     "divided_difference",
     "filter_channels",

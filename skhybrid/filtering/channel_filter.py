@@ -112,31 +112,12 @@ def _state_pass(A, columns, series, known, C, y, x, S, gains, errors, states):
 
 
 def filter_channels(A, columns, series, known, Q, noise_class, C, R, y, s0, P0):
-    """Filter channel 0 (the measurement) and the responses to the inputs ``series``.
+    """Filter channel 0 (the measurement ``y``) and the responses to the inputs ``series``.
 
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    columns : ndarray of shape (n, J)
-        Effect of each channel's input on the states over a step; column 0 is not used.
-    series : ndarray of shape (N, J)
-        Input of each channel; column 0 is not used.
-    known : ndarray of shape (N, n)
-        Forcing of channel 0 by the inputs whose effect is not a coefficient.
-    Q, noise_class
-        As in :func:`skhybrid.filtering.kalman_filter`.
-    C, R : ndarray of shape (o, n) and (o,)
-        Output rows, and the variance of each output's noise.
-    y : ndarray of shape (N, o)
-        Measurements, NaN where missing.
-    s0 : ndarray of shape (n,)
-        Mean of channel 0's first state; the others begin at 0.
-    P0 : ndarray of shape (n, n)
-        Covariance of the first state.
-
-    Returns
-    -------
-    ChannelFilter
+    ``A`` (n, n); ``columns`` (n, J), the effect of each input on the states over a step, and ``series`` (N, J), neither
+    used for channel 0; ``known`` (N, n), channel 0's forcing by inputs without a coefficient; ``Q`` and ``noise_class``
+    as in :func:`kalman_filter`; ``C`` (o, n); ``R`` (o,) noise variances; ``y`` (N, o), NaN where missing; ``s0`` (n,),
+    channel 0's first mean, 0 in the others; ``P0`` (n, n), the first covariance.
     """
     (N, o), (n, J) = y.shape, columns.shape
     S, gains, covariances = np.ones((N, o)), np.zeros((N, o, n)), np.empty((N, n, n))
@@ -229,20 +210,8 @@ def _covariance_pass_back(A, noise_class, C, y, S, gains, covariances, S_bar, ga
 def filter_channels_adjoint(A, series, noise_class, C, y, n_classes, result, errors_bar, S_bar):
     """Derivatives of a scalar by A, the columns, the noise and P0, given its derivatives by the innovations.
 
-    Parameters
-    ----------
-    A, series, noise_class, C, y
-        As given to :func:`filter_channels`.
-    n_classes : int
-    result : ChannelFilter
-    errors_bar : ndarray of shape (N, o, J)
-        Derivative by every innovation.
-    S_bar : ndarray of shape (N, o)
-        Derivative by every innovation variance.
-
-    Returns
-    -------
-    ChannelAdjoint
+    ``errors_bar`` (N, o, J) and ``S_bar`` (N, o) are those by every innovation of ``result`` and its variance; the
+    other arguments are those of :func:`filter_channels`.
     """
     (N, n, J), o = result.states.shape, y.shape[1]
     A_bar, columns_bar, known_bar = np.zeros((n, n)), np.zeros((n, J)), np.empty((N, n))

@@ -32,12 +32,8 @@ def propagate(A, P, Q, work, out):
 def update_covariance(P, dP, C, R, seen, gain, dgain, Pc, dPc):
     """Update a covariance and its derivatives by one row's measurements, one after the other, in place.
 
-    ``gain`` (o, n) and ``dgain`` (o, n, p) are written; ``Pc`` (n,) and ``dPc`` (n, p) are work space.
-
-    Returns
-    -------
-    float
-        Largest change of any gain, or relative change of any of its derivatives.
+    Writes ``gain`` (o, n) and ``dgain`` (o, n, p) and returns the largest change of any gain, or relative change of any
+    of its derivatives; ``Pc`` (n,) and ``dPc`` (n, p) are work space.
     """
     o, n = C.shape
     p = dP.shape[2]

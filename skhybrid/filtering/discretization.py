@@ -44,18 +44,7 @@ def _hold_slope(x: np.ndarray) -> np.ndarray:
 
 
 def divided_difference(a: np.ndarray, b: np.ndarray, hold: bool) -> np.ndarray:
-    """(f(a) - f(b)) / (a - b) of f = exp, or of the hold function where ``hold``; f'(a) at a = b.
-
-    Parameters
-    ----------
-    a, b : array-like
-        Broadcast against each other.
-    hold : bool
-
-    Returns
-    -------
-    ndarray
-    """
+    """(f(a) - f(b)) / (a - b) of f = exp, or of the hold function where ``hold``; f'(a) at a = b."""
     a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
     gap = a - b
     far = np.abs(gap) > 1.0
@@ -67,22 +56,10 @@ def divided_difference(a: np.ndarray, b: np.ndarray, hold: bool) -> np.ndarray:
 def discretize(
     A: np.ndarray, B: np.ndarray, dA: np.ndarray, dB: np.ndarray, capacitance: np.ndarray, dt: float
 ) -> Discrete:
-    """Zero-order hold over ``dt`` of dx/dt = A x + B v, and its derivatives.
+    """Zero-order hold over ``dt`` [h] of RC networks dx/dt = A x + B v [1/h], and its derivatives.
 
-    Parameters
-    ----------
-    A, B : ndarray of shape (..., n, n) and (..., n, m)
-        Continuous matrices of RC networks [1/h].
-    dA, dB : ndarray of shape (..., p, n, n) and (..., p, n, m)
-        Their derivatives by each parameter; p may be 0.
-    capacitance : ndarray of shape (..., n)
-        Capacitances [kWh/K], in the order of the states.
-    dt : float
-        Step [h].
-
-    Returns
-    -------
-    Discrete
+    ``A`` (..., n, n), ``B`` (..., n, m), their derivatives ``dA`` (..., p, n, n), ``dB`` (..., p, n, m) by p >= 0
+    parameters, and ``capacitance`` (..., n) [kWh/K] of the states.
     """
     root = np.sqrt(capacitance)
     scaled = root[..., :, None] * A / root[..., None, :]

@@ -23,20 +23,7 @@ class ForecastSample(NamedTuple):
 
 
 def hourly_sample(n_rows: int, n_leads: int, step: float, first: int) -> ForecastSample:
-    """Make origins an hour apart (or a step, if longer) and the scored leads.
-
-    Parameters
-    ----------
-    n_rows, n_leads : int
-    step : float
-        [h].
-    first : int
-        First origin; a quarter of a shorter table.
-
-    Returns
-    -------
-    ForecastSample
-    """
+    """Scored leads, and origins an hour (or a longer ``step`` [h]) apart from ``first`` on; sooner in a short table."""
     leads = np.unique(np.maximum(np.round(_LEADS * n_leads), 1).astype(np.int64))
     leads = leads[leads <= max(1, n_rows // 2)]
     every = max(1, round(1.0 / step))

@@ -50,20 +50,9 @@ class LeadSensitivity(NamedTuple):
 
 @compiled
 def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
-    """Kalman gains of every row and their derivatives; 0 where nothing was measured.
+    """Kalman gains of every row and their derivatives; 0 where ``seen`` (N,) is False.
 
-    Parameters
-    ----------
-    A, Q, P0 : ndarray of shape (m, m)
-    c : ndarray of shape (m,)
-    R : float
-        Measurement variance.
-    dA, dQ : ndarray of shape (m, m, p)
-    seen : ndarray of bool, shape (N,)
-
-    Returns
-    -------
-    FilterGains
+    ``A``, ``Q``, ``P0`` (m, m); ``dA``, ``dQ`` (m, m, p); ``c`` (m,) measures the state with variance ``R``.
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))
@@ -106,24 +95,10 @@ def _propagate(A, x, after):
 
 @compiled
 def simulate_inputs(A, B, V, node, begin, out):
-    """Simulate the output of a network under each of J inputs by itself.
+    """Simulate state ``node`` of a network under each of J inputs by itself, into ``out`` (N, J).
 
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    B : ndarray of shape (n, J)
-        Effect of one unit of each input over a step on the states.
-    V : ndarray of shape (N, J)
-    node : int
-        The state that is the output.
-    begin : ndarray of shape (n, J)
-        States at the first row.
-    out : ndarray of shape (N, J)
-        The outputs are written here.
-
-    Returns
-    -------
-    InputStates
+    ``A`` (n, n); ``B`` (n, J), the effect of a unit of each input over a step; ``V`` (N, J); ``begin`` (n, J), the
+    states at the first row.
     """
     n, J = B.shape
     N = V.shape[0]
@@ -141,24 +116,10 @@ def simulate_inputs(A, B, V, node, begin, out):
 
 @compiled
 def filter_series(A, gains, node, S, origins, begin):
-    """Filtered states of J series at the origins, each given its own rows up to the origin.
+    """Filtered states of J series ``S`` (N, J), measurements of state ``node``, at increasing ``origins``.
 
-    Parameters
-    ----------
-    A : ndarray of shape (m, m)
-    gains : ndarray of shape (N, m)
-    node : int
-        The state that is measured.
-    S : ndarray of shape (N, J)
-        Measured series; a row whose gain is 0 is not read.
-    origins : ndarray of int, shape (n_origins,)
-        Increasing.
-    begin : ndarray of shape (m, J)
-        States at the first row, before it is read.
-
-    Returns
-    -------
-    FilteredSeries
+    ``A`` (m, m); ``gains`` (N, m), a row of gain 0 is not read; ``begin`` (m, J), the states before the first row is
+    read.
     """
     m = A.shape[0]
     N, J = S.shape
@@ -207,25 +168,9 @@ def _filter_error(gains, dgains, k, e, de, x, dx):
 def lead_sensitivities(A, dA, forcing, dforcing, F, dF, gains, dgains, node, y, origins):
     """Simulate one series and filter the difference of the measurement from it, with exact derivatives of both.
 
-    Parameters
-    ----------
-    A, dA : ndarray of shape (n, n) and (n, n, p)
-        The network over one step.
-    forcing, dforcing : ndarray of shape (N, n) and (N, n, p)
-        By all inputs.
-    F, dF : ndarray of shape (m, m) and (m, m, p)
-        The filter's transition.
-    gains, dgains : ndarray of shape (N, m) and (N, m, p)
-    node : int
-        The state that is measured, in both.
-    y : ndarray of shape (N,)
-        Measurements; a row whose gain is 0 is not read.
-    origins : ndarray of int, shape (n_origins,)
-        Increasing.
-
-    Returns
-    -------
-    LeadSensitivity
+    The network ``A`` (n, n) under ``forcing`` (N, n) and the filter ``F`` (m, m) with ``gains`` (N, m) both measure
+    state ``node``; ``dA``, ``dforcing``, ``dF`` and ``dgains`` have a last axis p.  Rows of ``y`` (N,) of gain 0 are
+    not read; ``origins`` increase.
     """
     n, m, p, N = A.shape[0], F.shape[0], dA.shape[2], forcing.shape[0]
     response, dresponse = np.empty(N), np.empty((N, p))
@@ -256,20 +201,10 @@ def lead_sensitivities(A, dA, forcing, dforcing, F, dF, gains, dgains, node, y, 
 
 @compiled
 def lead_errors(S, states, P, origins, leads, weight):
-    """Weighted errors of each series at each origin and lead, ``S[o + h] - P[h] x[o]``.
+    """Weighted errors (n_origins L, J) of each series at each origin and lead, ``S[o + h] - P[h] x[o]``.
 
-    Parameters
-    ----------
-    S : ndarray of shape (N, J)
-    states : ndarray of shape (n_origins, m, J)
-    P : ndarray of shape (L, m)
-    origins, leads : ndarray of int, shape (n_origins,) and (L,)
-    weight : ndarray of shape (n_origins, L)
-        Rows of weight 0 are not read.
-
-    Returns
-    -------
-    ndarray of shape (n_origins * L, J)
+    ``S`` (N, J), ``states`` x (n_origins, m, J), ``P`` (L, m), ``weight`` (n_origins, L); where it is 0 nothing is
+    read.
     """
     n_origins, m, J = states.shape
     L = len(leads)

@@ -58,24 +58,10 @@ class Sensitivity(NamedTuple):
 
 @compiled
 def one_step_errors(A, forcing, K, C, y, s0):
-    """Run the predictor.
+    """Run the predictor under ``forcing`` ``B v`` (N, n), from ``s0`` (n,) at the first row.
 
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    forcing : ndarray of shape (N, n)
-        ``B v[k]``.
-    K : ndarray of shape (n_gains, n, o)
-        Gain of every row, in predictor form; the last one serves all later rows.
-    C : ndarray of shape (o, n)
-    y : ndarray of shape (N, o)
-        Measurements, NaN where missing.
-    s0 : ndarray of shape (n,)
-        State at the first row.
-
-    Returns
-    -------
-    Prediction
+    ``A`` (n, n), ``C`` (o, n), ``y`` (N, o) with NaN where missing; ``K`` (n_gains, n, o) is the gain of every row, in
+    predictor form, the last one that of all later rows.
     """
     N, n = forcing.shape
     o, last = C.shape[0], K.shape[0] - 1
@@ -289,22 +275,10 @@ def run_predictor(
 def one_step_sensitivities(model, inputs, y, n_filtered, with_variances):
     """One-step errors and their exact derivatives, for S starts over one segment of rows.
 
-    Parameters
-    ----------
-    model : Model
-        With a leading axis of S starts, and p parameters; p may be 0.
-    inputs : ndarray of shape (N, m)
-    y : ndarray of shape (N, o)
-        Measurements, NaN where missing.
-    n_filtered : int
-        Rows below this number have Kalman's gain, the others ``K``.
-    with_variances : bool
-        Whether to return the variances of the errors too.  After missing rows the constant gain is then the exact one;
-        its model has one state per output, the last o ones, which K drives and nothing else does.
-
-    Returns
-    -------
-    Sensitivity
+    ``model`` has a leading axis of S starts, and p >= 0 parameters; ``inputs`` (N, m); ``y`` (N, o), NaN where
+    missing.  Rows below ``n_filtered`` have Kalman's gain, the others ``K``.  With variances the constant gain is the
+    exact one after missing rows; its model has one state per output, the last o ones, which K drives and nothing else
+    does.
     """
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     S, p = A.shape[0], dA.shape[3]

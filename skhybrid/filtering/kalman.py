@@ -50,27 +50,11 @@ def _update(x, P, C, R, row, gain):
 
 @compiled
 def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
-    """Filter: the state of every row given its own measurements and all earlier ones.
+    """States of every row given its own measurements and all earlier ones.
 
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    forcing : ndarray of shape (N, n)
-    Q : ndarray of shape (n_classes, n, n)
-        Process noise of a step, by class.
-    noise_class : ndarray of int, shape (N,)
-        Index in ``Q`` of every row.
-    C : ndarray of shape (o, n)
-    R : ndarray of shape (o,)
-        Measurement variances.
-    y : ndarray of shape (N, o)
-        Measurements, NaN where missing.
-    s0, P0 : ndarray of shape (n,) and (n, n)
-        Mean and covariance of the first row's state before its measurements.
-
-    Returns
-    -------
-    Filtered
+    ``A`` (n, n), ``forcing`` (N, n); ``Q`` (n_classes, n, n) process noise of a step, by ``noise_class`` (N,) of its
+    row; ``C`` (o, n), ``R`` (o,) measurement variances, ``y`` (N, o) with NaN where missing; ``s0`` (n,) and ``P0`` (n,
+    n), mean and covariance of the first row's state before its measurements.
     """
     N, n = forcing.shape
     filtered, covariances = np.empty((N, n)), np.empty((N, n, n))
@@ -101,12 +85,7 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
 def smooth_states(
     A: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, predicted: np.ndarray, before: np.ndarray
 ) -> Smoothed:
-    """Fixed-interval (Rauch-Tung-Striebel) smoother after :func:`kalman_filter`.
-
-    Returns
-    -------
-    Smoothed
-    """
+    """Fixed-interval (Rauch-Tung-Striebel) smoother after :func:`kalman_filter`."""
     states, spread = filtered.copy(), covariances.copy()
     # a state without process noise makes the covariance singular to rounding: the pseudo-inverse is exact there
     gains = covariances[:-1] @ A.T @ np.linalg.pinv(before[1:], hermitian=True)

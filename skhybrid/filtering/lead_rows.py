@@ -10,20 +10,7 @@ from .rows import store_row
 
 @compiled
 def output_powers(A, dA, C, powers):
-    """``C A^h`` for each of some powers h, and the derivatives.
-
-    Parameters
-    ----------
-    A, dA : ndarray of shape (n, n) and (n, n, p)
-    C : ndarray of shape (o, n)
-        Has no derivative.
-    powers : ndarray of int, shape (L,)
-        0 or more, increasing.
-
-    Returns
-    -------
-    rows, drows : ndarray of shape (L, o, n) and (L, o, n, p)
-    """
+    """``C A^h`` (L, o, n) at increasing powers h >= 0, and its derivatives (L, o, n, p); ``C`` (o, n) has none."""
     (o, n), p, L = C.shape, dA.shape[2], len(powers)
     rows, drows = np.empty((L, o, n)), np.empty((L, o, n, p))
     row, drow, new, dnew = C.copy(), np.zeros((o, n, p)), np.empty((o, n)), np.empty((o, n, p))
@@ -49,20 +36,7 @@ def output_powers(A, dA, C, powers):
 
 @compiled
 def lead_rows(F, dF, node, leads):
-    """Row ``c F^h`` of each lead h, where c measures one state, and its derivatives.
-
-    Parameters
-    ----------
-    F, dF : ndarray of shape (m, m) and (m, m, p)
-    node : int
-        The state that c measures.
-    leads : ndarray of int, shape (L,)
-        Increasing.
-
-    Returns
-    -------
-    rows, drows : ndarray of shape (L, m) and (L, m, p)
-    """
+    """Rows ``c F^h`` (L, m) at increasing leads h, where c measures state ``node``, and their derivatives (L, m, p)."""
     c = np.zeros((1, F.shape[0]))
     c[0, node] = 1.0
     rows, drows = output_powers(F, dF, c, leads)

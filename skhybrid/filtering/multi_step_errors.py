@@ -53,25 +53,10 @@ def _add_forecasts(simulated, dsimulated, known, dknown, rows, drows, y, origins
 
 @compiled
 def multi_step_sensitivities(model, inputs, y, n_filtered, exact, origins, leads):
-    """Errors of forecasts and their exact derivatives, for S starts over one segment of rows.
+    """Errors of forecasts at increasing ``origins`` and ``leads`` >= 1, and their exact derivatives, for S starts.
 
-    Parameters
-    ----------
-    model : Model
-        With a leading axis of S starts, and p parameters; p may be 0.
-    inputs : ndarray of shape (N, m)
-    y : ndarray of shape (N, o)
-        Measurements, NaN where missing.
-    n_filtered : int
-        Rows below this number have Kalman's gain, the others ``K``.
-    exact : bool
-        Whether the constant gain is the exact one after missing rows, as in ``one_step_sensitivities``.
-    origins, leads : ndarray of int, shape (O,) and (L,)
-        Increasing; the first lead is 1 or more.
-
-    Returns
-    -------
-    LeadErrors
+    Model, inputs, measurements and ``n_filtered`` are as in :func:`one_step_sensitivities`; ``exact`` makes the
+    constant gain the exact one after missing rows, as ``with_variances`` does there.
     """
     A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
     (S, n), p, (N, o) = A.shape[:2], dA.shape[3], y.shape

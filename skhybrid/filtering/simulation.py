@@ -1,4 +1,4 @@
-"""Simulation of a discrete state-space model."""
+"""Simulation of a discrete state-space model, and of autoregressions with inputs."""
 
 from __future__ import annotations
 
@@ -9,19 +9,7 @@ from ._compile import compiled
 
 @compiled
 def simulate_path(A, forcing, s0):
-    """States of every row: ``s[0] = s0``, ``s[k+1] = A s[k] + forcing[k]``.
-
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    forcing : ndarray of shape (N, n)
-        By all inputs.
-    s0 : ndarray of shape (n,)
-
-    Returns
-    -------
-    ndarray of shape (N + 1, n)
-    """
+    """States (N + 1, n) under ``forcing`` (N, n): ``s[0] = s0``, ``s[k+1] = A s[k] + forcing[k]``."""
     N, n = forcing.shape
     states = np.empty((N + 1, n))
     for i in range(n):
@@ -33,3 +21,24 @@ def simulate_path(A, forcing, s0):
                 value += A[i, j] * states[k, j]
             states[k + 1, i] = value
     return states
+
+
+@compiled
+def iterate_lags(begin, coefs, driven, lowest, highest):
+    """Values (n, n_leads) of n autoregressions after ``begin`` (n, n_lags), held within [lowest, highest].
+
+    The change over a step is ``driven`` (n, n_leads) plus ``coefs`` (n, n_lags) times the last values, the oldest
+    first.
+    """
+    n, n_leads = driven.shape
+    n_lags = begin.shape[1]
+    out, values = np.empty((n, n_leads)), np.empty(n_lags + n_leads)
+    for i in range(n):
+        values[:n_lags] = begin[i]
+        for lead in range(n_leads):
+            change = driven[i, lead]
+            for lag in range(n_lags):
+                change += coefs[i, lag] * values[lead + lag]
+            values[n_lags + lead] = min(max(values[n_lags + lead - 1] + change, lowest), highest)
+        out[i] = values[n_lags:]
+    return out

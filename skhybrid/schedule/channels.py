@@ -1,4 +1,4 @@
-"""Channels of the schedule model: heat inputs that enter with a coefficient (sun, equipment, schedules).
+"""Channels of the schedule model: heat inputs with a coefficient (sun, equipment and its part-load curve, schedules).
 
 Each channel is a known series of heat [kW per unit of its coefficient] into one node.  A schedule is a level, an hourly
 profile that weekdays and weekends share, and an hourly contrast between the two; each of them is shrunk by itself.  The
@@ -16,7 +16,6 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..thermal import RCNetwork
-from .part_load import deviation, knot_name
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
@@ -105,25 +104,11 @@ class Channels(NamedTuple):
         return self.series @ by_node
 
 
-# --------------------------------------------------------------------------------------------------------------- plan
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
-    """Choose the channels that a table can feed.
+    """Choose the channels that a table can feed; ``known`` are given capacities by parameter name [kW].
 
     Measured heat needs no capacity.  Without it and without a given capacity the scale of a network is free: the
     capacity of one stage is then set to 6 kW.
-
-    Parameters
-    ----------
-    network : RCNetwork
-    table : ZoneTable
-    known : mapping
-        Given capacities by parameter name [kW].
-    calendar : bool
-        Whether there are schedules.
-
-    Returns
-    -------
-    ChannelPlan
     """
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
     stages = [role for role in table.inputs if role.startswith("u_")]
@@ -184,7 +169,6 @@ def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> 
     return plan._replace(contrast=tuple(map(tuple, contrast.tolist()))) if contrast.any() else plan
 
 
-# ------------------------------------------------------------------------------------------------------------- series
 def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     """(N,) known heat into the heated node [kW]."""
     heat = np.zeros(table.n_rows)
@@ -229,6 +213,19 @@ def _equipment_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel
     for role, knot, capacity in plan.knots:
         series = capacity * deviation(table.inputs[role], knot, largest[role])
         yield Channel(knot_name(role, knot), series, plan.heated, False, "free")
+
+
+def knot_name(role: str, knot: float) -> str:
+    """Name of the channel of one knot of a stage's part-load curve."""
+    return f"{role}_{knot:.2g}"
+
+
+def deviation(stage: np.ndarray, knot: float, largest: float) -> np.ndarray:
+    """Deviation of a part-load curve from proportional heat: largest at the knot, 0 at stage 0 and from ``largest`` on.
+
+    So the heat of the full stage stays that of its capacity, and a stage that was not seen stays proportional.
+    """
+    return np.minimum(stage, knot) - np.minimum(stage, largest) * knot / largest
 
 
 def _drivers(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:

@@ -26,16 +26,7 @@ class CompletedForecasts(NamedTuple):
 
 
 class OpenForecasts:
-    """Forecasts that wait for their targets, with the rows that they need.
-
-    Parameters
-    ----------
-    problem : LeadProblem
-        Weights of the leads.
-    leads : ndarray of int, shape (L,)
-        Increasing.
-    matrices : Matrices
-    """
+    """Forecasts at increasing ``leads`` (L,) that wait for their targets, with the rows that they need."""
 
     def __init__(self, problem: LeadProblem, leads: np.ndarray, matrices: Matrices) -> None:
         self._problem, self._leads = problem, leads

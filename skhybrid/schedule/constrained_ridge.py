@@ -27,20 +27,10 @@ def gram(E: np.ndarray) -> np.ndarray:
 
 
 def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray) -> Solution:
-    """Coefficients with the least penalised sum of squares.
+    """Coefficients (J,) with the least penalised sum of squares.
 
-    Parameters
-    ----------
-    G : ndarray of shape (J + 1, J + 1)
-        Sums of products of the columns and, last, the target.
-    penalty : ndarray of shape (J,)
-        Positive.
-    positive : ndarray of bool, shape (J,)
-        Coefficients that are at least 0.
-
-    Returns
-    -------
-    Solution
+    ``G`` (J + 1, J + 1) are sums of products of the columns and, last, the target; ``penalty`` (J,) is positive;
+    coefficients in ``positive`` (J,) are at least 0.
     """
     J = len(penalty)
     H, b = G[:J, :J] + np.diag(penalty), G[:J, J]

@@ -35,23 +35,12 @@ class Matrices(NamedTuple):
 
 @dataclass(frozen=True)
 class FilterModel:
-    """A network that can be heated at each node, and the unmeasured gain that its filter estimates.
-
-    Parameters
-    ----------
-    network : RCNetwork
-    builder : MatrixBuilder
-        Of the network without sources.
-    step : float
-        [h].
-    heat_scale : float
-        Spread of the known heat [kW], the unit of unknown heat.
-    """
+    """A network that can be heated at each node, and the unmeasured gain that its filter estimates."""
 
     network: RCNetwork
-    builder: MatrixBuilder
-    step: float
-    heat_scale: float
+    builder: MatrixBuilder  # of the network without sources
+    step: float  # [h]
+    heat_scale: float  # spread of the known heat [kW], the unit of unknown heat
 
     @classmethod
     def of(cls, network: RCNetwork, step: float, heat_scale: float) -> FilterModel:

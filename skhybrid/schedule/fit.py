@@ -35,33 +35,15 @@ _LEAST_ERROR = 0.02
 
 @dataclass(frozen=True)
 class LeadFit:
-    """A fitted schedule model.
+    """A fitted schedule model."""
 
-    Parameters
-    ----------
-    problem : LeadProblem
-        Of the training rows.
-    psi : ndarray of shape (p,)
-        Logarithms of the nonlinear parameters.
-    solution : Solution
-        Coefficients of the channels, the emitter's last.
-    gram : ndarray of shape (J + 1, J + 1)
-        Of the weighted training forecasts.
-    blocks : ndarray of int, shape (O,)
-        Block of days of each origin.
-    left_out : ndarray of shape (O, L)
-        Errors [K] of the training forecasts whose block of days was left out; NaN where there is no measurement.
-    reference : float
-        Temperature from which deviations count [degC].
-    """
-
-    problem: LeadProblem
-    psi: np.ndarray
-    solution: Solution
-    gram: np.ndarray
-    blocks: np.ndarray
-    left_out: np.ndarray
-    reference: float
+    problem: LeadProblem  # of the training rows
+    psi: np.ndarray  # (p,) logarithms of the nonlinear parameters
+    solution: Solution  # coefficients of the channels, the emitter's last
+    gram: np.ndarray  # (J + 1, J + 1) of the weighted training forecasts
+    blocks: np.ndarray  # (O,) int, block of days of each origin
+    left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
+    reference: float  # temperature from which deviations count [degC]
 
     @property
     def model(self) -> FilterModel:
@@ -103,10 +85,7 @@ class LeadFit:
         return replace(self, problem=replace(self.problem, forecasts=(scored,)))
 
     def without_rows(self) -> LeadFit:
-        """Copy without the training rows, to be saved.
-
-        ``fit.with_rows(fit.make_segment(table, T))`` brings them back from the training table, bit by bit.
-        """
+        """Copy without the training rows, to be saved; ``with_rows`` of the same segment restores it, bit by bit."""
         return self.with_rows(self.segment.between(0, 0))
 
 
@@ -120,21 +99,8 @@ def fit_leads(
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
-    Parameters
-    ----------
-    network : RCNetwork
-    table : ZoneTable
-    T : ndarray of shape (N,)
-        Measured temperature [degC], NaN where missing.
-    n_leads : int
-    known : dict, optional
-        Given capacities by parameter name [kW].
-    calendar : bool
-        Whether there are schedules.
-
-    Returns
-    -------
-    LeadFit
+    ``T`` (N,) is the measured temperature [degC], NaN where missing; ``known`` are given capacities by parameter name
+    [kW]; without ``calendar`` there are no schedules.
     """
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0

@@ -60,26 +60,14 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class LeadProblem:
-    """Penalised least squares over the forecasts of one or several segments.
-
-    Parameters
-    ----------
-    model : FilterModel
-    forecasts : sequence of ScoredForecasts
-        All with the same channels.
-    centre, spread : ndarray of shape (p,)
-        Normal prior of psi.
-    shrinkage : Shrinkage
-    precision : ndarray of shape (L,)
-        Inverse variance of the errors at each lead [1/K2].
-    """
+    """Penalised least squares over the forecasts of one or several segments, which have the same channels."""
 
     model: FilterModel
     forecasts: Sequence[ScoredForecasts]
-    centre: np.ndarray
-    spread: np.ndarray
+    centre: np.ndarray  # (p,) of the normal prior of psi
+    spread: np.ndarray  # (p,)
     shrinkage: Shrinkage
-    precision: np.ndarray
+    precision: np.ndarray  # (L,) inverse variance of the errors at each lead [1/K2]
 
     @property
     def plan(self) -> ChannelPlan:

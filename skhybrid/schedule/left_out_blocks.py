@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..filtering import ForecastSample
@@ -14,13 +12,6 @@ from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, p
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)
 _MOST_BLOCKS, _LEAST_BLOCKS = 6, 3
 _DAY = 24.0
-
-
-class _BlockGrams(NamedTuple):
-    """Sums of products of a block of days, and of the forecasts that touch none of its days."""
-
-    block: np.ndarray  # (J + 1, J + 1)
-    others: np.ndarray  # (J + 1, J + 1)
 
 
 def blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
@@ -44,9 +35,9 @@ def best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> 
 
     def error(shrinkage: Shrinkage) -> float:
         penalty, out = penalty_of(scored.segment, shrinkage, scale), 0.0
-        for g in grams:
-            residual = np.append(-solve_coefficients(g.others, penalty, positive).coef, 1.0)
-            out += float(residual @ g.block @ residual)
+        for block, others in grams:
+            residual = np.append(-solve_coefficients(others, penalty, positive).coef, 1.0)
+            out += float(residual @ block @ residual)
         return out
 
     # one coordinate after the other: the three hardly depend on each other
@@ -60,8 +51,8 @@ def left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) ->
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
     if not _several(blocks):
         return errors
-    for b, g in enumerate(_block_grams(E, scored.sample, blocks)):
-        coef = solve_coefficients(g.others, problem.penalty, problem.positive).coef
+    for b, (_, others) in enumerate(_block_grams(E, scored.sample, blocks)):
+        coef = solve_coefficients(others, problem.penalty, problem.positive).coef
         errors[blocks == b] = forecast_errors(problem, scored, E, coef)[blocks == b]
     return errors
 
@@ -77,7 +68,8 @@ def _several(blocks: np.ndarray) -> bool:
     return bool(len(blocks) and blocks.max())
 
 
-def _block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[_BlockGrams]:
+def _block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Sums of products (J + 1, J + 1) of each block of days, and of the forecasts that touch none of its days."""
     by_origin = E.reshape(len(blocks), -1, E.shape[1])
 
     def gram_of(chosen: np.ndarray) -> np.ndarray:
@@ -89,4 +81,4 @@ def _block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> l
     longest = int(sample.leads[-1])
     # forecasts from just before a block have their targets in it
     into = [gram_of((blocks < b) & (sample.origins + longest > begin)) for b, begin in enumerate(begins)]
-    return [_BlockGrams(own, total - own - before) for own, before in zip(grams, into, strict=True)]
+    return [(own, total - own - before) for own, before in zip(grams, into, strict=True)]

@@ -7,14 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..filtering import lead_rows, simulate_path
-from .coefficient_memory import HALF_LIVES, CoefficientMemory
 from .completed_forecasts import CompletedForecasts, OpenForecasts
-from .emitter import emitter_series
+from .constrained_ridge import gram, solve_coefficients
 from .filter_model import Matrices
 from .fit import LeadFit
-from .responses import ResponseFilter, Responses, node_inputs
+from .lead_problem import LeadProblem
+from .responses import ResponseFilter, Responses, emitter_series, node_inputs
 from .segment import Segment
 
+#: days after which evidence counts half: in a long memory, and in a short one that adapts to a change sooner
+HALF_LIVES = (30.0, 7.0)
 _DAY = 24.0
 
 
@@ -29,22 +31,36 @@ class OriginState(NamedTuple):
     emitter: float  # heat that the emitter gives off from what it was given before the origin's row [kW]
 
 
+class CoefficientMemory:
+    """Coefficients that the training and later forecasts give, the weight of each fading with time.
+
+    ``products`` (J + 1, J + 1), the Gram matrix of the training forecasts, count fully at ``row``; a forecast counts
+    half after ``half_life`` rows.
+    """
+
+    def __init__(self, problem: LeadProblem, products: np.ndarray, row: int, half_life: float) -> None:
+        self._problem, self._products, self._row, self._half_life = problem, products, row, half_life
+        self._coef: np.ndarray | None = None
+
+    def learn(self, columns: np.ndarray, age: np.ndarray, row: int) -> None:
+        """Add weighted forecasts (k, J + 1) whose targets are ``age`` rows before ``row``; earlier ones fade."""
+        root_fade = 0.5 ** (0.5 * age / self._half_life)
+        fade = 0.5 ** (max(row - self._row, 0) / self._half_life)
+        self._products = self._products * fade + gram(columns * root_fade[:, None])
+        self._row, self._coef = max(row, self._row), None
+
+    @property
+    def coef(self) -> np.ndarray:
+        """(J,) solved when first read after new forecasts."""
+        if self._coef is None:
+            self._coef = solve_coefficients(self._products, self._problem.penalty, self._problem.positive).coef
+        return self._coef
+
+
 class OnlineNetwork:
-    """A network at one psi that goes through rows, and the coefficients that its completed forecasts give.
+    """A network at one psi (p,) that goes through rows, and the coefficients that its completed forecasts give.
 
-    The memories begin with the training forecasts of the fit, at the fit's psi.
-
-    Parameters
-    ----------
-    fit : LeadFit
-    psi : ndarray of shape (p,)
-        Logarithms of the nonlinear parameters.
-    begin : int
-        First row that the training has not seen.
-
-    Attributes
-    ----------
-    psi : ndarray of shape (p,)
+    The memories begin with the training forecasts of the fit, at the fit's psi; ``begin`` is the first new row.
     """
 
     def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
@@ -61,7 +77,6 @@ class OnlineNetwork:
             CoefficientMemory(self._fit.problem, products, self._begin, days * per_day) for days in HALF_LIVES
         ]
 
-    # -------------------------------------------------------------------------------------------------------- advance
     def respond(self, segment: Segment, origins: np.ndarray) -> Responses:
         """Simulate and filter the next rows; ``origins`` count from the first of them."""
         self._n_rows += segment.n_rows
@@ -81,7 +96,6 @@ class OnlineNetwork:
         """(K, J) coefficients of each memory."""
         return np.array([memory.coef for memory in self._memories])
 
-    # ------------------------------------------------------------------------------------------------------- forecast
     def state(self, coef: np.ndarray) -> OriginState:
         """State at the last row under coefficients (J,)."""
         emitter, filtered = self._filter.emitter, self._filter.filtered @ np.append(-coef, 1.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..filtering import (
     ForecastSample,
@@ -20,7 +21,6 @@ from ..filtering import (
     simulate_inputs,
 )
 from .channels import ChannelPlan
-from .emitter import EmitterState, emitter_series
 from .filter_model import NOISE, FilterModel, Matrices
 from .segment import Segment
 
@@ -36,25 +36,36 @@ class Responses(NamedTuple):
     states: np.ndarray  # (n_origins, m, J + 1)
 
 
+class EmitterState(NamedTuple):
+    """State of an emitter (a radiator, a heated floor) between two segments of rows."""
+
+    output: float  # heat that it gave off in the last row [kW]
+    input: float  # heat that it was given in that row [kW]
+
+
+def emitter_series(
+    heat: np.ndarray, step: float, time_constant: float, state: EmitterState | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Heat that a lagging emitter gives off less the heat that it is given, ``z - heat`` (N,) [kW], and its slope.
+
+    ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``, both [h]; the slope is by the
+    logarithm of the time constant.  Without a ``state`` of the row before the first, the first row's heat has always
+    been given.
+    """
+    a = np.exp(-step / time_constant)
+    output, given = state if state is not None else (heat[0], heat[0])
+    previous_heat = np.concatenate([[given], heat[:-1]])
+    z, _ = lfilter([1.0 - a], [1.0, -a], previous_heat, zi=[a * output])
+    da = a * step / time_constant
+    previous_z = np.concatenate([[output], z[:-1]])
+    return z - heat, lfilter([1.0], [1.0, -a], da * (previous_z - previous_heat))
+
+
 class ResponseFilter:
     """Simulation and filter of all channels that go on from one segment to the next.
 
-    Parameters
-    ----------
-    model : FilterModel
-    psi : ndarray of shape (p,)
-        Logarithms of the nonlinear parameters.
-    plan : ChannelPlan
-    node : ndarray of int, shape (J,)
-        Node of each channel, without the emitter's.
-
-    Attributes
-    ----------
-    matrices : Matrices
-    emitter : EmitterState or None
-        State of the emitter at the last row; None before the first row, and without an emitter.
-    filtered : ndarray of shape (m, J + 1)
-        Filtered states at the last row, given it.
+    ``node`` (J,) is that of each channel without the emitter's.  At the last row, ``filtered`` (m, J + 1) are the
+    filtered states given it, and ``emitter`` is the emitter's state; None before the first row, and without an emitter.
     """
 
     def __init__(self, model: FilterModel, psi: np.ndarray, plan: ChannelPlan, node: np.ndarray) -> None:
@@ -92,7 +103,10 @@ class ResponseFilter:
         ]
         self._last, self._next = [last for last, _ in states], [after for _, after in states]
         S[:, J] = segment.y - known.sum(axis=1)
-        gains, self._variance = filter_gains_only(self.model, M, self._variance, segment.seen)
+        none = M.dF[..., :0]  # no derivatives
+        gains, _, self._variance = filter_gains(
+            M.F, M.Q, self.model.output, NOISE**2, self._variance, none, none, segment.seen
+        )
         at_origins, self.filtered, self._predicted = filter_series(M.F, gains, zone, S, origins, self._predicted)
         return Responses(M, S, at_origins)
 
@@ -109,14 +123,6 @@ class ResponseFilter:
 
 def _with_known_summed(states: list[np.ndarray]) -> np.ndarray:
     return np.column_stack([*states[:-1], states[-1].sum(axis=1)])
-
-
-def filter_gains_only(
-    model: FilterModel, M: Matrices, variance: np.ndarray, seen: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gains (N, m) without derivatives, and the variance (m, m) before the row after the last one."""
-    gains, _, after = filter_gains(M.F, M.Q, model.output, NOISE**2, variance, M.dF[..., :0], M.dQ[..., :0], seen)
-    return gains, after
 
 
 def simulate_responses(model: FilterModel, psi: np.ndarray, segment: Segment, origins: np.ndarray) -> Responses:

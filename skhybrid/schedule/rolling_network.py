@@ -2,46 +2,96 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from .coefficient_memory import HALF_LIVES
-from .completed_forecasts import CompletedForecasts
-from .error_history import ErrorHistory
+from ..filtering import ForecastSample
+from .completed_forecasts import HISTORY_WEIGHT, CompletedForecasts
+from .constrained_ridge import gram
 from .fit import LeadFit
-from .network_refit import origins_between, refit_network
-from .online_network import OnlineNetwork, OriginState
+from .lead_problem import ScoredForecasts, minimise
+from .online_network import HALF_LIVES, OnlineNetwork, OriginState
 from .segment import NumberedSegment
 
 #: days between refits of the network
 _REFIT_DAYS = 10
+#: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
+_WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
+#: days of rows that a refitted network goes through at once, which bounds the memory
+_PIECE_DAYS = 7
 _DAY = 24.0
+
+
+class ErrorHistory:
+    """Errors of successive forecasts at some leads, in ``n_kinds`` ways each; NaN until they are known."""
+
+    def __init__(self, n_leads: int, n_kinds: int) -> None:
+        self._buffer = np.empty((0, n_leads, n_kinds))
+        self._n = 0
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n, n_leads, n_kinds), to be read and written."""
+        return self._buffer[: self._n]
+
+    def extend(self, n: int) -> None:
+        """Make room for ``n`` forecasts in all."""
+        if n > len(self._buffer):
+            buffer = np.full((2 * n, *self._buffer.shape[1:]), np.nan)
+            buffer[: self._n] = self.values
+            self._buffer = buffer
+        self._n = max(n, self._n)
+
+
+def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -> OnlineNetwork:
+    """Refit from ``psi`` (p,) on the last weeks before row ``end``, and take the network through all rows so far."""
+    network = OnlineNetwork(fit, _refit_psi(fit, psi, rows, end), rows.begin)
+    training, first = None, rows.begin
+    half = _every_second(fit)
+    if rows.joined:  # the training rows are the first of these rows
+        first = fit.segment.n_rows
+        training = network.respond(rows.between(0, first), half.sample.origins)
+    network.start_memories(gram(fit.problem.design(network.psi, half, training)))
+    per_day, spacing = round(_DAY / fit.model.step), _ORIGIN_HOURS * max(1, round(1.0 / fit.model.step))
+    for piece in range(first, end, _PIECE_DAYS * per_day):
+        until = min(piece + _PIECE_DAYS * per_day, end)
+        origins = _origins_between(piece, until, rows.begin, spacing)
+        network.learn(network.advance(rows.between(piece, until), piece, origins, spacing), until - 1)
+    return network
+
+
+def _origins_between(first: int, end: int, begin: int, spacing: int) -> np.ndarray:
+    """Origins in [first, end) that are ``spacing`` rows apart, counted from ``begin``; none is before ``begin``."""
+    first = max(first, begin)
+    return np.arange(first + (begin - first) % spacing, end, spacing)
+
+
+def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -> np.ndarray:
+    """Nonlinear parameters (p,) of the last weeks."""
+    per_day, leads = round(_DAY / fit.model.step), fit.sample.leads
+    first = max(0, end - _WINDOW_DAYS * per_day - per_day)
+    warmup = per_day if rows.joined or first else 0  # from a day on, as in training
+    origins = np.arange(warmup, end - 1 - first, max(1, round(_ORIGIN_HOURS / fit.model.step)))
+    weight = np.where(origins + first >= rows.begin, HISTORY_WEIGHT, 1.0)
+    forecasts = [ScoredForecasts(rows.between(first, end), ForecastSample(origins, leads), weight)]
+    if not rows.joined:
+        forecasts.append(_every_second(fit))
+    return minimise(replace(fit.problem, forecasts=tuple(forecasts)), psi, max_steps=_STEPS).psi
+
+
+def _every_second(fit: LeadFit) -> ScoredForecasts:
+    """Training forecasts from every second origin."""
+    return ScoredForecasts(fit.segment, ForecastSample(fit.sample.origins[::2], fit.sample.leads))
 
 
 class RollingNetwork:
     """A fitted model that goes through rows, learns from them and forecasts.
 
-    Parameters
-    ----------
-    fit : LeadFit
-    begin : int
-        First row that the training has not seen.
-    joined : bool
-        Whether the rows before ``begin`` are the training's own.
-    adapt : {None, "linear", "full"}
-        Nothing is learned; coefficients are re-solved; the network is refitted too.
-
-    Attributes
-    ----------
-    row : int
-        Row that comes next.
-    errors : ndarray of shape (n, L, K)
-        [K] of each memory's forecasts from ``begin``, ``begin + every``, ... at the fit's leads, by the coefficients
-        that were known at the start of the forecast's day; NaN where unknown, and where they have not ended.  Only
-        with adaptation.
-    every : int
-        Rows between these forecasts: an hour, or a row.
+    ``begin`` is the first row that the training has not seen; where ``joined``, the rows before it are the training's
+    own.  With ``adapt`` None nothing is learned, with "linear" coefficients are re-solved, with "full" the network is
+    refitted too.  ``row`` is the next row; ``every`` rows (an hour, or one) lie between recorded forecasts.
     """
 
     def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
@@ -60,10 +110,13 @@ class RollingNetwork:
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors of forecasts of the history."""
+        """Errors (n, L, K) [K] of each memory's forecasts from ``begin``, ``begin + every``, ... at the fit's leads.
+
+        The coefficients are those known at the start of the forecast's day; NaN where unknown or not ended.  Only with
+        adaptation.
+        """
         return self._errors.values
 
-    # -------------------------------------------------------------------------------------------------------- advance
     def advance(self, rows: NumberedSegment, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
         while self.row <= origin:
@@ -80,7 +133,7 @@ class RollingNetwork:
         """Refit where it is due, and keep the coefficients that the day's forecasts are judged by."""
         if self.adapt == "full" and day and day % _REFIT_DAYS == 0:
             self._previous, self._previous_since = self._network, self._since
-            self._network, self._since = refit_network(self.fit, self._network.psi, rows, self.row), self.row - 1
+            self._network, self._since = _refit_network(self.fit, self._network.psi, rows, self.row), self.row - 1
         oldest = day - 1 - self._longest // self._per_day
         self._morning_coefs = {d: coefs for d, coefs in self._morning_coefs.items() if d >= oldest}
         self._morning_coefs[day] = self._network.coefs()
@@ -89,7 +142,7 @@ class RollingNetwork:
         """Go through the rows up to ``last``."""
         segment, first = rows.between(self.row, last + 1), self.row
         none = np.empty(0, dtype=np.int64)
-        origins = none if self.adapt is None else origins_between(first, last + 1, self.begin, self.every)
+        origins = none if self.adapt is None else _origins_between(first, last + 1, self.begin, self.every)
         self._errors.extend(len(self.errors) + len(origins))
         completed = self._network.advance(segment, first, origins, self.every)
         if self.adapt is not None:
@@ -112,7 +165,6 @@ class RollingNetwork:
             e = (columns[:, [-1]] - columns[:, :-1] @ self._morning_coefs[d].T) / completed.root[of_day, None]
             self.errors[(completed.origin[of_day] - self.begin) // self.every, completed.lead[of_day]] = e
 
-    # ------------------------------------------------------------------------------------------------------- forecast
     def coefs(self) -> np.ndarray:
         """(K, J) coefficients of each memory, as known at the last row."""
         if self.adapt is None:
@@ -146,23 +198,7 @@ class RolledForecasts(NamedTuple):
 def forecast_from_origins(
     fit: LeadFit, rows: NumberedSegment, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
 ) -> RolledForecasts:
-    """Forecast from each origin.
-
-    Parameters
-    ----------
-    fit : LeadFit
-    rows : NumberedSegment
-    origins : ndarray of int, shape (n_origins,)
-        Rows, increasing.
-    n_leads : int
-    adapt : {None, "linear", "full"}
-    memory : int
-        Index in HALF_LIVES.
-
-    Returns
-    -------
-    RolledForecasts
-    """
+    """Forecast from each of increasing ``origins`` (rows), by the memory of that index in HALF_LIVES."""
     network = RollingNetwork(fit, rows.begin, rows.joined, adapt)
     paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
     states = []

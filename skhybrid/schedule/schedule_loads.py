@@ -7,19 +7,21 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.isotonic import isotonic_regression
 
 from .._table import ZoneTable
 from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
-from .channels import ChannelPlan
+from .channels import ChannelPlan, deviation, knot_name
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
-from .part_load import deviation, increasing_curve, knot_name
 from .segment import Segment
 
 #: stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
 _GRID = 101
+#: least slope of a part-load curve, as a share of the proportional one
+_LEAST_SLOPE = 0.5
 #: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
 _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
@@ -39,25 +41,8 @@ def loads(
     of a measured temperature would answer to the thermometer's noise.  A band is a thermostat's setting; it takes the
     least heat that keeps within it (paper Eq. inverseQ2).
 
-    Parameters
-    ----------
-    fit : LeadFit
-    segment : Segment
-    origins : ndarray of int, shape (n_origins,)
-        Rows of the segment, increasing.
-    states : sequence of OriginState
-        At each origin.
-    table : ZoneTable
-        The rows of ``segment``.
-    setpoint : Band
-        Of the rows from the first origin on [degC].
-    limits : Limits
-        Of the same rows [kW].
-
-    Returns
-    -------
-    DataFrame
-        As :meth:`GrayBoxRC.predict_load` gives it, and ``zeta`` [kW].
+    ``origins`` are increasing rows of ``segment``, whose rows ``table`` has; ``setpoint`` [degC] and ``limits`` [kW]
+    are of the rows from the first origin on.  The result is that of :meth:`GrayBoxRC.predict_load`, and ``zeta`` [kW].
     """
     ends = np.append(origins[1:], table.n_rows)
     variation = _Variation.of(fit) if np.array_equal(*setpoint) else None
@@ -149,6 +134,16 @@ def _at_part_load(
             stages = out[column].to_numpy()
             out[column] = np.where(stages < grid[-1], np.interp(stages, proportional, grid), stages)
     return out
+
+
+def increasing_curve(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
+    """The nearest curve that increases everywhere, between the same ends.
+
+    A part-load curve is learned from rooms whose thermostat chose the stage.  Where it is flat or falling, many stages
+    give the same heat, and the first of them may be far below the one at which a building runs.
+    """
+    least = _LEAST_SLOPE * proportional
+    return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
 
 def _plant(plan: ChannelPlan, coef: np.ndarray, names: tuple[str, ...]) -> Plant:

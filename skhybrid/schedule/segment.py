@@ -34,21 +34,7 @@ class Segment(NamedTuple):
 
 
 def make_segment(plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float) -> Segment:
-    """Make a segment of a table and its measured temperature.
-
-    Parameters
-    ----------
-    plan : ChannelPlan
-    table : ZoneTable
-    T : ndarray of shape (N,)
-        Measured temperature [degC], NaN where missing.
-    reference : float
-        Temperature from which deviations count [degC].
-
-    Returns
-    -------
-    Segment
-    """
+    """Segment of a table and its measured temperature ``T`` (N,) [degC], NaN where missing."""
     columns = [table.inputs[b] - reference for b in plan.network.boundaries]
     boundary = np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
     seen = np.isfinite(T)

@@ -1,11 +1,69 @@
-"""Linear-quadratic path: heat that follows wanted temperatures, known to their end, while it changes little."""
+"""Heat that keeps the output of a network within a band, and the linear-quadratic path that follows wanted values.
+
+Common arguments: ``A`` (n, n); ``forcing`` (N, n) by all other inputs; ``heat`` (n,), the effect of 1 kW over a step on
+the states; ``c`` (n,), the output's row; ``lower``, ``upper`` (N,), limits of the plant over each step [kW]; ``s0``,
+the first states (n,).
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from ._compile import compiled
-from .inverse_load import LoadPath
+
+
+class LoadPath(NamedTuple):
+    """A load and the output under it."""
+
+    applied: np.ndarray  # (N,) heat over each step [kW], within the limits
+    path: np.ndarray  # (N,) output at the end of each step under it
+
+
+@compiled
+def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead):
+    """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. inverseQ2).
+
+    Where the band is one value this is the equation itself.  With ``ahead > 1`` each step applies the heat that, held
+    for so many steps, meets the band at the end of the last of them: heat into a node that is not the measured one
+    would ring otherwise (``control.steps_ahead``).  After the last row forcing and band are held.
+    """
+    N, n = forcing.shape
+    applied, path = np.empty(N), np.empty(N)
+    s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
+    for _ in range(ahead):
+        for i in range(n):
+            new[i] = heat[i]
+            for j in range(n):
+                new[i] += A[i, j] * held[j]
+        held[:] = new
+    effect = 0.0  # of 1 kW, held, on the output
+    for i in range(n):
+        effect += c[i] * held[i]
+    for k in range(N):
+        free[:] = s
+        last = k
+        for step in range(ahead):
+            last = min(k + step, N - 1)
+            for i in range(n):
+                new[i] = forcing[last, i]
+                for j in range(n):
+                    new[i] += A[i, j] * free[j]
+            free[:] = new
+        output = 0.0
+        for i in range(n):
+            output += c[i] * free[i]
+        wanted = min(max(output, lowest[last]), highest[last])
+        applied[k] = min(max((wanted - output) / effect, lower[k]), upper[k])
+        path[k] = 0.0
+        for i in range(n):
+            new[i] = forcing[k, i] + heat[i] * applied[k]
+            for j in range(n):
+                new[i] += A[i, j] * s[j]
+            path[k] += c[i] * new[i]
+        s[:] = new
+    return LoadPath(applied, path)
 
 
 @compiled
@@ -88,33 +146,12 @@ def _feedback_law(A, forcing, heat, c, wanted, penalty, beyond):
 
 @compiled
 def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond):
-    """Heat whose output is near wanted values while it changes little from step to step.
+    """Heat whose output is near ``wanted`` (N,), at the end of each step, while it changes little from step to step.
 
-    The minimum of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the remaining steps, from the
-    state and the heat before; at a limit the heat is clipped, and the later steps go on from there.  Without limits it
-    is the minimum over all steps.  The heat of the first row is free.
-
-    Parameters
-    ----------
-    A : ndarray of shape (n, n)
-    forcing : ndarray of shape (N, n)
-        By all other inputs.
-    heat : ndarray of shape (n,)
-        Effect of 1 kW over a step on the states.
-    c : ndarray of shape (n,)
-    wanted : ndarray of shape (N,)
-        Output at the end of each step.
-    penalty : float
-        Positive, squared output per squared kW.
-    lower, upper : ndarray of shape (N,)
-        Limits of the plant over each step [kW].
-    s0 : ndarray of shape (n,)
-    beyond : int
-        Steps after the last row that count too, with forcing and wanted output held.
-
-    Returns
-    -------
-    LoadPath
+    The minimum of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the remaining steps, from the state
+    and the heat before; at a limit the heat is clipped, and the later steps go on from there.  Without limits it is the
+    minimum over all steps.  The heat of the first row is free; ``beyond`` steps after the last row count too, with
+    forcing and wanted output held.  ``penalty`` is positive [squared output per kW2].
     """
     N, n = forcing.shape
     gains, offsets = _feedback_law(A, forcing, heat, c, wanted, penalty, beyond)
