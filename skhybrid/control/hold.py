@@ -15,10 +15,10 @@ MOST_AHEAD = 24
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
     """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
 
-    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  Heat that reaches
-    the sensor through another node gives that a negative eigenvalue: each step's load overshoots, the next one takes
-    it back.  Heat that at first moves the sensor the other way gives it one above 1: each step's load makes up for
-    that of the step before, and runs away.  A longer hold damps both; the shortest one that does is taken.
+    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``. A negative eigenvalue
+    (heat that reaches the sensor through another node) makes each load overshoot and the next take it back; one above 1
+    (heat that first moves the sensor the other way) makes the load run away. The shortest hold that damps both is
+    taken.
     """
     held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
     for ahead in range(1, MOST_AHEAD):

@@ -26,14 +26,9 @@ class Plant(NamedTuple):
 
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
-    """Make the plant of a training table: stages up to 1 or the highest seen; measured heat sets no limit.
+    """The plant of a training table, from the heat [kW] of each stage at 1, cooling negative.
 
-    Parameters
-    ----------
-    capacity : mapping of role to float
-        Heat of each stage ``u_*`` at 1 [kW], cooling negative.
-    inputs : mapping of role to ndarray of shape (n_rows,)
-        The table's inputs.
+    Stages reach 1 or the highest seen; measured heat sets no limit.
     """
     most = {role: max(1.0, float(inputs[role].max())) for role in capacity}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)

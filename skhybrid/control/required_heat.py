@@ -28,30 +28,11 @@ def required_heat(
     begins: np.ndarray,
     states: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Heat that brings the temperature into a band at the end of every row, in spans that begin at given states.
+    """Heat (N,) [kW] that brings the temperature into a band at the end of every row, and that temperature (N,) [degC].
 
-    Parameters
-    ----------
-    zone : HeatedZone
-    band : Band
-        Of the N rows [degC].
-    limits : Limits
-        Of the N rows [kW].
-    forcing : ndarray of shape (N, n)
-        Effect of everything but the plant over each step.
-    offset : ndarray of shape (N,)
-        Added to the temperature at the end of each row [K].
-    begins : ndarray of int, shape (n_spans,)
-        First row of each span, from 0.
-    states : ndarray of shape (n_spans, n)
-        Node temperatures at those rows [degC].
-
-    Returns
-    -------
-    heat : ndarray of shape (N,)
-        [kW]
-    temperature : ndarray of shape (N,)
-        Of the measured node at the end of every row [degC].
+    ``forcing`` (N, n) is the effect of everything but the plant over each step, ``offset`` (N,) [K] is added to the
+    temperature at the end of each row. The spans of rows begin at the rows ``begins`` (n_spans,), from 0, with the node
+    temperatures ``states`` (n_spans, n) [degC].
     """
     ahead = steps_ahead(zone.A, zone.heat, zone.output)
     low, high = band.heating - offset, band.cooling - offset

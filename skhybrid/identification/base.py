@@ -111,13 +111,13 @@ class NetworkIdentifier(NetworkModel):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and measured heat ``Q_*``
-            [kW].  Consecutive, or in segments with gaps of three hours or more between them: those are one
-            experiment, and each has an initial state of its own.
+            [kW]. Consecutive, or in segments with gaps of three hours or more between them: those are one experiment,
+            and each has an initial state of its own.
         y : array-like of shape (n_samples,)
-            Measured zone temperature [degC]; NaN where missing.  Where a network has several measured nodes, one column
-            per node, in the network's order.
+            Measured zone temperature [degC]; NaN where missing.  One column per node where a network has several
+            measured nodes, in its order.
         theta_init : mapping of parameter to value, optional
-            Values that an earlier fit found: the search starts from these alone, instead of ``n_starts`` random starts.
+            Values of an earlier fit, from which alone the search starts, instead of ``n_starts`` random starts.
 
         Returns
         -------
@@ -215,19 +215,14 @@ class NetworkIdentifier(NetworkModel):
         Parameters
         ----------
         level : float, default=0.9
-            Between 0 and 1.
+            Between 0 and 1, else ValueError.
 
         Returns
         -------
         DataFrame
             One row per parameter, columns ``lower`` and ``upper`` [the parameter's unit].  A parameter that is searched
-            by its logarithm has an interval of factors, ``theta * exp(+- t * std / theta)``; t is the quantile of
-            Student's distribution with ``n_days_ - 1`` degrees of freedom.  A known parameter is its own interval.
-
-        Raises
-        ------
-        ValueError
-            If ``level`` is not between 0 and 1.
+            by its logarithm has the interval ``theta * exp(+- t * std / theta)``; t is the quantile of Student's
+            distribution with ``n_days_ - 1`` degrees of freedom.  A known parameter is its own interval.
         """
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)
@@ -243,22 +238,19 @@ class NetworkIdentifier(NetworkModel):
 
         Returns
         -------
-        heat : ndarray of shape (n_rows, d)
-            Causal input disturbance [kW].
-        beyond : ndarray of shape (n_rows, o)
-            Output disturbance [K].
+        heat, beyond : ndarray of shape (n_rows, d) and (n_rows, o)
+            Causal input disturbance [kW] and output disturbance [K].
         """
         check_is_fitted(self)
         self.filtered_network_, states, beyond = self.filtered_network_.advanced(table)
         return states.gain, beyond
 
     def to_state_space(self) -> StateSpace:
-        """The identified model as discrete state-space matrices.
+        """The identified model as discrete state-space matrices, at the training's sampling time.
 
         Returns
         -------
         StateSpace
-            With named states and inputs, at the training's sampling time.
         """
         check_is_fitted(self)
         return self.state_space_

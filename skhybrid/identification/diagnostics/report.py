@@ -157,18 +157,15 @@ def diagnose_residuals(
     Parameters
     ----------
     innovations : DataFrame
-        Columns ``innovation`` and ``std`` [K], one row per step; NaN where nothing was measured.  Absent stamps are
-        rows without a measurement.
+        Columns ``innovation`` and ``std`` [K], one row per step; NaN or no row where nothing was measured.
     inputs : DataFrame, optional
         Inputs of the same rows, by name; one that never changes is left out.
     sampling_time : timedelta-like, optional
         The step; needed where the index has no time stamps.
     n_fitted : int
         Parameters of the noise model that were fitted on these rows.
-    max_lag : timedelta-like, default="1D"
-        Longest lag of the correlations.
-    level : float, default=0.01
-        Of every test.
+    max_lag, level : timedelta-like and float
+        As in :func:`diagnose`.
     name : str
         Of the model.
 

@@ -31,15 +31,13 @@ _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 class PeriodicProblem:
     """Negative log marginal likelihood of the periodic model, as a function of the searched parameters.
 
-    The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
-    enters the output linearly (capacities, solar areas, the profile, the ventilation) is solved inside by ridge
-    regression on the filtered channels; only R, C, the time constant and the standard deviations are searched, with
-    exact derivatives.
+    The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node. Everything that
+    enters the output linearly (``inner``: capacities, solar areas; the profile, the ventilation) is solved inside by
+    ridge regression on the filtered channels; only R, C, the time constant and the standard deviations are
+    ``searched``.
 
-    ``inner`` names the network parameters that are solved inside; ``searched`` are all others that are free, the
-    disturbance's own among them; ``fixed`` holds the values of those that are known.  ``priors`` are mean and standard
-    deviation on the searched scale, in place of those that every parameter has.  ``hours`` names the classes of hours
-    that have a variance of their own.
+    ``fixed`` holds the known values; ``priors`` are mean and standard deviation on the searched scale, in place of
+    those that every parameter has; ``hours`` names the classes of hours that have a variance of their own.
     """
 
     network: RCNetwork

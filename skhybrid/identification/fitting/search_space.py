@@ -17,26 +17,10 @@ def bounded_parameters(
     known: Mapping[str, Any],
     bounds: Mapping[str, Any],
 ) -> tuple[Parameter, ...]:
-    """The network's parameters with the bounds that the user gave.
+    """The network's parameters with the bounds that the user gave; settings that name no parameter are refused.
 
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        Those that the network has under the table's inputs.
-    others : sequence of Parameter
-        Those that it may have under other inputs, which settings may name too.
-    own : sequence of Parameter
-        Those of the disturbance model.
-    known, bounds : mapping of parameter to value, or to (lower, upper)
-
-    Returns
-    -------
-    tuple of Parameter
-
-    Raises
-    ------
-    ValueError
-        If a setting names no parameter, or a known value is impossible.
+    ``others`` are parameters that the network has under other inputs, and ``own`` those of the disturbance model, which
+    settings may name too.
     """
     names = [p.name for p in (*parameters, *own)]
     for setting, given in (("known", known), ("bounds", bounds)):

@@ -127,24 +127,11 @@ def assess(
     at_bound: tuple[str, ...],
     not_excited: tuple[str, ...],
 ) -> Identifiability:
-    """Find the flat and weak directions of a scaled sensitivity.
+    """Find the flat and weak directions of a scaled sensitivity to k parameters.
 
-    Parameters
-    ----------
-    sensitivity : ndarray of shape (n, k)
-        Of the predictions by the logarithm of each of k parameters, in units of the noise.
-    model : ndarray of shape (k, k)
-        Covariance of the logarithms if the disturbance model were true.
-    growth : ndarray of shape (k,)
-        Factor by which every standard error exceeds that of the model.
-    parameters : sequence of Parameter
-        The k parameters.
-    n_days : int
-    at_bound, not_excited : tuple of str
-
-    Returns
-    -------
-    Identifiability
+    ``sensitivity`` (n, k) is that of the predictions by the logarithms of the parameters, in units of the noise;
+    ``model`` (k, k) the covariance of these logarithms if the disturbance model were true, and ``growth`` (k,) the
+    factor by which every standard error exceeds that of the model.
     """
     names = [p.name for p in parameters]
     if not names:

@@ -21,30 +21,11 @@ from .standard_errors import (
 def least_squares_uncertainty(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
 ) -> ParameterUncertainty:
-    """Uncertainty of the parameters after a fit of CONV, ID or OD.
+    """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,) of CONV, ID or OD.
 
-    Parameters
-    ----------
-    problem : PredictionErrorProblem
-    free : ndarray of shape (p,)
-        Its optimum on the searched scale.
-    noise : float
-        Variance of the errors [K2].
-    names : sequence of str
-        The network's parameters.
-    days : ndarray of int, shape (n,), optional
-        Day of every error, from 0; by default they follow each other evenly.
-    overlap : int, default=0
-        Days over which errors are correlated.
-
-    Returns
-    -------
-    ParameterUncertainty
-
-    Notes
-    -----
-    The exact Hessian is the central difference of exact gradients, by day; where it is not positive definite, the
-    Gauss-Newton matrix replaces it.
+    ``noise`` is the variance of the errors [K2]; ``days`` (n,) the day of every error, from 0, which by default follow
+    each other evenly; errors are correlated over ``overlap`` days. The exact Hessian is the central difference of exact
+    gradients, by day; where it is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]

@@ -45,8 +45,8 @@ class Posterior:
 class _Density:
     """Log posterior of a problem, and its gradient, over standardised unbounded coordinates ``z``.
 
-    The searched scale is bounded: ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior
-    about standard normal, which the sampler needs to be efficient.
+    The searched scale is ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior about
+    standard normal, which the sampler needs to be efficient.
     """
 
     def __init__(self, problem: Any, start: np.ndarray) -> None:
@@ -198,10 +198,7 @@ def draw_chains(
     target_accept: float = 0.8,
     progressbar: bool = False,
 ) -> Any:
-    """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
-
-    The chains are not judged here: see :func:`summarise_chains` and :func:`refuse_bad_chains`.
-    """
+    """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores."""
     pm = import_pymc()
     log = logging.getLogger("pymc")
     level = log.level
@@ -263,21 +260,9 @@ def _make_op(density: _Density) -> Any:
 def draw_without_divergence(
     model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
 ) -> tuple[Any, int]:
-    """As :func:`draw_chains`, once more with smaller steps where draws diverged.
+    """As :func:`draw_chains`, once more with smaller steps where draws diverged; also how many diverged at last.
 
-    Parameters
-    ----------
-    model, start, **settings
-        As in :func:`draw_chains`.
-    accept : sequence of float, default=(0.8, 0.99)
-        Share of steps to accept, in one attempt after the other.
-
-    Returns
-    -------
-    data : arviz.InferenceData
-        Of the last attempt.
-    n_divergent : int
-        How many of its draws diverged.
+    ``accept`` is the share of steps to accept, in one attempt after the other.
     """
     for target in accept:
         data = draw_chains(model, start, target_accept=target, **settings)
@@ -288,19 +273,9 @@ def draw_without_divergence(
 
 
 def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
-    """One row per quantity: what its chains say, and how well they agree.
+    """``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat`` and ``ess`` of every column, by row.
 
-    Parameters
-    ----------
-    table : DataFrame
-        One column per quantity, index (``chain``, ``draw``).
-    level : float, default=0.9
-        Of the interval from ``lower`` to ``upper``.
-
-    Returns
-    -------
-    DataFrame
-        ``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat``, ``ess``.
+    ``table`` has the index (``chain``, ``draw``); ``level`` is that of the interval from ``lower`` to ``upper``.
     """
     import arviz as az
 
@@ -327,14 +302,7 @@ def _refuse_bad(summary: pd.DataFrame) -> None:
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
     """Raise RuntimeError where chains disagree, have too few effective draws or diverged.
 
-    Parameters
-    ----------
-    summary : DataFrame
-        With ``r_hat`` and ``ess``, one row per quantity.
-    advice : str
-        What to do about chains that disagree or diverge, apart from more draws.
-    n_divergent : int, default=0
-        Divergent transitions after tuning.
+    ``advice`` says what to do about chains that disagree or diverge, apart from more draws.
     """
     worst, fewest = summary["r_hat"].idxmax(), summary["ess"].idxmin()
     r_hat, ess = float(summary["r_hat"].max(skipna=False)), float(summary["ess"].min(skipna=False))
