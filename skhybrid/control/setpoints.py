@@ -28,13 +28,13 @@ class Limits(NamedTuple):
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.
 
-    By the data contract a temperature is the value at a row's stamp, and an input acts over the row's step. So one
+    By the data contract a temperature is the value at a row's stamp, and an input acts over the row's step.  So one
     set-point is a temperature wanted at the stamp, which the row before must reach; a band is a thermostat's setting,
     which the row itself must reach by its end.
 
-    One value or column is the temperature that is held [degC]. Two are the heating and the cooling set-point, in this
-    order; columns of a DataFrame go by name where one holds "heat" and the other "cool". Each of a pair ``(heat,
-    cool)`` is a number, one value per row, or None where that side is not held.
+    One value or column is the temperature that is held [degC].  Two are the heating and the cooling set-point, in this
+    order; columns of a DataFrame go by name where one holds "heat" and the other "cool". Each of a pair
+    ``(heat, cool)`` is a number, one value per row, or None where that side is not held.
     """
     if isinstance(setpoint, Band):
         return setpoint

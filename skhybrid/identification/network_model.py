@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -23,10 +23,7 @@ from .one_step_errors import Innovations, innovations_table, kalman_innovations
 
 
 class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
-    """Methods of an identified network; a subclass identifies it.
-
-    The hooks ``_forecast_start`` and ``_innovations`` are those of the Kalman filter; a subclass may give its own.
-    """
+    """Methods of an identified network; the hooks are those of its Kalman filter where a subclass gives no others."""
 
     network_: RCNetwork
     theta_: pd.Series
@@ -192,19 +189,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         -------
         ndarray of str
         """
-        check_is_fitted(self)
-        names = getattr(self, "feature_names_in_", None)
-        if input_features is not None:
-            if names is not None and list(input_features) != list(names):
-                raise ValueError("input_features is not equal to feature_names_in_, the columns that fit saw.")
-            if len(input_features) != self.n_features_in_:
-                raise ValueError(
-                    f"input_features should have length equal to number of features ({self.n_features_in_}), "
-                    f"got {len(input_features)}."
-                )
-            names = input_features
-        if names is None:
-            names = [f"x{j}" for j in range(self.n_features_in_)]
+        names = OneToOneFeatureMixin.get_feature_names_out(self, input_features)
         return np.array([*names, *self._zeta_names()], dtype=object)
 
     @one_blas_thread

@@ -36,17 +36,10 @@ def kept_end(
         inputs={role: tail.inputs[role].copy() for role in experiment.roles},
         history=dict(zip(network.history_roles, experiment.outputs[-keep:].T.copy(), strict=True)),
     )
-    means, covariances = states.starts
-    return RollingState(
-        tail,
-        FilterStart(means[-keep].copy(), covariances[-keep].copy()),
-        path[-keep - 1].copy(),  # the last row of the path is one step after the table
-        states.nodes[-1].copy(),
-        states.end,
-        path[-2].copy(),
-        path[-1].copy(),
-        experiment.inputs[-1].copy(),
-    )
+    begin = FilterStart(*(values[-keep].copy() for values in states.starts))
+    opened = path[-keep - 1].copy()  # the last row of the path is one step after the table
+    now, last = states.nodes[-1].copy(), experiment.inputs[-1].copy()
+    return RollingState(tail, begin, opened, now, states.end, path[-2].copy(), path[-1].copy(), last)
 
 
 def rolling_state(model: Any) -> RollingState:
@@ -57,8 +50,8 @@ def rolling_state(model: Any) -> RollingState:
 def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
     """Let a fitted identification follow new rows, in a time that does not depend on how many came before.
 
-    The rows follow the last known one and bear what was measured as history. Returns the causal disturbance (n_rows, d)
-    of each, [kW] or [K] by ``kind``, as ``estimate_disturbance`` gives it.
+    The rows follow the last known one and bear what was measured as history.  Returns the causal disturbance (n_rows,
+    d) of each, [kW] or [K] by ``kind``, as ``estimate_disturbance`` gives it.
     """
     heat, beyond = model.take_rows(table)
     return heat if checked_kind(kind) == "input" else beyond
@@ -67,8 +60,8 @@ def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:
     """(n_rows,) temperature [degC] after the last known row under a given disturbance.
 
-    The network has one measured and one disturbed node. ``disturbance`` (n_rows,) is the heat [kW] of the last known
-    row, then of all rows but the last (``kind="input"``), or the temperature [K] added to each row (``"output"``). The
+    The network has one measured and one disturbed node.  ``disturbance`` (n_rows,) is the heat [kW] of the last known
+    row, then of all rows but the last (``kind="input"``), or the temperature [K] added to each row (``"output"``).  The
     rows of ``future`` bear their known inputs.
     """
     network = model.filtered_network_

@@ -131,15 +131,8 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     inputs = pd.DataFrame({role: table.inputs[role] for role in roles}, index=errors.index)
     # one autoregressive and one moving-average root: OD's by definition, and a filter with one noise ratio has as many
     n_fitted = 2 if len(estimator.disturbance_) else 0
-    return diagnose_residuals(
-        errors,
-        inputs,
-        sampling_time=estimator.sampling_time_,
-        n_fitted=n_fitted,
-        max_lag=max_lag,
-        level=level,
-        name=type(estimator).__name__,
-    )
+    settings = {"n_fitted": n_fitted, "max_lag": max_lag, "level": level, "name": type(estimator).__name__}
+    return diagnose_residuals(errors, inputs, sampling_time=estimator.sampling_time_, **settings)
 
 
 def diagnose_residuals(

@@ -30,8 +30,8 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``lag`` [rows]; ``acf``, the half-width ``band`` within which 95 % of white noise lies (``1.96 /
-        sqrt(n_pairs)``) and ``n_pairs``.  NaN where no pair was measured.
+        Index ``lag`` [rows]; ``acf``, the half-width ``band`` within which 95 % of white noise lies
+        (``1.96 / sqrt(n_pairs)``) and ``n_pairs``.  NaN where no pair was measured.
     """
     z, seen = _centred(errors)
     variance = float(np.sum(z**2)) / int(seen.sum())
@@ -109,7 +109,7 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
 def prewhiten(series: Any) -> np.ndarray:
     """(n,) residuals of an autoregression of the order that AIC chooses; NaN where a row that it reads is missing.
 
-    Two smooth series look correlated at many lags by chance. Once each is white, the correlation at every lag has the
+    Two smooth series look correlated at many lags by chance.  Once each is white, the correlation at every lag has the
     standard error of white noise (Haugh, 1976).
     """
     x, seen = _centred(series)
@@ -169,9 +169,9 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     scale = np.sqrt(np.sum(z**2) / seen.sum() * np.sum(x**2) / known.sum())
     rows = []
     for lag in lags:
-        later, earlier = (z[lag:], x[: len(x) - lag]) if lag >= 0 else (z[:lag], x[-lag:])
-        pair = (seen[lag:] & known[: len(x) - lag]) if lag >= 0 else (seen[:lag] & known[-lag:])
-        n, product = int(pair.sum()), later * earlier
+        late = slice(lag, None) if lag >= 0 else slice(None, lag)
+        early = slice(None, len(x) - lag) if lag >= 0 else slice(-lag, None)
+        n, product = int((seen[late] & known[early]).sum()), z[late] * x[early]
         spread = float(np.sqrt(np.sum(product**2)))
         total = float(np.sum(product))
         if n < 3 or spread == 0.0:
@@ -182,8 +182,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
 
 
 def independence(t: Any) -> float:
-    """p-value of standardised correlations at several lags: Bonferroni's of their largest and of their sum of squares.
-    """
+    """p-value of standardised correlations at several lags: Bonferroni's of their largest and their sum of squares."""
     known = np.asarray(t, dtype=np.float64)
     known = known[np.isfinite(known)]
     if not len(known):

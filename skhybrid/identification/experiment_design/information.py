@@ -53,11 +53,11 @@ class FilterInformation:
     """Information in a log about network, gain and thermometer, by a filter at the prior model.
 
     It is that of a Kalman filter with a gain state: the sum over rows of the conditional expectation of the score's
-    square given the rows before. It holds in closed loop too, where the plant answers to the measured room, and its
+    square given the rows before.  It holds in closed loop too, where the plant answers to the measured room, and its
     mean over runs is Fisher's.
 
     The unknowns are ``free`` (network parameters), :data:`NUISANCE`, and 48 standard normal numbers that make the
-    weekly profile. All but the last are logarithms.
+    weekly profile.  All but the last are logarithms.
     """
 
     zone: Zone

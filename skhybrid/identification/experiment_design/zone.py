@@ -41,7 +41,7 @@ class GainStatistics:
     profile : ndarray of shape (24, 2)
         Mean gain by hour on weekdays and on weekends [kW].
     profile_step, weekend_step : float
-        How much the unknown profile changes from hour to hour on weekdays and on weekends, one standard deviation [kW].
+        Standard deviation of the profile's change from hour to hour on weekdays and on weekends [kW].
     noise_std : float
         Standard deviation of the thermometer [K].
     """
@@ -141,7 +141,7 @@ def run_thermostat(
     """Simulate M cases under a thermostat.
 
     ``inputs`` (N, m) are in the order of the network, those of the stages unread; ``gains`` (N, M) are unmeasured heat
-    [kW], ``setpoints`` (N, 2, M) those of heating and cooling [degC]. An on/off plant switches at ``hysteresis`` [K]
+    [kW], ``setpoints`` (N, 2, M) those of heating and cooling [degC].  An on/off plant switches at ``hysteresis`` [K]
     beyond the set-point; None is a plant that modulates, and holds it.
     """
     d = zone.discrete(hours)

@@ -46,7 +46,7 @@ def search(
     """Minima of the starts that were made, in the order of the starts.
 
     Starts run in rounds of a fixed size, so that ``n_jobs`` changes nothing but the time; after a round ``polish``
-    carries its best minima to the end, and the search ends once ``enough`` starts have reached the best one. ``drop``
+    carries its best minima to the end, and the search ends once ``enough`` starts have reached the best one.  ``drop``
     gives by how much the log-likelihood of one loss lies below that of the best.
     """
     minima: list[Minimum] = []

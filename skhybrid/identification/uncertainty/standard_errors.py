@@ -26,13 +26,13 @@ class ParameterUncertainty(NamedTuple):
     """Uncertainty of the network's parameters after a fit, on the logarithmic scale.
 
     The Hessian of a likelihood (or the Gauss-Newton matrix of a sum of squares) gives the right standard errors only
-    where the disturbance model holds. Real gains do not follow it: those of one day are correlated, and days differ. So
-    the moves of the parameters without each day are computed as well; their scatter (the jackknife with blocks of a
-    day, equivalent to a sandwich covariance with scores clustered by day) needs no model of the gain. A standard error
+    where the disturbance model holds.  Real gains do not follow it: those of one day are correlated, and days differ.
+    So the moves of the parameters without each day are computed as well; their scatter (the jackknife with blocks of a
+    day, equivalent to a sandwich covariance with scores clustered by day) needs no model of the gain.  A standard error
     is the larger of the two, and intervals take Student's t with as many degrees of freedom as days, less one.
 
     One Newton step replaces the fit without a day: one evaluation per day instead of a search (for long periodic logs,
-    one per two days or more). Least squares takes the Hessian without that day (CR3); the periodic model takes the
+    one per two days or more).  Least squares takes the Hessian without that day (CR3); the periodic model takes the
     whole one, which understates the move caused by a day that holds most of the information.
 
     Sources: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11; Cameron and Miller, A Practitioner's
