@@ -1,14 +1,22 @@
-"""The heat that holds a set-point (paper Eqs. inverseQ1 and inverseQ2), from plain matrices and states."""
+"""The heat that holds a set-point (paper Eqs. inverseQ1 and inverseQ2), and the plant that delivers it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..filtering import simulate_inverse
-from .hold import steps_ahead
 from .setpoints import Band, Limits
+
+#: a load that overshoots by a larger share than this from step to step rings
+RINGING = 0.25
+#: largest growth per step of the state under an inverse that is stable
+_GROWTH = 1.0 + 1e-6
+#: longest hold of a load that is tried [steps]
+MOST_AHEAD = 24
 
 
 class HeatedZone(NamedTuple):
@@ -28,48 +36,88 @@ def required_heat(
     begins: np.ndarray,
     states: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Heat that brings the temperature into a band at the end of every row, in spans that begin at given states.
+    """Heat (N,) [kW] that brings the temperature into a band at the end of every row, and that temperature (N,) [degC].
 
-    Parameters
-    ----------
-    zone : HeatedZone
-    band : Band
-        Of the N rows [degC].
-    limits : Limits
-        Of the N rows [kW].
-    forcing : ndarray of shape (N, n)
-        Effect of everything but the plant over each step.
-    offset : ndarray of shape (N,)
-        Added to the temperature at the end of each row [K].
-    begins : ndarray of int, shape (n_spans,)
-        First row of each span, from 0.
-    states : ndarray of shape (n_spans, n)
-        Node temperatures at those rows [degC].
-
-    Returns
-    -------
-    heat : ndarray of shape (N,)
-        [kW]
-    temperature : ndarray of shape (N,)
-        Of the measured node at the end of every row [degC].
+    ``forcing`` (N, n) is the effect of everything but the plant over each step, ``offset`` (N,) [K] is added to the
+    temperature at the end of each row.  The spans of rows begin at the rows ``begins`` (n_spans,), from 0, with the
+    node temperatures ``states`` (n_spans, n) [degC].
     """
     ahead = steps_ahead(zone.A, zone.heat, zone.output)
     low, high = band.heating - offset, band.cooling - offset
     loads, paths = [], []
     for a, b, state in zip(begins, np.append(begins[1:], len(forcing)), states, strict=True):
         rows = slice(a, b)
-        load, path = simulate_inverse(
-            zone.A,
-            forcing[rows],
-            zone.heat,
-            zone.output,
-            low[rows],
-            high[rows],
-            limits.lower[rows],
-            limits.upper[rows],
-            state,
-            ahead,
-        )
+        bounds = low[rows], high[rows], limits.lower[rows], limits.upper[rows]
+        load, path = simulate_inverse(zone.A, forcing[rows], zone.heat, zone.output, *bounds, state, ahead)
         loads.append(load)
         paths.append(path)
     return np.concatenate(loads), np.concatenate(paths) + offset
+
+
+def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
+    """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
+
+    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  A negative eigenvalue
+    (heat that reaches the sensor through another node) makes each load overshoot and the next take it back; one above 1
+    (heat that first moves the sensor the other way) makes the load run away.  The shortest hold that damps both is
+    taken.
+    """
+    held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
+    for ahead in range(1, MOST_AHEAD):
+        effect = c @ held
+        if effect != 0:
+            inverse = np.linalg.eigvals(A - np.outer(heat, c @ power) / effect)
+            if inverse.real.min() > -RINGING and np.abs(inverse).max() < _GROWTH:
+                return ahead
+        held, power = heat + A @ held, A @ power
+    return MOST_AHEAD
+
+
+class Plant(NamedTuple):
+    """Stages that heat and cool the zone, and their capacities."""
+
+    heating: tuple[tuple[str, float], ...]  # (role, capacity [kW]) of the stages that heat
+    cooling: tuple[tuple[str, float], ...]  # the same of those that cool, capacity < 0
+    most: Mapping[str, float]  # highest stage of each role
+    lower: float  # [kW], 0 or less; -inf where only the heat was measured
+    upper: float  # [kW], 0 or more; inf where only the heat was measured
+
+    def within(self, limits: Limits) -> Limits:
+        """The narrower of given limits and the capacity of the stages."""
+        return Limits(np.clip(limits.lower, self.lower, self.upper), np.clip(limits.upper, self.lower, self.upper))
+
+
+def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
+    """The plant of a training table, from the heat [kW] of each stage at 1, cooling negative.
+
+    Stages reach 1 or the highest seen; measured heat sets no limit.
+    """
+    most = {role: max(1.0, float(inputs[role].max())) for role in capacity}
+    heating = tuple((role, q) for role, q in capacity.items() if q > 0)
+    cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
+    beyond = np.inf if any(role.startswith("Q_") for role in inputs) else 0.0
+    lower = sum(q * most[role] for role, q in cooling) - beyond
+    upper = sum(q * most[role] for role, q in heating) + beyond
+    return Plant(heating, cooling, most, lower, upper)
+
+
+def is_plant(role: str) -> bool:
+    """Whether a role is heating or cooling."""
+    return role.startswith(("u_", "Q_"))
+
+
+def load_frame(
+    plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray, temperature: np.ndarray
+) -> pd.DataFrame:
+    """Heat [kW] and the stages [-] that deliver it, clipped to the plant and as the set-point would need.
+
+    ``temperature`` (N,) [degC] is that at every row's stamp under the clipped load.
+    """
+    out: dict[str, np.ndarray] = {}
+    for suffix, heat in (("", clipped), ("_unclipped", unclipped)):
+        for side, stages in ((np.maximum, plant.heating), (np.minimum, plant.cooling)):
+            full = sum(q * plant.most[role] for role, q in stages)
+            for role, _ in stages:
+                out[role + suffix] = np.abs(side(heat, 0.0) / full) * plant.most[role]
+    out["Q_hvac"], out["Q_hvac_unclipped"], out["T_za"] = clipped, unclipped, temperature
+    return pd.DataFrame(out, index=index)

@@ -32,22 +32,9 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     set-point is a temperature wanted at the stamp, which the row before must reach; a band is a thermostat's setting,
     which the row itself must reach by its end.
 
-    Parameters
-    ----------
-    setpoint : float, array-like of shape (n_samples,) or (n_samples, 2), DataFrame of two columns, or pair
-        One value or column: the temperature that is held [degC].  Two: the heating and the cooling set-point, in this
-        order; of a DataFrame by name where one name holds "heat" and the other "cool".  Of a pair ``(heat, cool)``
-        each is a number, one value per row, or None where that side is not held.
-    table : ZoneTable
-
-    Returns
-    -------
-    Band
-
-    Raises
-    ------
-    ValueError
-        If a side has another length or other stamps than the table or a NaN, or if heating is above cooling.
+    One value or column is the temperature that is held [degC].  Two are the heating and the cooling set-point, in this
+    order; columns of a DataFrame go by name where one holds "heat" and the other "cool". Each of a pair
+    ``(heat, cool)`` is a number, one value per row, or None where that side is not held.
     """
     if isinstance(setpoint, Band):
         return setpoint
@@ -78,23 +65,9 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
 
 def read_limits(limits: Any, table: ZoneTable) -> Limits:
-    """The least and the most heat of a plant by the rows of a table.
+    """The least and the most heat of a plant [kW], cooling negative, by the rows of a table.
 
-    Parameters
-    ----------
-    limits : tuple of (lowest, highest), or None
-        [kW], cooling negative; each a number, one value per row, or None where nothing is known.
-    table : ZoneTable
-
-    Returns
-    -------
-    Limits
-
-    Raises
-    ------
-    ValueError
-        If it is no pair, a side has another length or other stamps than the table or a NaN, or the lowest is above the
-        highest.
+    ``limits`` is None or a pair, each a number, one value per row, or None where nothing is known.
     """
     given = (None, None) if limits is None else limits
     if not isinstance(given, tuple | list) or len(given) != 2:

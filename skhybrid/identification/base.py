@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from .experiment import Experiment, make_experiment
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
-from .fitting.search_space import bounded_parameters
+from .fitting.starts import Minimise, search
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
 from .network_model import NetworkModel
@@ -73,6 +73,10 @@ class NetworkIdentifier(NetworkModel):
         """The optimisation problem, and the parameters that no row moves."""
         raise NotImplementedError
 
+    def _search(self, minimise: Minimise, starts: np.ndarray, drop: Any, **settings: Any) -> list[Minimum]:
+        own = {"n_jobs": self.n_jobs, "verbose": self.verbose, "name": type(self).__name__}
+        return search(minimise, starts, drop, **own, **settings)
+
     def _minima(self, problem: Any, begin: Mapping[str, float] | None) -> list[Minimum]:
         """Minima from the random starts, or from the one start at ``begin``."""
         raise NotImplementedError
@@ -111,13 +115,13 @@ class NetworkIdentifier(NetworkModel):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and measured heat ``Q_*``
-            [kW].  Consecutive, or in segments with gaps of three hours or more between them: those are one
-            experiment, and each has an initial state of its own.
+            [kW]. Consecutive, or in segments with gaps of three hours or more between them: those are one experiment,
+            and each has an initial state of its own.
         y : array-like of shape (n_samples,)
-            Measured zone temperature [degC]; NaN where missing.  Where a network has several measured nodes, one column
-            per node, in the network's order.
+            Measured zone temperature [degC]; NaN where missing.  One column per node where a network has several
+            measured nodes, in its order.
         theta_init : mapping of parameter to value, optional
-            Values that an earlier fit found: the search starts from these alone, instead of ``n_starts`` random starts.
+            Values of an earlier fit, from which alone the search starts, instead of ``n_starts`` random starts.
 
         Returns
         -------
@@ -215,19 +219,14 @@ class NetworkIdentifier(NetworkModel):
         Parameters
         ----------
         level : float, default=0.9
-            Between 0 and 1.
+            Between 0 and 1, else ValueError.
 
         Returns
         -------
         DataFrame
             One row per parameter, columns ``lower`` and ``upper`` [the parameter's unit].  A parameter that is searched
-            by its logarithm has an interval of factors, ``theta * exp(+- t * std / theta)``; t is the quantile of
-            Student's distribution with ``n_days_ - 1`` degrees of freedom.  A known parameter is its own interval.
-
-        Raises
-        ------
-        ValueError
-            If ``level`` is not between 0 and 1.
+            by its logarithm has the interval ``theta * exp(+- t * std / theta)``; t is the quantile of Student's
+            distribution with ``n_days_ - 1`` degrees of freedom.  A known parameter is its own interval.
         """
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)
@@ -243,22 +242,52 @@ class NetworkIdentifier(NetworkModel):
 
         Returns
         -------
-        heat : ndarray of shape (n_rows, d)
-            Causal input disturbance [kW].
-        beyond : ndarray of shape (n_rows, o)
-            Output disturbance [K].
+        heat, beyond : ndarray of shape (n_rows, d) and (n_rows, o)
+            Causal input disturbance [kW] and output disturbance [K].
         """
         check_is_fitted(self)
         self.filtered_network_, states, beyond = self.filtered_network_.advanced(table)
         return states.gain, beyond
 
     def to_state_space(self) -> StateSpace:
-        """The identified model as discrete state-space matrices.
+        """The identified model as discrete state-space matrices, at the training's sampling time.
 
         Returns
         -------
         StateSpace
-            With named states and inputs, at the training's sampling time.
         """
         check_is_fitted(self)
         return self.state_space_
+
+
+def bounded_parameters(
+    parameters: Sequence[Parameter],
+    others: Sequence[Parameter],
+    own: Sequence[Parameter],
+    known: Mapping[str, Any],
+    bounds: Mapping[str, Any],
+) -> tuple[Parameter, ...]:
+    """The network's parameters with the bounds that the user gave; settings that name no parameter are refused.
+
+    ``others`` are parameters that the network has under other inputs, and ``own`` those of the disturbance model, which
+    settings may name too.
+    """
+    names = [p.name for p in (*parameters, *own)]
+    for setting, given in (("known", known), ("bounds", bounds)):
+        for name in given:
+            if name not in names and name not in {p.name for p in others}:
+                raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
+    out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
+    for p in out:
+        if known.get(p.name) is not None:
+            _check_known(p, known[p.name])
+    return out
+
+
+def _check_known(p: Parameter, value: Any) -> None:
+    if not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
+    if p.transform == "log" and value * p.sign <= 0:
+        raise ValueError(f"known= gives {p.name} the value {value}; it must be {'<' if p.sign < 0 else '>'} 0.")
+    if p.unit == "-" and value > 1:
+        raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")

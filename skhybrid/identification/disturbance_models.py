@@ -77,22 +77,9 @@ def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Mode
     if feed:
         A[:, :n, n:] = d.B[:, :, m - feed :]
         dA[:, :n, n:] = dB[:, :n, m - feed :]
-    nothing = np.zeros((0, 0))
-    return Model(
-        A=A,
-        B=B,
-        C=nothing,
-        K=nothing,
-        Q=np.zeros((S, s, s)),
-        R=nothing,
-        P0=np.zeros((s, s)),
-        s0=nothing,
-        dA=dA,
-        dB=dB,
-        dK=nothing,
-        dQ=np.zeros((S, s, s, q)),
-        ds0=np.zeros((S, s, q)),
-    )
+    noise, P0 = {"Q": np.zeros((S, s, s)), "dQ": np.zeros((S, s, s, q))}, np.zeros((s, s))
+    later = dict.fromkeys(("C", "K", "R", "s0", "dK"), np.zeros((0, 0)))  # see _complete
+    return Model(A=A, B=B, dA=dA, dB=dB, P0=P0, ds0=np.zeros((S, s, q)), **noise, **later)
 
 
 def _complete(model: Model, C: np.ndarray, s0: np.ndarray, R: float, **rest: np.ndarray) -> Model:

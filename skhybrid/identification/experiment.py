@@ -47,32 +47,16 @@ class Experiment(NamedTuple):
 
     def rows(self, rows: slice) -> Experiment:
         """Some consecutive rows of one segment."""
-        return self._replace(
-            y=self.y[rows],
-            inputs=self.inputs[rows],
-            hour_of_day=self.hour_of_day[rows],
-            weekend=self.weekend[rows],
-            breaks=(0,),
-        )
+        each = {name: getattr(self, name)[rows] for name in ("y", "inputs", "hour_of_day", "weekend")}
+        return self._replace(breaks=(0,), **each)
 
 
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:
     """The experiment of a table; ``roles`` that the table lacks act as 0."""
-    return Experiment(
-        np.asarray(y, dtype=np.float64),
-        input_matrix(network, roles, table),
-        roles,
-        table.step_hours,
-        table.time.hour.to_numpy(dtype=np.int64),
-        np.asarray(table.time.day_of_week >= 5),
-        table.breaks,
-    )
-
-
-def input_matrix(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable) -> np.ndarray:
-    """(N, m) inputs in the order of the network, the heat gains' columns (0) last."""
-    acting = network.inputs(roles)
-    out = np.zeros((table.n_rows, len(acting) + len(network.disturbed_nodes)))
+    acting, time = network.inputs(roles), table.time
+    inputs = np.zeros((table.n_rows, len(acting) + len(network.disturbed_nodes)))
     for j, role in enumerate(acting):
-        out[:, j] = table.inputs[role]
-    return out
+        inputs[:, j] = table.inputs[role]
+    hour, weekend = time.hour.to_numpy(dtype=np.int64), np.asarray(time.day_of_week >= 5)
+    y = np.asarray(y, dtype=np.float64)
+    return Experiment(y, inputs, roles, table.step_hours, hour, weekend, table.breaks)

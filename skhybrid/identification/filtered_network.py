@@ -29,10 +29,7 @@ class ForecastStart(NamedTuple):
 
 @dataclass(frozen=True)
 class FilteredNetwork:
-    """A network, its Kalman filter, and what is kept of the training table.
-
-    It is never changed: :meth:`advanced` returns another one.
-    """
+    """A network, its Kalman filter, and what is kept of the training table; :meth:`advanced` returns another one."""
 
     kalman: GainFilter
     roles: tuple[str, ...]  # inputs of the training table
@@ -100,10 +97,7 @@ class FilteredNetwork:
         return experiment.outputs - path[:-1, self.kalman.measured]
 
     def advanced(self, table: ZoneTable) -> tuple[FilteredNetwork, FilteredStates, np.ndarray]:
-        """Take the rows after the last known one; the cost does not depend on how many came before.
-
-        Returns the network after them, their filtered states, and (N, o) what the output has beyond the open loop [K].
-        """
+        """The network after the rows that follow the last, their states, and (N, o) output beyond the open loop [K]."""
         experiment, now = self.experiment(table), self.rolling
         states, path = self.kalman.run(experiment, now.ahead), self.open_loop(experiment, now.open_ahead)
         rolling = kept_end(self.network, table, experiment, states, path, 1)

@@ -107,11 +107,8 @@ def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:
     return replace(kalman, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
 
 
-def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> np.ndarray:
-    """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter around a given network.
-
-    CONV and OD have no gain state of their own and use it to estimate the input disturbance.
-    """
+def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
+    """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter, for CONV and OD to estimate the gain."""
     A, C = kalman.augmented()
     R, n = np.full(len(C), kalman.R), kalman.n
     segments = []
@@ -134,10 +131,10 @@ def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> np.ndarray:
     bounds = [(np.log(1e-4), np.log(0.5)), (np.log(1e-3), np.log(30.0))]
     grid = [(np.log(x), np.log(z)) for x in (0.003, 0.03) for z in (0.05, 0.5, 3.0)]
     best = min(grid, key=lambda point: negative_log_likelihood(np.array(point)))
-    found = minimize(
-        negative_log_likelihood, best, method="Nelder-Mead", bounds=bounds, options={"maxfev": 60, "xatol": 0.05}
-    )
-    return np.exp(found.x)
+    options = {"maxfev": 60, "xatol": 0.05}
+    found = minimize(negative_log_likelihood, best, method="Nelder-Mead", bounds=bounds, options=options)
+    sigma_x, sigma_zeta = np.exp(found.x)
+    return float(sigma_x), float(sigma_zeta)
 
 
 def walk_noise(network: RCNetwork, sigma_x: float, sigma_zeta: float) -> np.ndarray:

@@ -35,7 +35,7 @@ def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
 
 
 def week_cells(experiment: Experiment) -> np.ndarray:
-    """Cell of the weekly profile of every row of an experiment, (N,)."""
+    """(N,) cell of the weekly profile of every row."""
     return profile_cell(experiment.hour_of_day, experiment.weekend)
 
 
@@ -58,10 +58,8 @@ def _blocks(hours: int) -> HourClasses:
 
 
 def smooth_walk_root() -> np.ndarray:
-    """(24, 2 N_HARMONICS) root of the covariance of a cyclic random walk with unit steps and zero mean, smoothed.
-
-    The waves of a day diagonalise it; only the first :data:`N_HARMONICS` are kept.
-    """
+    """(24, 2 N_HARMONICS) root of the covariance of a cyclic random walk with unit steps, of its slowest waves."""
+    # the waves of a day diagonalise it
     angle = 2.0 * np.pi * np.outer(np.arange(_HOURS), np.arange(1, N_HARMONICS + 1)) / _HOURS
     sd = np.sqrt(2.0 / _HOURS / (2.0 - 2.0 * np.cos(angle[1])))
     return np.hstack([np.cos(angle) * sd, np.sin(angle) * sd])
@@ -106,12 +104,9 @@ class VarianceModel:
         where = np.concatenate([np.arange(len(p.y)) for p in segments])
         which = np.repeat(np.arange(len(segments)), [len(p.y) for p in segments])
         _, first = np.unique(np.concatenate(days), return_index=True)
-        return cls(
-            tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in segments])[:-1])),
-            variance,
-            (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in range(n_days))),
-            tuple((int(which[i]), int(where[i])) for i in first),
-        )
+        by_segment = tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in segments])[:-1]))
+        names = (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in range(n_days)))
+        return cls(by_segment, variance, names, tuple((int(which[i]), int(where[i])) for i in first))
 
 
 def own_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
@@ -131,11 +126,8 @@ def own_priors(n_days: int, hours: HourClasses) -> dict[str, tuple[float, float]
 
 
 def ventilation_series(segment: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:
-    """(N,) outdoor minus last measured temperature [K] in the weekday hours of :data:`DAY_HOURS`, else 0.
-
-    A measurement of the row itself or of an earlier one is known before the next innovation, so that the likelihood
-    stays exact.
-    """
+    """(N,) outdoor minus last measured temperature [K] in the weekday hours of :data:`DAY_HOURS`, else 0."""
+    # what is measured up to a row is known before its next innovation, so that the likelihood stays exact
     y = segment.outputs[:, output]
     last = np.maximum.accumulate(np.where(np.isfinite(y), np.arange(len(y)), -1))
     room = np.where(last >= 0, y[last], np.nan)

@@ -41,10 +41,7 @@ def network_load(
     setpoint: Any,
     limits: Any,
 ) -> pd.DataFrame:
-    """The load of the rows from the first origin on; the state is taken from ``start`` at each origin.
-
-    ``setpoint`` and ``limits`` are as in ``predict_load``, by the rows from the first origin on.
-    """
+    """Load of the rows from the first origin on; ``setpoint`` and ``limits`` are as in ``predict_load``, by these."""
     kalman, network = filtered.kalman, filtered.network
     if len(kalman.measured) > 1 or kalman.n_gains > 1:
         raise ValueError(

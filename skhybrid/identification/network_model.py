@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -23,10 +23,7 @@ from .one_step_errors import Innovations, innovations_table, kalman_innovations
 
 
 class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
-    """Methods of an identified network; a subclass identifies it.
-
-    The hooks ``_forecast_start`` and ``_innovations`` are those of the Kalman filter; a subclass may give its own.
-    """
+    """Methods of an identified network; the hooks are those of its Kalman filter where a subclass gives no others."""
 
     network_: RCNetwork
     theta_: pd.Series
@@ -77,8 +74,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples,)
-            Temperature of the measured node at every row [degC], one column per node where several are measured; the
-            first is that of the initial state.
+            Temperature of the measured node at every row's stamp [degC], one column per node where several are
+            measured.
 
         Raises
         ------
@@ -96,10 +93,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        heat_gain : array-like of shape (n_samples,), optional
-            Unmeasured heat on the disturbed node [kW], one column per node where there are several.
-        initial_state : array-like of shape (n_states,), optional
-            Node temperatures at the first row [degC].
+        heat_gain, initial_state : array-like, optional
+            As in :meth:`simulate`.
 
         Returns
         -------
@@ -132,8 +127,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
             temperature has beyond the simulated one [K] (paper Eq. od_pred).
         smooth : bool
-            False: from rows up to each row, as a forecast may use it; True: from all rows.  An output disturbance is
-            the same either way.
+            False: from rows up to each row, as a forecast may use it; True: from all rows.  No difference for
+            ``"output"``.
 
         Returns
         -------
@@ -188,39 +183,21 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Parameters
         ----------
         input_features : array-like of str, optional
-            Names of X's columns where it had none in ``fit``.
+            Names of X's columns where it had none in ``fit``; ValueError if they are not those that ``fit`` saw.
 
         Returns
         -------
         ndarray of str
-
-        Raises
-        ------
-        ValueError
-            If ``input_features`` are not the columns that ``fit`` saw.
         """
-        check_is_fitted(self)
-        names = getattr(self, "feature_names_in_", None)
-        if input_features is not None:
-            if names is not None and list(input_features) != list(names):
-                raise ValueError("input_features is not equal to feature_names_in_, the columns that fit saw.")
-            if len(input_features) != self.n_features_in_:
-                raise ValueError(
-                    f"input_features should have length equal to number of features ({self.n_features_in_}), "
-                    f"got {len(input_features)}."
-                )
-            names = input_features
-        if names is None:
-            names = [f"x{j}" for j in range(self.n_features_in_)]
+        names = OneToOneFeatureMixin.get_feature_names_out(self, input_features)
         return np.array([*names, *self._zeta_names()], dtype=object)
 
     @one_blas_thread
     def innovations(self, X: Any) -> pd.DataFrame:
         """Errors of the model's own predictor, one step ahead.
 
-        CONV predicts by simulation, so that its errors are simulation errors; OD by its ARMA model; ID and the periodic
-        model by their Kalman filters.  The standardised errors ``innovation / std`` of a right model are white and
-        N(0, 1).
+        CONV predicts by simulation, OD by its ARMA model, ID and the periodic model by their Kalman filters.  The
+        standardised errors ``innovation / std`` of a right model are white and N(0, 1).
 
         Parameters
         ----------
@@ -241,9 +218,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
 
         Notes
         -----
-        CONV, ID and OD minimise squares, which fixes the size of their errors only through the errors themselves:
-        ``std`` is scaled to the training errors (``noise_std_``).  The gain of a Kalman filter does not change with
-        that scale.  After missing rows ``std`` is larger; a fit of ID or OD weighs its errors by it.
+        CONV, ID and OD minimise squares, so that ``std`` is scaled to the training errors (``noise_std_``); the gain of
+        a Kalman filter does not change with that scale.  After missing rows ``std`` is larger; a fit of ID or OD weighs
+        its errors by it.
         """
         check_is_fitted(self)
         table = self._measured_table(X, "innovations compare predictions with the measurements")
@@ -265,9 +242,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         origins : sequence of int
             Row numbers of X.
         disturbance : array-like of shape (n_origins, n_leads)
-            With a third axis where a network has several disturbed (measured) nodes.
-            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...;
-            ``kind="output"``: temperature [K] added to the rows origin + 1, origin + 2, ...
+            ``kind="input"``: heat [kW] of the rows origin, origin + 1, ...; ``kind="output"``: temperature [K] added to
+            the rows origin + 1, origin + 2, ...  A third axis where a network has several disturbed (measured) nodes.
         kind : {"input", "output"}
 
         Returns
@@ -298,9 +274,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
             there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
-            the plant is off.  The capacity of its stages holds too; where only its heat is measured there is no
-            other limit.
+            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 when the plant
+            is off.  The capacity of its stages holds too; where only its heat is measured there is no other limit.
 
         Returns
         -------
@@ -312,14 +287,14 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
-            the higher.
+            If a set-point or limit has another length or stamps than X or a NaN, or the lower of two is above the
+            higher.
 
         Notes
         -----
-        In a network whose plant heats another node than the measured one (a heater, a sensor that lags), the set-point
-        at every step would need a load that swings from step to step.  There the load is sought as if held for the
-        next few steps, so that the temperature comes near the set-point instead of meeting it at each row.
+        In a network whose plant heats another node than the measured one, the set-point at every step would need a load
+        that swings from step to step.  There the load is sought as if held for the next few steps, so that the
+        temperature comes near the set-point instead of meeting it at each row.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
@@ -337,15 +312,13 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
-            As in :meth:`predict_load`.
+        setpoint : float, array-like, pair or DataFrame of two columns
         origins : sequence of int
             Rows of X at which the state is taken from the measurements, beginning with 0.
         disturbance : array-like of shape (n_origins, n_leads)
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
         limits : tuple of (lowest, highest), optional
-            As in :meth:`predict_load`.
 
         Returns
         -------

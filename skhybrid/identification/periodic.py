@@ -17,7 +17,7 @@ from .experiment import Experiment
 from .fitting.gauss_newton import Minimum
 from .fitting.periodic_likelihood import PeriodicProblem
 from .fitting.priors import normal_priors
-from .fitting.starts import search, start_at, starts_table
+from .fitting.starts import start_at, starts_table
 from .gain_filter import GainFilter
 from .gain_model import DAY_TYPES, HOUR_CLASSES, HourClasses, VarianceModel, own_parameters, profile_basis, week_cells
 from .shared_docs import shared_docs
@@ -44,8 +44,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     bounds : dict of parameter to (lower, upper), optional
         Overrides the bounds, which are ten times wider than the paper's on either side.
     n_starts : int, default=4
-        Most starts: the middle of the prior, then random draws from it.  The search ends once two of them reach the
-        same best minimum.
+        Most starts: the middle of the prior, then draws from it, until two reach the same best minimum.
     %(data)s
     variance : {"day_night", "3h"}, default="day_night"
         Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a
@@ -77,10 +76,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     Notes
     -----
-    It is not in the paper; it extends the input-disturbance model (2.2.2).
-
-    Air that comes in at all hours (infiltration) cannot be told from the conductance ``1 / R_zo``, of which it becomes
-    a part.
+    Not in the paper; an extension of its input-disturbance model (2.2.2).  Air that comes in at all hours
+    (infiltration) cannot be told from the conductance ``1 / R_zo``, of which it becomes a part.
     """
 
     variance: Any
@@ -93,14 +90,12 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         store_arguments(self, locals())
 
     def _widened(self, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-        def widen(p: Parameter) -> Parameter:
-            if p.unit == "-" or p.transform != "log":
-                return p
+        def wider(p: Parameter) -> tuple[float, float]:
             low, high = sorted((abs(p.lower), abs(p.upper)))
             ends = (p.sign * low / _WIDER, p.sign * high * _WIDER)
-            return p.bounded((min(ends), max(ends)))
+            return min(ends), max(ends)
 
-        return tuple(widen(p) for p in parameters)
+        return tuple(p if p.unit == "-" or p.transform != "log" else p.bounded(wider(p)) for p in parameters)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return own_parameters(0, self._hours)
@@ -111,38 +106,32 @@ class PeriodicDisturbanceID(NetworkIdentifier):
             raise ValueError(f"variance={self.variance!r} is none of {', '.join(map(repr, HOUR_CLASSES))}.")
         return HOUR_CLASSES[self.variance]
 
-    # --------------------------------------------------------------------------------------------------------- fit
     def _make_problem(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
     ) -> tuple[PeriodicProblem, tuple[str, ...]]:
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
-        own = tuple(p.bounded(bounds.get(p.name)) for p in self._all_own(experiment))
+        n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
+        own = tuple(p.bounded(bounds.get(p.name)) for p in own_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)
         idle = self._excited(network, table, parameters, priors)
         fixed = idle | {k: float(v) for k, v in known.items()}
         inner = _inner(network, table, fixed, {*bounds, *priors})
-        searched = tuple(p for p in (*parameters, *own) if p.name not in fixed and p.name not in inner)
-        searched = tuple(p for p in searched if p.name not in _solved_fractions(network, inner))
+        solar = any(p.startswith("A_win") for p in inner)  # then its fractions are solved inside too
+        elsewhere = {*fixed, *inner, *(network.solar_fractions if solar else ())}
+        searched = tuple(p for p in (*parameters, *own) if p.name not in elsewhere)
         scale = _heat_scale(network, table, known)
         return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors, self.variance), tuple(idle)
-
-    def _all_own(self, experiment: Experiment) -> tuple[Parameter, ...]:
-        return own_parameters(len(VarianceModel.of(experiment.segments, self._hours).first_rows), self._hours)
 
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return [problem.minimise(np.zeros(0))]
         starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
-        return search(
-            lambda batch: [problem.minimise(start) for start in batch],
-            starts if begin is None else start_at(problem.searched, begin, starts[0]),
-            problem.drop,
-            per_round=2,
-            enough=2,
-            n_jobs=self.n_jobs,
-            verbose=self.verbose,
-            name=type(self).__name__,
-        )
+        starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
+
+        def each(batch: np.ndarray) -> list[Minimum]:
+            return [problem.minimise(start) for start in batch]
+
+        return self._search(each, starts, problem.drop, per_round=2, enough=2)
 
     def _store(self, found: SearchResult) -> GainFilter:
         problem, best, minima, table, parameters, idle = found
@@ -167,18 +156,15 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _without_gain(self, problem: PeriodicProblem, best: Minimum) -> tuple[PeriodicProblem, Minimum] | None:
         """The fit without unmeasured heat, where it is as likely and the user set nothing about the heat.
 
-        Both losses hold the same priors of their common parameters, so that the model with the smaller one is taken: a
-        gain that is absent costs the full model its priors and the determinant of its profile, and makes the building's
-        parameters less certain.
+        Both losses hold the same priors of their common parameters, so that they compare: a gain that is absent costs
+        the full model its priors and the determinant of its profile.
         """
         said = {*problem.fixed, *dict(self.bounds or {}), *problem.priors}
         own = {p.name for p in self._own_parameters()} - {"sigma_y"}
         if own & said:
             return None
         quiet = problem.without_gain()
-        kept = {p.name for p in quiet.searched}
-        start = best.free[[i for i, p in enumerate(problem.searched) if p.name in kept]]
-        found = quiet.minimise(start)
+        found = quiet.minimise(best.free[[p in quiet.searched for p in problem.searched]])
         return (quiet, found) if found.loss <= best.loss else None
 
     def _store_variances(self, problem: PeriodicProblem, best: Minimum, table: ZoneTable) -> None:
@@ -253,10 +239,6 @@ def _inner(network: RCNetwork, table: ZoneTable, fixed: dict[str, float], bounde
     if len(solar) == 1 and len(fractions) <= 1 and not any(f in fixed or f in bounded for f in fractions):
         out += solar
     return tuple(p for p in out if p is not None and p not in fixed and p not in bounded)
-
-
-def _solved_fractions(network: RCNetwork, inner: tuple[str, ...]) -> set[str]:
-    return set(network.solar_fractions) if any(p.startswith("A_win") for p in inner) else set()
 
 
 def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.RandomState) -> np.ndarray:

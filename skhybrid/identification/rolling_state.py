@@ -36,17 +36,10 @@ def kept_end(
         inputs={role: tail.inputs[role].copy() for role in experiment.roles},
         history=dict(zip(network.history_roles, experiment.outputs[-keep:].T.copy(), strict=True)),
     )
-    means, covariances = states.starts
-    return RollingState(
-        tail,
-        FilterStart(means[-keep].copy(), covariances[-keep].copy()),
-        path[-keep - 1].copy(),  # the last row of the path is one step after the table
-        states.nodes[-1].copy(),
-        states.end,
-        path[-2].copy(),
-        path[-1].copy(),
-        experiment.inputs[-1].copy(),
-    )
+    begin = FilterStart(*(values[-keep].copy() for values in states.starts))
+    opened = path[-keep - 1].copy()  # the last row of the path is one step after the table
+    now, last = states.nodes[-1].copy(), experiment.inputs[-1].copy()
+    return RollingState(tail, begin, opened, now, states.end, path[-2].copy(), path[-1].copy(), last)
 
 
 def rolling_state(model: Any) -> RollingState:
@@ -57,40 +50,19 @@ def rolling_state(model: Any) -> RollingState:
 def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
     """Let a fitted identification follow new rows, in a time that does not depend on how many came before.
 
-    Parameters
-    ----------
-    model : fitted identification
-    table : ZoneTable
-        Rows that follow the last known one, with what was measured as history.
-    kind : {"input", "output"}
-
-    Returns
-    -------
-    ndarray of shape (n_rows, d)
-        The causal disturbance of each row, as ``estimate_disturbance`` gives it.
+    The rows follow the last known one and bear what was measured as history.  Returns the causal disturbance (n_rows,
+    d) of each, [kW] or [K] by ``kind``, as ``estimate_disturbance`` gives it.
     """
     heat, beyond = model.take_rows(table)
     return heat if checked_kind(kind) == "input" else beyond
 
 
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:
-    """Forecast the rows after the last known one under a given disturbance, as ``drive`` does from any origin.
+    """(n_rows,) temperature [degC] after the last known row under a given disturbance.
 
-    Parameters
-    ----------
-    model : fitted identification
-        With one measured and one disturbed node.
-    future : ZoneTable
-        The rows, with their known inputs.
-    disturbance : ndarray of shape (n_rows,)
-        ``kind="input"``: heat [kW] of the last known row, then of all rows but the last; ``"output"``: temperature [K]
-        added to each row.
-    kind : {"input", "output"}
-
-    Returns
-    -------
-    ndarray of shape (n_rows,)
-        Temperature of the measured node [degC].
+    The network has one measured and one disturbed node.  ``disturbance`` (n_rows,) is the heat [kW] of the last known
+    row, then of all rows but the last (``kind="input"``), or the temperature [K] added to each row (``"output"``).  The
+    rows of ``future`` bear their known inputs.
     """
     network = model.filtered_network_
     now, kalman, experiment = network.rolling, network.kalman, network.experiment(future)
@@ -102,15 +74,5 @@ def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str =
 
 
 def identify_again(model: Any, X: Any, y: Any) -> Any:
-    """A copy of a fitted identification fitted to another table, from one start: the parameters that it has.
-
-    Parameters
-    ----------
-    model : fitted identification
-    X, y : as in ``fit``
-
-    Returns
-    -------
-    fitted identification
-    """
+    """A copy of a fitted identification fitted to another table, from one start: the parameters that it has."""
     return clone(model).fit(X, y, theta_init={**model.theta_, **model.disturbance_})

@@ -18,11 +18,7 @@ _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
 
 
 def make_state_space(
-    network: str | RCNetwork,
-    theta: Mapping[str, float],
-    *,
-    roles: Iterable[str] = _ROLES,
-    sampling_time: Any = "15min",
+    network: str | RCNetwork, theta: Mapping[str, float], *, roles: Iterable[str] = _ROLES, sampling_time: Any = "15min"
 ) -> StateSpace:
     """Discrete model of a network with given parameters, such as the true ones of a simulation.
 
@@ -77,8 +73,7 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     ----------
     model : StateSpace or fitted identification
     periods : sequence of timedelta-like, optional
-        Periods of the sinusoid, none shorter than two steps of the model.  By default 200 between 10 minutes (or two
-        steps) and 30 days, evenly spaced in their logarithm.
+        By default 200 between 10 minutes (or two steps) and 30 days, evenly spaced in their logarithm.
     output : int, default=0
         Which measured temperature, for a model with several.
 
@@ -91,8 +86,7 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     Raises
     ------
     ValueError
-        If a period is shorter than two steps (the model knows nothing faster), or the model is neither a StateSpace nor
-        a fitted identification.
+        If a period is shorter than two steps of the model, which knows nothing faster.
 
     Notes
     -----
@@ -137,7 +131,7 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
     ----------
     model : StateSpace or fitted identification
     duration : timedelta-like, default="12h"
-        How long; rounded up to whole steps of the model.
+        Positive; rounded up to whole steps of the model.
     output : int, default=0
         Which measured temperature, for a model with several.
 
@@ -145,11 +139,6 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
     -------
     DataFrame of shape (n_steps + 1, n_inputs)
         Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
-
-    Raises
-    ------
-    ValueError
-        If the duration is not positive, or the model is neither a StateSpace nor a fitted identification.
 
     Examples
     --------

@@ -131,15 +131,8 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     inputs = pd.DataFrame({role: table.inputs[role] for role in roles}, index=errors.index)
     # one autoregressive and one moving-average root: OD's by definition, and a filter with one noise ratio has as many
     n_fitted = 2 if len(estimator.disturbance_) else 0
-    return diagnose_residuals(
-        errors,
-        inputs,
-        sampling_time=estimator.sampling_time_,
-        n_fitted=n_fitted,
-        max_lag=max_lag,
-        level=level,
-        name=type(estimator).__name__,
-    )
+    settings = {"n_fitted": n_fitted, "max_lag": max_lag, "level": level, "name": type(estimator).__name__}
+    return diagnose_residuals(errors, inputs, sampling_time=estimator.sampling_time_, **settings)
 
 
 def diagnose_residuals(
@@ -157,18 +150,15 @@ def diagnose_residuals(
     Parameters
     ----------
     innovations : DataFrame
-        Columns ``innovation`` and ``std`` [K], one row per step; NaN where nothing was measured.  Absent stamps are
-        rows without a measurement.
+        Columns ``innovation`` and ``std`` [K], one row per step; NaN or no row where nothing was measured.
     inputs : DataFrame, optional
         Inputs of the same rows, by name; one that never changes is left out.
     sampling_time : timedelta-like, optional
         The step; needed where the index has no time stamps.
     n_fitted : int
         Parameters of the noise model that were fitted on these rows.
-    max_lag : timedelta-like, default="1D"
-        Longest lag of the correlations.
-    level : float, default=0.01
-        Of every test.
+    max_lag, level : timedelta-like and float
+        As in :func:`diagnose`.
     name : str
         Of the model.
 

@@ -23,7 +23,7 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     Parameters
     ----------
     errors : array-like of shape (n,)
-        NaN where missing.
+        NaN where missing; ValueError if fewer than three were measured, or all are the same.
     n_lags : int
         Lags 1 to ``n_lags``; fewer where the series is shorter.
 
@@ -32,11 +32,6 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     DataFrame
         Index ``lag`` [rows]; ``acf``, the half-width ``band`` within which 95 % of white noise lies
         (``1.96 / sqrt(n_pairs)``) and ``n_pairs``.  NaN where no pair was measured.
-
-    Raises
-    ------
-    ValueError
-        If fewer than three values were measured, or all are the same.
     """
     z, seen = _centred(errors)
     variance = float(np.sum(z**2)) / int(seen.sum())
@@ -68,8 +63,7 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
 
     Notes
     -----
-    ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2`` is the usual statistic where nothing is missing (Ljung and Box, 1978),
-    and what Stoffer and Toloi (1992) take where something is.
+    ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2``: Ljung and Box (1978), with missing rows Stoffer and Toloi (1992).
     """
     n = int(np.isfinite(np.asarray(errors, dtype=np.float64)).sum())
     table = autocorrelation(errors, max(lags))
@@ -113,20 +107,8 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
 
 
 def prewhiten(series: Any) -> np.ndarray:
-    """Residuals of an autoregression of the series, of the order that AIC chooses.
+    """(n,) residuals of an autoregression of the order that AIC chooses; NaN where a row that it reads is missing.
 
-    Parameters
-    ----------
-    series : array-like of shape (n,)
-        NaN where missing.
-
-    Returns
-    -------
-    ndarray of shape (n,)
-        NaN where one of the rows that the autoregression reads is missing, and in the first rows.
-
-    Notes
-    -----
     Two smooth series look correlated at many lags by chance.  Once each is white, the correlation at every lag has the
     standard error of white noise (Haugh, 1976).
     """
@@ -167,7 +149,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     series : array-like of shape (n,)
         The input, without gaps.
     lags : sequence of int
-        Rows by which the input is earlier than the error; a negative lag is an error that is earlier than the input.
+        Rows by which the input is earlier than the error; negative where it is later.
 
     Returns
     -------
@@ -187,9 +169,9 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     scale = np.sqrt(np.sum(z**2) / seen.sum() * np.sum(x**2) / known.sum())
     rows = []
     for lag in lags:
-        later, earlier = (z[lag:], x[: len(x) - lag]) if lag >= 0 else (z[:lag], x[-lag:])
-        pair = (seen[lag:] & known[: len(x) - lag]) if lag >= 0 else (seen[:lag] & known[-lag:])
-        n, product = int(pair.sum()), later * earlier
+        late = slice(lag, None) if lag >= 0 else slice(None, lag)
+        early = slice(None, len(x) - lag) if lag >= 0 else slice(-lag, None)
+        n, product = int((seen[late] & known[early]).sum()), z[late] * x[early]
         spread = float(np.sqrt(np.sum(product**2)))
         total = float(np.sum(product))
         if n < 3 or spread == 0.0:
@@ -200,18 +182,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
 
 
 def independence(t: Any) -> float:
-    """p-value of standardised correlations at several lags: their largest, and their sum of squares.
-
-    Parameters
-    ----------
-    t : array-like of shape (n_lags,)
-        NaN is left out.
-
-    Returns
-    -------
-    float
-        Bonferroni's of the two tests.
-    """
+    """p-value of standardised correlations at several lags: Bonferroni's of their largest and their sum of squares."""
     known = np.asarray(t, dtype=np.float64)
     known = known[np.isfinite(known)]
     if not len(known):

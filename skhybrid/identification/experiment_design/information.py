@@ -56,8 +56,8 @@ class FilterInformation:
     square given the rows before.  It holds in closed loop too, where the plant answers to the measured room, and its
     mean over runs is Fisher's.
 
-    The order of the unknowns is that of ``free`` (network parameters), :data:`NUISANCE`, and 48 standard normal numbers
-    that make the weekly profile.  All but the last are logarithms.
+    The unknowns are ``free`` (network parameters), :data:`NUISANCE`, and 48 standard normal numbers that make the
+    weekly profile.  All but the last are logarithms.
     """
 
     zone: Zone
@@ -123,18 +123,8 @@ class FilterInformation:
     def scores(self, y: np.ndarray, inputs: np.ndarray, first: np.ndarray | None = None) -> Scores:
         """Derivatives of the innovations and of their variances, of M logs that miss the same rows.
 
-        Parameters
-        ----------
-        y : ndarray of shape (N, M)
-            Measured temperature [degC], NaN where missing.
-        inputs : ndarray of shape (N, M, m)
-            In the order of the network, the mean gain [kW] last.
-        first : ndarray of shape (M,), optional
-            Mean of every node's temperature at the first row [degC]; the first measurement by default.
-
-        Returns
-        -------
-        Scores
+        ``y`` (N, M) is measured [degC], ``inputs`` (N, M, m) are in the order of the network, the mean gain [kW] last,
+        and ``first`` (M,) is the mean of every node at the first row [degC], by default the first measurement.
         """
         A, B, dA, dB = self._system[0]
         n, q, at = len(A), len(dA), self.zone.measured
@@ -168,18 +158,9 @@ class FilterInformation:
 
 
 def relative_errors(information: np.ndarray, n_free: int, flat: float = 1e-9) -> np.ndarray:
-    """Standard errors of the first ``n_free`` unknowns; infinite where the rows do not move them.
+    """(n_free,) standard errors of the first unknowns from their (q, q) information; infinite where no row moves them.
 
-    Parameters
-    ----------
-    information : ndarray of shape (q, q)
-    n_free : int
-    flat : float
-        An eigenvalue of the information, scaled to a unit diagonal, below this says nothing.
-
-    Returns
-    -------
-    ndarray of shape (n_free,)
+    An eigenvalue of the information, scaled to a unit diagonal, that is below ``flat`` says nothing.
     """
     scale = np.sqrt(np.diag(information))
     moved = scale > 1e-12 * scale.max(initial=0.0)

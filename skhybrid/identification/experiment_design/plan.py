@@ -107,15 +107,14 @@ def plan_experiment(
     """Find how many hours of which set-point perturbation bring every parameter's error below a target.
 
     The zone is simulated under a thermostat over the whole of ``weather``, once without a perturbation and once for
-    every candidate; the information of each log about the parameters follows from exact sensitivities of a Kalman
-    filter that estimates the unmeasured gain, its statistics and its weekly profile along with them, as
-    :class:`PeriodicDisturbanceID` does.
+    every candidate; the information of each log follows from exact sensitivities of a Kalman filter that estimates the
+    unmeasured gain, its statistics and its weekly profile along with them, as :class:`PeriodicDisturbanceID` does.
 
     Parameters
     ----------
     network : str, RCNetwork or fitted identification
-        The zone; a fitted identification brings its parameters, what it held as known, and, where it has them, the
-        statistics of the gain.
+        A fitted identification brings its parameters, what it held as known, and, where it has them, the statistics of
+        the gain.
     theta : mapping of parameter to value, optional
         Prior guess of the network's parameters; a plant heats where ``Q_h`` is given and cools where ``Q_c`` is.
     weather : DataFrame
@@ -126,8 +125,7 @@ def plan_experiment(
         heating and cooling set-point, shape (n, 2).  Repeated where it is shorter than the hours asked for.  See
         :func:`skhybrid.datasets.make_prbs`.
     known : iterable of str, optional
-        Parameters that the identification will be given, such as ``["Q_h"]``; without one of them the scale of the
-        network could not be found.
+        Parameters that the identification will be given, such as ``["Q_h"]``; one of them must fix the network's scale.
     hours : sequence of float
         Hours of perturbation to compare; 0 is the log without one, and is always looked at.
     target : float
@@ -159,8 +157,8 @@ def plan_experiment(
 
     Notes
     -----
-    The errors are a lower bound for the network as given: they hold for long logs, and say nothing of the bias of a
-    network that is too simple.  The perturbation of the paper (2.1) is a PRBS of order 4 and scale 2 h, 18-25 degC.
+    The errors are a lower bound for the network as given, for long logs; the bias of a network that is too simple is
+    not in them.  The perturbation of the paper (2.1) is a PRBS of order 4 and scale 2 h, 18-25 degC.
 
     Examples
     --------
@@ -191,7 +189,6 @@ def plan_experiment(
     return _make_plan(cases, free, errors, float(target))
 
 
-# -------------------------------------------------------------------------------------------------- reading the request
 def _zone(
     network: Any, theta: Mapping[str, float] | None, weather: pd.DataFrame, known: Any, gain: GainStatistics | None
 ) -> tuple[Zone, set[str]]:
@@ -321,7 +318,6 @@ def _perturbed(usual: np.ndarray, levels: np.ndarray, allowed: np.ndarray, hours
     return out
 
 
-# ----------------------------------------------------------------------------------------------------------- the answer
 def _expected_errors(
     zone: Zone,
     log: _Log,
@@ -358,14 +354,11 @@ def _make_plan(cases: Sequence[_Case], free: tuple[str, ...], errors: np.ndarray
     worst = errors.max(axis=1, initial=0.0)
     table["worst"] = [free[i] for i in errors.argmax(axis=1)]
     table["worst_error"] = 100.0 * worst
-    enough = [i for i in range(len(cases)) if worst[i] <= target]
-    if enough:
+    if enough := [i for i in range(len(cases)) if worst[i] <= target]:
         best = min(enough, key=lambda i: (cases[i].hours, worst[i]))
         chosen = (cases[best].name, cases[best].hours)
         return ExperimentPlan(table, target, chosen, chosen, ())
-    finite = np.where(
-        np.isfinite(errors), errors, 0.0
-    )  # of two that leave a parameter unmoved, the better for the rest
+    finite = np.where(np.isfinite(errors), errors, 0.0)  # of two that leave one unmoved, the better for the rest
     best = min(range(len(cases)), key=lambda i: (worst[i], finite[i].sum()))
     above = [i for i in np.argsort(-errors[best], kind="stable") if errors[best, i] > target]
     return ExperimentPlan(table, target, None, (cases[best].name, cases[best].hours), tuple(free[i] for i in above))

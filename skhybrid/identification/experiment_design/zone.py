@@ -41,7 +41,7 @@ class GainStatistics:
     profile : ndarray of shape (24, 2)
         Mean gain by hour on weekdays and on weekends [kW].
     profile_step, weekend_step : float
-        How much the unknown profile changes from hour to hour on weekdays and on weekends, one standard deviation [kW].
+        Standard deviation of the profile's change from hour to hour on weekdays and on weekends [kW].
     noise_std : float
         Standard deviation of the thermometer [K].
     """
@@ -136,32 +136,13 @@ def draw_gain(zone: Zone, calendar: Calendar, hours: float, rng: np.random.Gener
 
 
 def run_thermostat(
-    zone: Zone,
-    inputs: np.ndarray,
-    gains: np.ndarray,
-    setpoints: np.ndarray,
-    hours: float,
-    hysteresis: float | None,
+    zone: Zone, inputs: np.ndarray, gains: np.ndarray, setpoints: np.ndarray, hours: float, hysteresis: float | None
 ) -> Run:
     """Simulate M cases under a thermostat.
 
-    Parameters
-    ----------
-    zone : Zone
-    inputs : ndarray of shape (N, m)
-        In the order of the network; the columns of the stages are not read.
-    gains : ndarray of shape (N, M)
-        Unmeasured heat [kW].
-    setpoints : ndarray of shape (N, 2, M)
-        Heating and cooling set-point [degC].
-    hours : float
-        The step [h].
-    hysteresis : float or None
-        How far beyond the set-point an on/off plant switches [K]; None: a plant that modulates, and holds it.
-
-    Returns
-    -------
-    Run
+    ``inputs`` (N, m) are in the order of the network, those of the stages unread; ``gains`` (N, M) are unmeasured heat
+    [kW], ``setpoints`` (N, 2, M) those of heating and cooling [degC].  An on/off plant switches at ``hysteresis`` [K]
+    beyond the set-point; None is a plant that modulates, and holds it.
     """
     d = zone.discrete(hours)
     stages = [(j, zone.column(r) if r in zone.roles else None) for j, r in enumerate(("u_heat", "u_cool"))]

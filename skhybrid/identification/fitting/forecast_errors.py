@@ -16,13 +16,13 @@ from .prediction_errors import PredictionErrorProblem
 class MultiStepProblem(PredictionErrorProblem):
     """Least squares of forecast errors; ``n_leads`` and ``first`` are rows: the horizon, and the first origin.
 
-    The forecasts start at hourly origins and reach to a horizon, each made as the fitted model makes its own.  They
-    find parameters for forecasts, not those of the building: where the disturbance model is wrong, one-step errors are
-    blind to what grows over a day.
+    The forecasts start at hourly origins, each made as the fitted model makes its own.  They find parameters for
+    forecasts, not those of the building: where the disturbance model is wrong, one-step errors are blind to what grows
+    over a day.
 
-    Forecast errors are not independent.  Forecasts that overlap share the noise of their common rows, so that errors at
-    a lead of h hours count as one every h hours, and all leads of one origin together as one.  The Gauss-Newton matrix
-    and the weight of the priors use that number of errors.
+    Forecasts that overlap share the noise of their common rows, so that errors at a lead of h hours count as one every
+    h hours, and all leads of one origin together as one.  The Gauss-Newton matrix and the weight of the priors use that
+    number of errors.
     """
 
     n_leads: int = field(kw_only=True)

@@ -39,53 +39,21 @@ class _Front(NamedTuple):
 
 
 def minimise_together(
-    evaluate: Evaluate,
-    starts: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    max_evaluations: int,
-    tolerance: float,
+    evaluate: Evaluate, starts: np.ndarray, low: np.ndarray, high: np.ndarray, max_evaluations: int, tolerance: float
 ) -> list[Minimum]:
-    """Minimise from every start within bounds.
+    """Minimise from every start (S, p) within bounds (p,); the minima are in the order of the starts.
 
-    All starts advance together, so that a step costs one call of the compiled predictor and a handful of NumPy calls
-    for all of them.  Where a start ends does not depend on the others.
-
-    Parameters
-    ----------
-    evaluate : callable
-        Points (S, p) to merits (S,), which may be inf, Gauss-Newton matrices (S, p, p) and half gradients (S, p).
-    starts : ndarray of shape (S, p)
-    low, high : ndarray of shape (p,)
-    max_evaluations : int
-        Of every start.
-    tolerance : float
-        A start has converged when neither the actual nor the predicted relative reduction of the merit exceeds it.
-
-    Returns
-    -------
-    list of Minimum
-        In the order of the starts.
-
-    Notes
-    -----
-    Damping by the diagonal as Marquardt, its updates as Nielsen; a parameter at a bound with the descent pointing
-    outward is held there, and steps are projected onto the bounds.
+    All starts advance together, so that a step costs one call of the compiled predictor for all of them; where a start
+    ends does not depend on the others.  A start has converged when neither the actual nor the predicted relative
+    reduction of the merit exceeds ``tolerance``.  Damping by the diagonal as Marquardt, its updates as Nielsen; a
+    parameter at a bound with the descent pointing outward is held there, and steps are projected onto the bounds.
     """
     x = np.clip(starts, low, high)
     merit, matrix, slope = evaluate(x)
     n, p = x.shape
-    front = _Front(
-        x,
-        merit,
-        matrix,
-        slope,
-        _diagonal(matrix),
-        np.full(n, _FIRST_DAMPING),
-        np.full(n, 2.0),
-        np.ones(n, dtype=np.int64),
-        np.zeros(n, dtype=bool),
-    )
+    damping, growth, evaluations = np.full(n, _FIRST_DAMPING), np.full(n, 2.0), np.ones(n, dtype=np.int64)
+    converged = np.zeros(n, dtype=bool)
+    front = _Front(x, merit, matrix, slope, _diagonal(matrix), damping, growth, evaluations, converged)
     active = np.flatnonzero(np.isfinite(merit)) if p else np.zeros(0, dtype=np.int64)
     while len(active):
         active = active[_advance(front, active, evaluate, low, high, tolerance)]

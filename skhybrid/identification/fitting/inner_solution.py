@@ -52,17 +52,9 @@ class Inner(NamedTuple):
 def solve_inner(errors: np.ndarray, S: np.ndarray, priors: GainPriors, signs: np.ndarray, free: np.ndarray) -> Inner:
     """Ridge solution of the linear coefficients, with the derivatives of the objective.
 
-    Parameters
-    ----------
-    errors : ndarray of shape (rows, J)
-        Filtered channels: first that of the measurement, then those of ``signs``, then those of the gain.
-    S : ndarray of shape (rows,)
-        Innovation variances.
-    priors : GainPriors
-    signs : ndarray of shape (k,)
-        Sign that each of the k coefficients before those of the gain must have; 0 for either.
-    free : ndarray of shape (p,)
-        The searched parameters.
+    ``errors`` (rows, J) are the filtered channels: first that of the measurement, then those of ``signs``, then those
+    of the gain; ``S`` (rows,) are the innovation variances.  ``signs`` (k,) are those that the k coefficients before
+    those of the gain must have, 0 for either; ``free`` (p,) are the searched parameters.
     """
     # a response enters the innovation with the sign of a prediction: e = e_y + sum_j beta_j e_j
     k, (fixed, which) = len(signs), priors

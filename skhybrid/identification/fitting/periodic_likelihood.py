@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
-from ...filtering import ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
+from ...filtering import ChannelAdjoint, ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
 from ...thermal import Parameter, RCNetwork
 from ..disturbance_models import first_covariance, measured_rows
 from ..experiment import Experiment
@@ -17,7 +18,6 @@ from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, own_parameter
 from .gauss_newton import Minimum
 from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
-from .periodic_slopes import PeriodicMatrices, Slopes
 
 #: standard deviation of a log parameter's prior; the data dominate it wherever they are informative
 PRIOR_LOG_SD = 1.2
@@ -27,19 +27,94 @@ _NO_PRIOR = ("-", "m2", "kW")
 _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 
 
+class PeriodicMatrices(NamedTuple):
+    """Matrices of one evaluation."""
+
+    values: dict[str, float]
+    discrete: Discrete
+    heat: np.ndarray  # (n, n) effect of 1 kW on each node
+    phi: float
+    sigma: np.ndarray  # (n_classes,) [kW]
+    A: np.ndarray  # (n + d, n + d)
+    columns: np.ndarray  # (n + d, J)
+    Q: np.ndarray  # (n_classes, n + d, n + d)
+    C: np.ndarray  # (o, n + d)
+    R: np.ndarray  # (o,)
+
+
+class Slopes:
+    """Derivatives of the objective by every parameter, gathered over the segments."""
+
+    def __init__(self, layout: ChannelLayout, model: PeriodicMatrices) -> None:
+        self.layout, self.model = layout, model
+        n = len(model.heat)
+        self.A, self.Q = np.zeros_like(model.A), np.zeros(len(model.sigma))
+        self.boundary = np.zeros((n, len(layout.network.boundaries)))
+        self.heat = np.zeros((n, n))
+        self.log_sigma, self.R = np.zeros(len(model.sigma)), 0.0
+        self.by_value = dict.fromkeys(model.values, 0.0)
+
+    def add(self, segment: SegmentSeries, adjoint: ChannelAdjoint, known_heat: np.ndarray) -> None:
+        """Add a segment's share."""
+        model, n = self.model, len(self.model.heat)
+        known = adjoint.known[:, :n]
+        self.A += adjoint.A
+        self.boundary += known.T @ segment.boundary
+        self.heat += known.T @ known_heat
+        for j, channel in enumerate(self.layout.channels):
+            self.heat[:, channel.node] += adjoint.columns[:n, j + 1]
+        self.Q += np.trace(adjoint.Q[:, n:, n:], axis1=1, axis2=2)
+        first = segment.klass[0]
+        self.log_sigma[first] += 2.0 * model.sigma[first] ** 2 * np.trace(adjoint.P0[n:, n:])
+        self.R += float(adjoint.R.sum())
+        self._add_known(segment, known @ model.heat)
+
+    def _add_known(self, segment: SegmentSeries, heat_by: np.ndarray) -> None:
+        """Searched capacities, areas and fractions that act through the known heat."""
+        layout, values, by_value = self.layout, self.model.values, self.by_value
+        for source in layout.sources:
+            if source.parameter in layout.inner or source.parameter is None:
+                continue
+            left = 1.0 - sum(values[f] for _, f in source.shares if f)
+            flows = heat_by.T @ segment.inputs[:, layout.columns[source.role]]
+            gain = values[source.parameter]
+            rest = next(flows[layout.place[node]] for node, fraction in source.shares if fraction is None)
+            for node, fraction in source.shares:
+                flow = float(flows[layout.place[node]])
+                by_value[source.parameter] += flow * (values[fraction] if fraction else left)
+                if fraction:
+                    by_value[fraction] += gain * (flow - float(rest))
+
+    def by_free(self, searched: Sequence[Parameter], variance: VarianceModel, hours: float) -> np.ndarray:
+        """(p,) derivatives on the searched scale; ``hours`` is the step."""
+        network, (values, d, _, phi, sigma, *_) = self.layout.network, self.model
+        n, by_value = len(self.heat), self.by_value
+        heat = self.heat.copy()
+        for i, node in enumerate(self.layout.disturbed):
+            heat[:, node] += self.A[:n, n + i]
+        B = np.hstack([self.boundary, heat])
+        for q, p in enumerate(network.parameters(network.boundaries)):
+            by_value[p.name] = float(np.sum(self.A[:n, :n] * d.dA[q]) + np.sum(B * d.dB[q]))
+        phi_bar = float(np.trace(self.A[n:, n:])) - 2.0 * phi * float(self.Q @ sigma**2)
+        by_value["tau"] = phi_bar * phi * hours / values["tau"] ** 2
+        by_value["sigma_y"] = 2.0 * values["sigma_y"] * self.R
+        logs = (self.log_sigma + 2.0 * sigma**2 * (1.0 - phi**2) * self.Q) @ variance.variance
+        by_log = dict(zip(variance.names, logs, strict=True))
+        out = [by_log.get(p.name, by_value[p.name] * p.slope(values[p.name])) for p in searched]
+        return np.array(out, dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class PeriodicProblem:
     """Negative log marginal likelihood of the periodic model, as a function of the searched parameters.
 
     The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
-    enters the output linearly (capacities, solar areas, the profile, the ventilation) is solved inside by ridge
-    regression on the filtered channels; only R, C, the time constant and the standard deviations are searched, with
-    exact derivatives.
+    enters the output linearly (``inner``: capacities, solar areas; the profile, the ventilation) is solved inside by
+    ridge regression on the filtered channels; only R, C, the time constant and the standard deviations are
+    ``searched``.
 
-    ``inner`` names the network parameters that are solved inside; ``searched`` are all others that are free, the
-    disturbance's own among them; ``fixed`` holds the values of those that are known.  ``priors`` are mean and standard
-    deviation on the searched scale, in place of those that every parameter has.  ``hours`` names the classes of hours
-    that have a variance of their own.
+    ``fixed`` holds the known values; ``priors`` are mean and standard deviation on the searched scale, in place of
+    those that every parameter has; ``hours`` names the classes of hours that have a variance of their own.
     """
 
     network: RCNetwork
@@ -209,14 +284,9 @@ class PeriodicProblem:
             loss, gradient, _ = self.evaluate(x * scale)
             return loss, gradient * scale
 
-        found = minimize(
-            objective,
-            start / scale,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=np.array([p.free_bounds for p in self.searched]) / scale[:, None],
-            options={"maxiter": 400, "maxcor": 40, "ftol": 1e-9, "gtol": 1e-3},
-        )
+        bounds = np.array([p.free_bounds for p in self.searched]) / scale[:, None]
+        options = {"maxiter": 400, "maxcor": 40, "ftol": 1e-9, "gtol": 1e-3}
+        found = minimize(objective, start / scale, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return Minimum(found.x * scale, float(found.fun), int(found.nfev), bool(found.success))
 
     def minimum_near(self, start: np.ndarray) -> tuple[np.ndarray, float]:

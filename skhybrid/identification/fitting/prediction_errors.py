@@ -26,14 +26,14 @@ class PredictionErrorProblem:
 
     With every row measured, the errors of a right model soon have one variance, and their plain sum of squares is the
     paper's.  After a missing row they are larger, and a few of them would decide the fit.  Where rows are missing, ID
-    and OD therefore divide each error by the factor that the missing rows add to its standard deviation, and multiply
-    all by the geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the
-    negative Gaussian log-likelihood with the noise level at its optimum, up to a constant.  Where several nodes are
-    measured, each error has its own variance, as if the others of the same row were unknown.
+    and OD therefore divide each error by the factor that these add to its standard deviation, and multiply all by the
+    geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the negative
+    Gaussian log-likelihood, its noise level at the optimum, up to a constant.  Where several nodes are measured, each
+    error has its own variance, as if the others of the same row were unknown.
 
-    ``searched`` are the parameters that the data decide, in the order of the vector ``free``; ``fixed`` holds the
-    values of all others.  ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched
-    scale, an infinite one where there is none.
+    ``searched`` are the parameters that the data decide, in the order of ``free``; ``fixed`` holds all others.
+    ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched scale, infinite where
+    there is none.
     """
 
     network: RCNetwork
@@ -101,9 +101,8 @@ class PredictionErrorProblem:
         out = []
         for number, (segment, _) in enumerate(self._counted):
             m = self.disturbance.build(d, columns, self.network, segment, number)
-            scaled = {
-                name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in ("dA", "dB", "dK", "dQ")
-            }
+            names = ("dA", "dB", "dK", "dQ")
+            scaled = {name: np.ascontiguousarray(getattr(m, name)[..., chosen] * slopes) for name in names}
             ds0 = np.ascontiguousarray(m.ds0[..., chosen] * slopes[:, 0])
             out.append(m._replace(ds0=ds0, **scaled))
         return out

@@ -18,25 +18,7 @@ _ACCEPTED = "(median, factor), scipy.stats.lognorm(...) or, for a parameter of e
 def normal_priors(
     priors: Mapping[str, Any] | None, parameters: Sequence[Parameter], known: Mapping[str, Any]
 ) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation on the searched scale of every given prior.
-
-    Parameters
-    ----------
-    priors : mapping of parameter to prior, or None
-        ``(median, factor)`` is log-normal with 90 % of it between ``median / factor`` and ``median * factor``.
-    parameters : sequence of Parameter
-        All that may have one.
-    known : mapping of parameter to value
-
-    Returns
-    -------
-    dict of parameter to (mean, standard deviation)
-
-    Raises
-    ------
-    ValueError
-        If a prior names no parameter or a known one, or is not normal on the searched scale.
-    """
+    """Mean and standard deviation, on the searched scale, of every prior that the user gave."""
     by_name = {p.name: p for p in parameters}
     out = {}
     for name, prior in (priors or {}).items():

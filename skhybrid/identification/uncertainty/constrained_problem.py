@@ -20,8 +20,8 @@ from ...thermal import get_network
 class ConstrainedProblem:
     """A fitted identification and the table that it was fitted on.
 
-    Where a parameter is held, everything else about the problem stays as it was in the fit: the same bounds, the same
-    priors on the others and, in the periodic model, the same unit of heat, so that losses can be compared.
+    Where a parameter is held, all else stays as in the fit: bounds, the other priors and, in the periodic model, the
+    unit of heat, so that losses can be compared.
     """
 
     estimator: Any
@@ -30,13 +30,7 @@ class ConstrainedProblem:
 
     @classmethod
     def of(cls, estimator: Any, X: Any, y: Any) -> ConstrainedProblem:
-        """With the estimator fitted, which is done here where it is not.
-
-        Raises
-        ------
-        ValueError
-            If what the estimator minimises is no likelihood.
-        """
+        """With the estimator fitted, which is done here where it is not; refuses one that minimises no likelihood."""
         if getattr(estimator, "objective", "one_step") != "one_step":
             raise ValueError(
                 f'{type(estimator).__name__} with objective="multi_step" has no likelihood, as its errors overlap; '

@@ -29,9 +29,9 @@ _MOST_WEAK, _MOST_MEMBERS = 4, 4
 class Identifiability:
     """Information of the data about each direction in the space of the network's parameters.
 
-    A direction is a combination of parameters that moves together on the logarithmic scale.  The sensitivities are
-    those of the predictions by the logarithms of all network parameters, in units of the noise, with the parameters
-    of the disturbance model free to follow; ``1 / singular value`` is the relative standard error along the direction.
+    A direction is a combination of parameters on the logarithmic scale.  The sensitivities of the predictions to it are
+    in units of the noise, with the parameters of the disturbance model free to follow; ``1 / singular value`` is the
+    relative standard error along the direction.
 
     Attributes
     ----------
@@ -48,8 +48,7 @@ class Identifiability:
     not_excited : tuple of str
         Parameters that no row of the table moves; they stay at their default.
     n_days : int
-        Days of data on which the figures rest; the 90 % quantile is that of Student's t with ``n_days - 1`` degrees of
-        freedom.
+        Days of data on which the figures rest; quantiles are of Student's t with ``n_days - 1`` degrees of freedom.
     """
 
     singular_values: pd.Series
@@ -127,24 +126,11 @@ def assess(
     at_bound: tuple[str, ...],
     not_excited: tuple[str, ...],
 ) -> Identifiability:
-    """Find the flat and weak directions of a scaled sensitivity.
+    """Find the flat and weak directions of a scaled sensitivity to k parameters.
 
-    Parameters
-    ----------
-    sensitivity : ndarray of shape (n, k)
-        Of the predictions by the logarithm of each of k parameters, in units of the noise.
-    model : ndarray of shape (k, k)
-        Covariance of the logarithms if the disturbance model were true.
-    growth : ndarray of shape (k,)
-        Factor by which every standard error exceeds that of the model.
-    parameters : sequence of Parameter
-        The k parameters.
-    n_days : int
-    at_bound, not_excited : tuple of str
-
-    Returns
-    -------
-    Identifiability
+    ``sensitivity`` (n, k) is that of the predictions by the logarithms of the parameters, in units of the noise;
+    ``model`` (k, k) the covariance of these logarithms if the disturbance model were true, and ``growth`` (k,) the
+    factor by which every standard error exceeds that of the model.
     """
     names = [p.name for p in parameters]
     if not names:
@@ -152,15 +138,10 @@ def assess(
     values, rows, flat = _directions(sensitivity)
     leading = rows[np.arange(len(rows)), np.argmax(np.abs(rows), axis=1)]
     table = pd.DataFrame(rows / leading[:, None], columns=names)
-    return Identifiability(
-        pd.Series(values, name="singular_value"),
-        tuple(_together(row, parameters) for row in _sparse_basis(rows[flat])),
-        at_bound,
-        not_excited,
-        _weak(rows[~flat], model, growth, parameters, n_days),
-        table,
-        n_days,
-    )
+    together = tuple(_together(row, parameters) for row in _sparse_basis(rows[flat]))
+    weak = _weak(rows[~flat], model, growth, parameters, n_days)
+    series = pd.Series(values, name="singular_value")
+    return Identifiability(series, together, at_bound, not_excited, weak, table, n_days)
 
 
 def _directions(sensitivity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,8 +194,7 @@ def _weak(
         if not moves[lead] > np.log1p(WEAK) or len(out) == _MOST_WEAK:
             break
         order = np.argsort(-np.abs(moves), kind="stable")
-        told = [j for j in order if abs(moves[j]) > _MINOR * moves[lead]]
-        told = told[:_MOST_MEMBERS]
+        told = [j for j in order if abs(moves[j]) > _MINOR * moves[lead]][:_MOST_MEMBERS]
         words = [f"{parameters[j].name} [{parameters[j].unit}] by {_percent(moves[j])}" for j in told]
         out.append(" with ".join([words[0], ", ".join(words[1:])]) if words[1:] else words[0])
     return tuple(f"{words}, or the reverse" for words in out)

@@ -21,30 +21,11 @@ from .standard_errors import (
 def least_squares_uncertainty(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
 ) -> ParameterUncertainty:
-    """Uncertainty of the parameters after a fit of CONV, ID or OD.
+    """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,) of CONV, ID or OD.
 
-    Parameters
-    ----------
-    problem : PredictionErrorProblem
-    free : ndarray of shape (p,)
-        Its optimum on the searched scale.
-    noise : float
-        Variance of the errors [K2].
-    names : sequence of str
-        The network's parameters.
-    days : ndarray of int, shape (n,), optional
-        Day of every error, from 0; by default they follow each other evenly.
-    overlap : int, default=0
-        Days over which errors are correlated.
-
-    Returns
-    -------
-    ParameterUncertainty
-
-    Notes
-    -----
-    The exact Hessian is the central difference of exact gradients, by day; where it is not positive definite, the
-    Gauss-Newton matrix replaces it.
+    ``noise`` is the variance of the errors [K2]; ``days`` (n,) the day of every error, from 0, which by default follow
+    each other evenly; errors are correlated over ``overlap`` days.  The exact Hessian is the central difference of
+    exact gradients, by day; where it is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
@@ -71,13 +52,9 @@ def least_squares_uncertainty(
         moves.append(inverse_information(left / noise) @ (score / noise))
     scale = log_slopes(problem, free)[place]
     model = model[np.ix_(place, place)] * scale[:, None] * scale
-    return ParameterUncertainty(
-        tuple(problem.searched[i] for i in place),
-        _without(jacobian, place) / np.sqrt(noise) / scale,
-        model,
-        jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap),
-        n_days,
-    )
+    sensitivity = _without(jacobian, place) / np.sqrt(noise) / scale
+    jackknife = jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap)
+    return ParameterUncertainty(tuple(problem.searched[i] for i in place), sensitivity, model, jackknife, n_days)
 
 
 def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np.ndarray:
@@ -112,7 +89,6 @@ def _without(jacobian: np.ndarray, place: Sequence[int]) -> np.ndarray:
     chosen = jacobian[:, list(place)]
     if not others:
         return chosen
-    rest = jacobian[:, others]
-    norms = np.linalg.norm(rest, axis=0)
-    rest = rest / np.where(norms > 0, norms, 1.0)
+    norms = np.linalg.norm(jacobian[:, others], axis=0)
+    rest = jacobian[:, others] / np.where(norms > 0, norms, 1.0)
     return chosen - rest @ np.linalg.lstsq(rest, chosen, rcond=1e-10)[0]

@@ -31,23 +31,10 @@ def periodic_uncertainty(
     turn: Mapping[str, np.ndarray],
     parameters: Sequence[Parameter],
 ) -> ParameterUncertainty:
-    """Uncertainty of the parameters after a fit of the periodic model.
+    """Uncertainty of the network's ``parameters`` at the optimum ``free`` (p,) of the periodic model.
 
-    Parameters
-    ----------
-    problem : PeriodicProblem
-    free : ndarray of shape (p,)
-        Its optimum on the searched scale.
-    theta : mapping of parameter to value
-        Searched, fixed and inner parameters at the optimum.
-    turn : mapping of parameter to ndarray of shape (J,)
-        Derivatives of the parameters that are solved inside, by the inner coefficients.
-    parameters : sequence of Parameter
-        The network's.
-
-    Returns
-    -------
-    ParameterUncertainty
+    ``theta`` holds searched, fixed and inner parameters there; ``turn`` the derivatives (J,) of those that are solved
+    inside by the inner coefficients.
     """
     _, _, linear = problem.evaluate(free)
     p, J = len(free), len(linear.beta)

@@ -45,8 +45,8 @@ class Posterior:
 class _Density:
     """Log posterior of a problem, and its gradient, over standardised unbounded coordinates ``z``.
 
-    The searched scale is bounded: ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior
-    about standard normal, which the sampler needs to be efficient.
+    The searched scale is ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior about
+    standard normal, which the sampler needs to be efficient.
     """
 
     def __init__(self, problem: Any, start: np.ndarray) -> None:
@@ -95,12 +95,10 @@ def sample_posterior(
 
     Parameters
     ----------
-    estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
+    estimator : identification of a network
         Fitted on ``X`` and ``y``; one that is not fitted is cloned and fitted.
-    X : DataFrame or array-like of shape (n_samples, n_features)
-        The table of the fit.
-    y : array-like of shape (n_samples,)
-        Its measured temperature [degC].
+    X, y : array-like
+        As in ``fit``.
     draws, tune : int
         Draws of each chain that are kept, and those before them that adapt the sampler.
     chains : int, default=4
@@ -126,16 +124,16 @@ def sample_posterior(
     -----
     A parameter without a prior has a uniform one on the searched scale within its bounds, which is log-uniform for
     capacitances, resistances, areas and capacities.  The noise of CONV, ID and OD is integrated out under
-    ``1 / sigma``.  Nothing is solved inside: capacities and areas are sampled like all others; the weekly profile of
-    the periodic model is integrated out.  The posterior assumes that the disturbance model holds;
-    ``theta_interval`` does not.
+    ``1 / sigma``, the weekly profile of the periodic model too; capacities and areas are sampled like all others.  The
+    posterior assumes that the disturbance model holds; ``theta_interval`` does not.
     """
     check_chains(chains)
     constrained = ConstrainedProblem.of(estimator, X, y)
     problem = constrained.problem(search_all=True)
     start, _ = problem.minimum_near(free_point(problem, constrained.values()))
     density = _Density(problem, start)
-    data = _run_nuts(density, draws, tune, chains, random_state, progressbar)
+    settings = {"draws": draws, "tune": tune, "chains": chains, "progressbar": progressbar}
+    data = _run_nuts(density, random_state=random_state, **settings)
     return _collected(density, data, chains, draws)
 
 
@@ -155,7 +153,7 @@ def _values(p: Any, free: np.ndarray) -> np.ndarray:
     return p.sign * np.exp(free) if p.transform == "log" else free
 
 
-def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int | None, progressbar: bool) -> Any:
+def _run_nuts(density: _Density, **settings: Any) -> Any:
     pm = import_pymc()
     import pytensor.tensor as pt
 
@@ -163,8 +161,7 @@ def _run_nuts(density: _Density, draws: int, tune: int, chains: int, seed: int |
     with pm.Model() as model:
         z = pm.Flat("z", shape=len(density.centre))
         pm.Potential("log_density", log_density(pt.as_tensor_variable(z)))
-    start = {"z": np.zeros(len(density.centre))}
-    return draw_chains(model, start, draws=draws, tune=tune, chains=chains, random_state=seed, progressbar=progressbar)
+    return draw_chains(model, {"z": np.zeros(len(density.centre))}, **settings)
 
 
 def draws_index(chains: int, draws: int) -> pd.MultiIndex:
@@ -187,21 +184,12 @@ def import_pymc() -> Any:
     return pm
 
 
-def draw_chains(
-    model: Any,
-    start: Mapping[str, Any],
-    *,
-    draws: int,
-    tune: int,
-    chains: int,
-    random_state: int | None,
-    target_accept: float = 0.8,
-    progressbar: bool = False,
-) -> Any:
+def draw_chains(model: Any, start: Mapping[str, Any], *, random_state: int | None, **settings: Any) -> Any:
     """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
 
-    The chains are not judged here: see :func:`summarise_chains` and :func:`refuse_bad_chains`.
+    ``settings`` are those of ``pymc.sample``: ``draws``, ``tune``, ``chains``, ``target_accept``, ``progressbar``.
     """
+    settings = {"progressbar": False, "compute_convergence_checks": False, "cores": 1, "init": "adapt_diag", **settings}
     pm = import_pymc()
     log = logging.getLogger("pymc")
     level = log.level
@@ -210,19 +198,7 @@ def draw_chains(
         with warnings.catch_warnings():
             # these models have next to no matrix products, so that a missing BLAS costs nothing
             warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
-            return pm.sample(
-                draws=draws,
-                tune=tune,
-                chains=chains,
-                cores=1,
-                init="adapt_diag",
-                initvals=dict(start),
-                random_seed=random_state,
-                target_accept=target_accept,
-                progressbar=progressbar,
-                compute_convergence_checks=False,
-                model=model,
-            )
+            return pm.sample(model=model, initvals=dict(start), random_seed=random_state, **settings)
     finally:
         log.setLevel(level)
 
@@ -263,21 +239,9 @@ def _make_op(density: _Density) -> Any:
 def draw_without_divergence(
     model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
 ) -> tuple[Any, int]:
-    """As :func:`draw_chains`, once more with smaller steps where draws diverged.
+    """As :func:`draw_chains`, once more with smaller steps where draws diverged; also how many diverged at last.
 
-    Parameters
-    ----------
-    model, start, **settings
-        As in :func:`draw_chains`.
-    accept : sequence of float, default=(0.8, 0.99)
-        Share of steps to accept, in one attempt after the other.
-
-    Returns
-    -------
-    data : arviz.InferenceData
-        Of the last attempt.
-    n_divergent : int
-        How many of its draws diverged.
+    ``accept`` is the share of steps to accept, in one attempt after the other.
     """
     for target in accept:
         data = draw_chains(model, start, target_accept=target, **settings)
@@ -288,19 +252,9 @@ def draw_without_divergence(
 
 
 def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
-    """One row per quantity: what its chains say, and how well they agree.
+    """``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat`` and ``ess`` of every column, by row.
 
-    Parameters
-    ----------
-    table : DataFrame
-        One column per quantity, index (``chain``, ``draw``).
-    level : float, default=0.9
-        Of the interval from ``lower`` to ``upper``.
-
-    Returns
-    -------
-    DataFrame
-        ``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat``, ``ess``.
+    ``table`` has the index (``chain``, ``draw``); ``level`` is that of the interval from ``lower`` to ``upper``.
     """
     import arviz as az
 
@@ -308,16 +262,17 @@ def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
     out = {}
     for name, column in table.items():
         by_chain = column.to_numpy().reshape(chains, -1)
-        out[name] = {
-            "mean": column.mean(),
-            "std": column.std(),
-            "median": column.median(),
-            "lower": column.quantile(tail),
-            "upper": column.quantile(1.0 - tail),
-            "r_hat": float(az.rhat(by_chain)),
-            "ess": float(az.ess(by_chain)),
-        }
-    return pd.DataFrame(out).T
+        ends = column.quantile(tail), column.quantile(1.0 - tail)
+        out[name] = (
+            column.mean(),
+            column.std(),
+            column.median(),
+            *ends,
+            float(az.rhat(by_chain)),
+            float(az.ess(by_chain)),
+        )
+    names = ["mean", "std", "median", "lower", "upper", "r_hat", "ess"]
+    return pd.DataFrame.from_dict(out, orient="index", columns=names)
 
 
 def _refuse_bad(summary: pd.DataFrame) -> None:
@@ -327,14 +282,7 @@ def _refuse_bad(summary: pd.DataFrame) -> None:
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
     """Raise RuntimeError where chains disagree, have too few effective draws or diverged.
 
-    Parameters
-    ----------
-    summary : DataFrame
-        With ``r_hat`` and ``ess``, one row per quantity.
-    advice : str
-        What to do about chains that disagree or diverge, apart from more draws.
-    n_divergent : int, default=0
-        Divergent transitions after tuning.
+    ``advice`` says what to do about chains that disagree or diverge, apart from more draws.
     """
     worst, fewest = summary["r_hat"].idxmax(), summary["ess"].idxmin()
     r_hat, ess = float(summary["r_hat"].max(skipna=False)), float(summary["ess"].min(skipna=False))

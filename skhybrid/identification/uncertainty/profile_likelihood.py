@@ -34,8 +34,7 @@ class ProfileLikelihood:
     threshold : float
         Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
     inflation : float
-        Squared ratio of the parameter's standard error to the one that the disturbance model alone would give; 1 where
-        the days agree with the model.
+        Squared ratio of the parameter's standard error to that of the disturbance model alone; 1 where the days agree.
     curve : DataFrame
         One row per value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
     """
@@ -106,12 +105,10 @@ def profile_likelihood(
 
     Parameters
     ----------
-    estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
+    estimator : identification of a network
         Fitted on ``X`` and ``y``; one that is not fitted is cloned and fitted.
-    X : DataFrame or array-like of shape (n_samples, n_features)
-        The table of the fit.
-    y : array-like of shape (n_samples,)
-        Its measured temperature [degC].
+    X, y : array-like
+        As in ``fit``.
     parameter : str
         Such as ``"C_w"``.
     values : sequence of float, optional

@@ -28,18 +28,15 @@ class ParameterUncertainty(NamedTuple):
     The Hessian of a likelihood (or the Gauss-Newton matrix of a sum of squares) gives the right standard errors only
     where the disturbance model holds.  Real gains do not follow it: those of one day are correlated, and days differ.
     So the moves of the parameters without each day are computed as well; their scatter (the jackknife with blocks of a
-    day, equivalent to a sandwich covariance with scores clustered by day, and better with few days) needs no model of
-    the gain.  A standard error is the larger of the two, and an interval takes the quantile of Student's t with as many
-    degrees of freedom as there are days, less one.
+    day, equivalent to a sandwich covariance with scores clustered by day) needs no model of the gain.  A standard error
+    is the larger of the two, and intervals take Student's t with as many degrees of freedom as days, less one.
 
-    One Newton step replaces the fit without a day: one evaluation per day instead of a search (for long logs of the
-    periodic model, one per two days or more).  Least squares takes the Hessian without that day (CR3); the periodic
-    model takes the whole one, which understates the move caused by a day that holds most of the information.
+    One Newton step replaces the fit without a day: one evaluation per day instead of a search (for long periodic logs,
+    one per two days or more).  Least squares takes the Hessian without that day (CR3); the periodic model takes the
+    whole one, which understates the move caused by a day that holds most of the information.
 
-    References
-    ----------
-    Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11; Cameron and Miller, A Practitioner's Guide to
-    Cluster-Robust Inference, J. Human Resources 50, 2015 (CR3 and t with G - 1 degrees of freedom).
+    Sources: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11; Cameron and Miller, A Practitioner's
+    Guide to Cluster-Robust Inference, J. Human Resources 50, 2015.
     """
 
     parameters: tuple[Parameter, ...]  # the k that the data decide
