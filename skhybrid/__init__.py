@@ -34,32 +34,13 @@ try:
 except PackageNotFoundError:  # a source tree that is not installed
     __version__ = "0+unknown"
 
-#: public name -> module that defines it.
-_MODULE_OF = {
-    "ARXRegressor": "forecasting",
-    "DisturbanceForecaster": "forecasting",
-    "GrayBoxRC": "identification",
-    "HybridPredictor": "hybrid",
-    "InputDisturbanceID": "identification",
-    "OutputDisturbanceID": "identification",
-    "PeriodicDisturbanceID": "identification",
-    "RCNetwork": "thermal",
-    "SchedulePredictor": "hybrid",
-    "TwoStagePredictor": "hybrid",
+_NAMES_OF = {
+    "forecasting": ("ARXRegressor", "DisturbanceForecaster"),
+    "hybrid": ("HybridPredictor", "SchedulePredictor", "TwoStagePredictor"),
+    "identification": ("GrayBoxRC", "InputDisturbanceID", "OutputDisturbanceID", "PeriodicDisturbanceID"),
+    "thermal": ("RCNetwork",),
 }
-_SUBMODULES = (
-    "datasets",
-    "exceptions",
-    "forecasting",
-    "identification",
-    "inspection",
-    "model_selection",
-    "persistence",
-    "preprocessing",
-    "study",
-    "thermal",
-)
-
+_MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 __all__ = [
     "ARXRegressor",
     "DisturbanceForecaster",
@@ -83,6 +64,7 @@ __all__ = [
     "study",
     "thermal",
 ]
+_SUBMODULES = {*__all__} - {*_MODULE_OF, "__version__"}
 
 
 def __getattr__(name: str) -> Any:

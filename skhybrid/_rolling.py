@@ -100,10 +100,6 @@ class RollingForecastMixin(RegressorMixin):
         y : array-like of shape (n_samples,)
             Measured values, NaN where missing.
         sample_weight : array-like of shape (n_samples,), optional
-
-        Returns
-        -------
-        float
         """
         predicted = self.predict(X)
         measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
@@ -153,8 +149,7 @@ class RollingForecastMixin(RegressorMixin):
             rows = rows.astype(np.int64)
         if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
             raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
-        span = horizon if horizon is not None else (self.horizon if self.horizon is not None else "1D")
-        n_leads = rows_of(span, table.step)
+        n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))
         paths = np.array(paths_of(table, rows + n_tail, n_leads), dtype=np.float64)
@@ -167,6 +162,10 @@ class RollingForecastMixin(RegressorMixin):
             span = getattr(self, name, None)
             if span is not None:
                 rows_of(span, step, name)
+
+    def _leads_of_horizon(self, step: pd.Timedelta) -> int:
+        """Number of rows of the horizon, or of one day where it is None."""
+        return rows_of("1D" if self.horizon is None else self.horizon, step)
 
     def _with_history(self, X: Any) -> tuple[ZoneTable, int]:
         """X, which must have no gap, after its history; and the number of rows of that history."""

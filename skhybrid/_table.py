@@ -18,7 +18,6 @@ from sklearn.utils.validation import validate_data
 
 from ._columns import (
     HISTORY_ROLES,
-    ROLES,
     columns_by_position,
     columns_by_role,
     listed,
@@ -28,24 +27,11 @@ from ._columns import (
     read_input,
     refuse_impossible,
     refuse_shape,
-    role_of,
     warn_units,
 )
+from ._columns import ROLES as ROLES
+from ._columns import role_of as role_of
 from ._time import read_index, spell
-
-__all__ = [
-    "HISTORY_ROLES",
-    "ROLES",
-    "ZoneTable",
-    "append_tables",
-    "concatenate_tables",
-    "last_rows",
-    "read_table",
-    "read_target",
-    "read_targets",
-    "refuse_gap",
-    "role_of",
-]
 
 
 @dataclass(frozen=True)
@@ -162,60 +148,26 @@ def refuse_gap(table: ZoneTable) -> None:
         )
 
 
-# --------------------------------------------------------------------------------------------------- reading tables
 def read_table(
     estimator: Any,
     X: Any,
     *,
-    columns: Mapping[str, Any] | None = None,
-    required: Iterable[str] = (),
-    needed: Callable[[str], object] | None = None,
-    sampling_time: Any = None,
-    default_step: str = "15min",
-    reset: bool,
+    columns: Mapping[str, Any] | None = None,  # overrides the names; None as a column: left out on purpose
+    required: Iterable[str] = (),  # roles that a table with names must have
+    needed: Callable[[str], object] | None = None,  # inputs whose role it rejects are not read
+    sampling_time: Any = None,  # step of a table without time stamps
+    default_step: str = "15min",  # the same where ``sampling_time`` is None
+    reset: bool,  # True in ``fit``
     min_rows: int = 1,
-    expected_step: pd.Timedelta | None = None,
-    gaps: bool = False,
-    history_roles: Iterable[str] = HISTORY_ROLES,
+    expected_step: pd.Timedelta | None = None,  # step of the training table; another one is refused
+    gaps: bool = False,  # whether gaps of three hours or more are accepted
+    history_roles: Iterable[str] = HISTORY_ROLES,  # known in the past only; values may be missing
 ) -> ZoneTable:
-    """Read ``X`` by the data contract.
+    """Read ``X`` by the data contract; a ValueError names the column, the stamp or the step, and what to do.
 
-    Parameters
-    ----------
-    estimator : estimator
-        With ``reset`` it gets ``n_features_in_`` and ``feature_names_in_``; otherwise X is checked against them.
-    X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
-        Columns of a frame are found by role, those of an array by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3``
-        ...).  A ZoneTable is already parsed: its roles are only selected.
-    columns : mapping of role to column, optional
-        Overrides the names; with None as its column a role is left out on purpose.
-    required : iterable of str
-        Roles that a table with names must have.
-    needed : callable of a role, optional
-        Inputs whose role it rejects are not read, and so may hold anything.
-    sampling_time : timedelta-like, optional
-        Step of a table without time stamps.
-    default_step : timedelta-like
-        Step of such a table where ``sampling_time`` is None.
-    reset : bool
-        True in ``fit``.
-    min_rows : int
-        Fewest rows that are accepted.
-    expected_step : Timedelta, optional
-        Step of the training table; another one is refused.
-    gaps : bool
-        Whether gaps of three hours or more are accepted.
-    history_roles : iterable of str
-        Roles that are known in the past only, where values may be missing.
-
-    Returns
-    -------
-    ZoneTable
-
-    Raises
-    ------
-    ValueError
-        Naming the column, the stamp or the step, and what to do.
+    With ``reset`` the estimator gets ``n_features_in_`` and ``feature_names_in_``; otherwise X is checked against
+    them.  Columns of a frame are found by role, those of an array by position (``T_oa``, ``q_sol``, ``u_2``, ``u_3``
+    ...).  A ZoneTable is already parsed: its roles are only selected.
     """
     wanted = _Request(columns, required, needed, gaps, frozenset(history_roles), reset, min_rows)
     if isinstance(X, ZoneTable):
@@ -304,27 +256,10 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
 
 
 def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
-    """Read a target.
+    """(n_samples,) float64 target, NaN where missing, never infinite.
 
-    Parameters
-    ----------
-    y : array-like of shape (n_samples,)
-    table : ZoneTable
-        The table that it belongs to.
-    max_missing : float
-        Largest share of missing values.
-    role : str, optional
-        Warn where the values do not look like the unit of this role, unless the table has it as history.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,), float64
-        NaN where missing, never infinite.
-
-    Raises
-    ------
-    ValueError
-        If it is None, infinite, of another length or with other stamps than the table, or too much of it is missing.
+    Refused where it is None, has another length or other stamps than the table, or more than ``max_missing`` of it is
+    missing.  With a ``role``, values that do not look like its unit are warned of, unless the table has it as history.
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
@@ -361,27 +296,9 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
 
 
 def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:
-    """Read one target per role.
+    """One target per role, (n_samples,) for one role and (n_samples, n_roles) for several; see :func:`read_target`.
 
-    Parameters
-    ----------
-    y : array-like of shape (n_samples,) or (n_samples, n_roles)
-        A frame's columns are found by role, otherwise they are in the order of ``roles``.
-    table : ZoneTable
-    roles : tuple of str
-        Of the measured temperatures.
-    max_missing : float
-        Largest share of missing values in each.
-
-    Returns
-    -------
-    ndarray of shape (n_samples,) or (n_samples, n_roles), float64
-        One column per role where there are several.
-
-    Raises
-    ------
-    ValueError
-        As :func:`read_target`, and if the number of columns is not that of the roles.
+    A frame's columns are found by role, otherwise they are in the order of ``roles``.
     """
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])

@@ -14,7 +14,6 @@ SHORTEST_GAP = pd.Timedelta("3h")
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 
 
-# ------------------------------------------------------------------------------------------------------- time stamps
 def read_index(
     index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None, gaps: bool = False
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
@@ -61,13 +60,7 @@ def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
 
 
 def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
-    """The step of an evenly spaced index.
-
-    Raises
-    ------
-    ValueError
-        Naming the first stamps that are out of order or another step apart.
-    """
+    """The step of an evenly spaced index; a ValueError names the first stamps out of order or unevenly spaced."""
     gaps = np.diff(utc.as_unit("ns").asi8)
     hint = ", or localize it if this is daylight saving" if getattr(shown, "tz", None) is None else ""
     if (gaps <= 0).any():
@@ -119,7 +112,6 @@ def _refuse_disorder(index: pd.Index) -> None:
         )
 
 
-# ---------------------------------------------------------------------------------------------- horizons and origins
 def _duration(value: Any, name: str) -> pd.Timedelta:
     try:
         return pd.Timedelta(value)
@@ -135,13 +127,7 @@ def _positive(value: Any, name: str) -> pd.Timedelta:
 
 
 def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
-    """Number of steps in a duration such as "1D".
-
-    Raises
-    ------
-    ValueError
-        If it is not a positive multiple of the step.
-    """
+    """Number of steps in a duration such as "1D", which must be a positive multiple of the step."""
     rows = _duration(duration, name) / step
     if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
         raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {spell(step)}.")
@@ -149,39 +135,15 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
 
 
 def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
-    """Number of steps that cover a duration, which need not be a multiple of the step.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive.
-    """
+    """Number of steps that cover a positive duration, which need not be a multiple of the step."""
     return max(1, int(np.ceil(_positive(duration, name) / step - 1e-9)))
 
 
 def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
-    """Rows that are forecast origins: row 0, and the starts of local days and of each ``origin_step`` within them.
+    """(n_origins,) increasing rows that are forecast origins: row 0, the starts of days and of each ``origin_step``.
 
-    Parameters
-    ----------
-    time : DatetimeIndex
-        Local wall-clock time of every row.
-    horizon : timedelta-like or None
-        None: the first row is the only origin.
-    origin_step : timedelta-like, optional
-        Distance of origins, counted from the local midnight before the first row; default ``horizon``.
-    step : timedelta-like, optional
-        Sampling time; the distance must be a multiple of it.
-
-    Returns
-    -------
-    ndarray of int, shape (n_origins,)
-        Increasing, beginning with 0.
-
-    Raises
-    ------
-    ValueError
-        If the distance is not a positive duration or no multiple of the step.
+    ``time`` is local wall-clock time; ``origin_step`` (default ``horizon``) is counted from the midnight before the
+    first row and must be a multiple of ``step``.  Without a horizon row 0 is the only origin.
     """
     if horizon is None:
         return np.zeros(1, dtype=np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor, InputDisturbanceID
 from skhybrid.datasets import make_office
@@ -14,7 +15,15 @@ from skhybrid.forecasting.intervals import (
     finite_sample_levels,
     weighted_quantiles,
 )
-from skhybrid.forecasting.quantiles import left_out_errors, measured_ahead, path_clock
+from skhybrid.forecasting.quantiles import (
+    LeftOut,
+    block_origins,
+    errors_inside,
+    joined,
+    left_out_blocks,
+    measured_ahead,
+    path_clock,
+)
 from skhybrid.model_selection import backtest, score_backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
@@ -172,6 +181,18 @@ def test_too_few_errors_are_refused():
 
 
 # ------------------------------------------------------------------------------------------------- errors left out
+def left_out_errors(estimator, X, y):
+    """Errors in weeks that are left out in turn, each by a clone that is fitted with ``y`` missing in that week."""
+    target, found = y.to_numpy(), []
+    for block in left_out_blocks(len(target), 96):
+        hidden = target.copy()
+        hidden[slice(*block)] = np.nan
+        origins = block_origins(block, 96)
+        paths = clone(estimator).fit(X, hidden).predict_from(X, origins)
+        found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
+    return joined(found)
+
+
 def test_left_out_errors_come_from_models_that_did_not_see_their_week(office):
     """y alone moves by 100 K in one week: the forecasts of that week stay, so its errors move by 100 K exactly."""
     X, y = office.X[: 21 * 96], office.y[: 21 * 96]

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch import nn
 
-from skhybrid.forecasting.networks.batches import WindowBatches, draw_kept
 from skhybrid.forecasting.networks.fitted import make_stack
 from skhybrid.forecasting.networks.recurrent import LSTMStep, RNNStep
 from skhybrid.forecasting.networks.spec import NetworkSpec
+from skhybrid.forecasting.networks.training import WindowBatches, draw_kept
 from skhybrid.forecasting.networks.windows import Windows, WindowTable, WindowViews, network_inputs, padded_windows
 
 

@@ -11,11 +11,10 @@ from torch import nn
 
 from skhybrid.forecasting.cases import NETWORKS
 from skhybrid.forecasting.networks import training
-from skhybrid.forecasting.networks.batches import draw_kept
 from skhybrid.forecasting.networks.fitted import make_stack
 from skhybrid.forecasting.networks.jobs import torch_device
 from skhybrid.forecasting.networks.spec import NetworkSpec
-from skhybrid.forecasting.networks.training import TrainingSettings, train_stack
+from skhybrid.forecasting.networks.training import TrainingSettings, draw_kept, train_stack
 from skhybrid.forecasting.networks.windows import Windows, WindowTable, WindowViews
 
 N_PAST, N_LEADS, N_COLUMNS, N = 5, 4, 3, 150

@@ -11,20 +11,11 @@ from sklearn.base import BaseEstimator, RegressorMixin
 
 from .._table import ZoneTable, read_table, read_target
 from .._threads import one_blas_thread
-from .._time import rows_of
 from .._transaction import unchanged_on_failure
-from .arx_design import ARXData, ARXDesign, Pairs
+from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
 from .features import rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
-from .quantiles import (
-    LeftOut,
-    QuantileForecastMixin,
-    block_origins,
-    intervals_from,
-    left_out_blocks,
-    measured_ahead,
-)
-from .recursive_arx import Moments, RecursiveARX
+from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
@@ -48,10 +39,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         How far ahead ``predict`` looks; None simulates from the first row on.
     adapt : {None, "refit"}, default None
         ``"refit"`` solves the regression again at each origin, on the training pairs and all pairs known at the origin.
-    n_lags : int, default 24
-        Rows of temperature.
-    n_input_lags : int, default 8
-        Rows of every input.
+    n_lags, n_input_lags : int, default 24 and 8
+        Rows of temperature, and of every input.
     calendar : bool, default True
         Whether to use hour x weekday/weekend dummies.
     alpha : float, optional
@@ -78,10 +67,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Learned from errors in weeks of the training table that are left out in turn.
     sampling_time_ : Timedelta
         Step of the training table.
-    n_features_in_ : int
-        Number of columns of X.
-    feature_names_in_ : ndarray of str
-        Names of the columns of X, where it has names.
+    n_features_in_, feature_names_in_ : int, ndarray of str
+        Number of columns of X, and their names where it has names.
     """
 
     def __init__(
@@ -109,7 +96,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.sampling_time = sampling_time
         self.max_missing = max_missing
 
-    # ------------------------------------------------------------------------------------------------------------ fit
     @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
@@ -121,11 +107,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Inputs by role; a column ``T_za`` is not read here.
         y : Series or array-like of shape (n_samples,)
             Zone temperature [degC], NaN where missing.
-
-        Returns
-        -------
-        ARXRegressor
-            Itself.
 
         Raises
         ------
@@ -159,19 +140,16 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if self.alpha is not None and not self.alpha > 0:
             raise ValueError(f"alpha={self.alpha!r} is not a positive penalty.")
 
-    def _leads_of_horizon(self) -> int:
-        return rows_of(self.horizon if self.horizon is not None else "1D", self.sampling_time_)
-
     def _choose_alpha(self, view: ARXData, pairs: Pairs) -> float:
         """The penalty with the lowest forecast error in left-out blocks, each at least two horizons long."""
-        n_leads = self._leads_of_horizon()
+        n_leads = self._leads_of_horizon(self.sampling_time_)
         n_blocks = min(_MAX_BLOCKS, view.end // (2 * n_leads))
         if n_blocks < _MIN_BLOCKS:
             return _DEFAULT_ALPHA
         edges = np.linspace(0, view.end, n_blocks + 1).astype(np.int64)
         errors = np.zeros(len(_ALPHAS))
         for start, stop in pairwise(edges):
-            rest = self._moments.minus(pairs.between(start, stop))
+            rest = self._moments.plus(pairs.between(start, stop), sign=-1)
             origins = np.arange(start, stop - n_leads, max(1, n_leads // 6))
             truth = view.T[target_rows(origins, n_leads)]
             for i, alpha in enumerate(_ALPHAS):
@@ -182,7 +160,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def left_out_paths(
         self, table: ZoneTable, T: np.ndarray, origins: np.ndarray, n_leads: int, blocks: np.ndarray
     ) -> np.ndarray:
-        """Forecasts within the training table, each from coefficients that are fitted without its block of rows.
+        """Forecasts (n_origins, n_leads) [degC] within the training table, each fitted without its block of rows.
 
         Parameters
         ----------
@@ -194,12 +172,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Rows of the table, increasing.
         n_leads : int
         blocks : ndarray of int, shape (n_origins,)
-            The block of every origin; a block's rows reach from its first origin to its last target.
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_leads)
-            [degC]; NaN where no other rows are left to fit on.
+            The block of every origin, which reaches from its first origin to its last target; forecasts are NaN where
+            no other rows are left to fit on.
         """
         view = self.view(table, T)
         pairs = self._design.pairs(view)
@@ -209,14 +183,14 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             left_out = pairs.between(origins[mine[0]], origins[mine[-1]] + n_leads)
             if len(left_out.rows) == len(pairs.rows):
                 continue
-            coef = self._moments.minus(left_out).ridge(self.alpha_)
+            coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_)
             out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
     def _left_out_intervals(self, table: ZoneTable, T: np.ndarray) -> LeadIntervals | None:
         """Intervals from weeks that are left out in turn; None where the table is too short."""
         known, per_day = table.replace(history={"T_za": T}), rows_per_day(table.step)
-        n_leads = max(per_day, self._leads_of_horizon())
+        n_leads = max(per_day, self._leads_of_horizon(self.sampling_time_))
         origins = [block_origins(block, per_day) for block in left_out_blocks(table.n_rows, per_day)]
         blocks = np.repeat(np.arange(len(origins)), [len(rows) for rows in origins])
         rows = np.concatenate(origins)
@@ -224,7 +198,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         left_out = LeftOut(measured_ahead(known, rows, n_leads) - paths, rows)
         return intervals_from(left_out, known) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
 
-    # ----------------------------------------------------------------------------------------------------- prediction
     def _read_X(self, X: Any) -> ZoneTable:
         return read_table(
             self,
@@ -260,15 +233,11 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Measured temperature [degC], NaN where missing.
         first : int
             Number of the table's first row.
-
-        Returns
-        -------
-        ARXData
         """
         return self._design.view(table, T, first)
 
     def iterate(self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
-        """Run the recursion from each origin.
+        """Forecasts (n_origins, n_leads) [degC] by the recursion from each origin.
 
         Parameters
         ----------
@@ -277,11 +246,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         origins : ndarray of int, shape (n_origins,)
         n_leads : int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_leads)
-            [degC].
         """
         return self._design.iterate(view, origins, n_leads, coefs)
 
@@ -291,27 +255,19 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         begin : int
-            The first row that is not in the training table.
-
-        Returns
-        -------
-        RecursiveARX
+            First row after the training table.
         """
         return RecursiveARX(self._design, self._moments, self.alpha_, begin)
 
     def refitted(self, view: ARXData, origins: np.ndarray, begin: int = 0) -> np.ndarray:
-        """Coefficients from the training pairs and the pairs of ``view`` that end by each origin.
+        """Coefficients (n_origins, n_columns) from the training pairs and those of ``view`` that end by each origin.
 
         Parameters
         ----------
         view : ARXData
         origins : ndarray of int, shape (n_origins,)
         begin : int
-            The first row that is not in the training table.
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_columns)
+            First row after the training table.
         """
         regression = self.recursive(begin)
         coefs = np.empty((len(origins), len(self.coef_)))

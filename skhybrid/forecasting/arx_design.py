@@ -1,4 +1,4 @@
-"""The data matrix of the ARX regression, and its recursion over the horizon."""
+"""The ARX regression: its data matrix, its ridge solution, and its recursion over the horizon."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.linalg import solve
 
 from .._table import ZoneTable
 from ..filtering import iterate_lags
@@ -13,6 +14,8 @@ from .features import day_type_hour, one_hot
 
 #: share of a window's temperatures that must be known for a row to be learned from
 _MIN_KNOWN = 0.5
+#: penalty of the constant: none, but where no pair is known the equations must stay regular
+_CONSTANT_PENALTY = 1e-9
 
 
 class ARXData(NamedTuple):
@@ -40,6 +43,29 @@ class Pairs(NamedTuple):
         """The pairs whose row k lies in [begin, end)."""
         inside = (self.rows >= begin) & (self.rows < end)
         return Pairs(self.D[inside], self.d[inside], self.rows[inside])
+
+
+class Moments(NamedTuple):
+    """The normal equations of the regression.  They are sums over pairs, so that rows are added without a new fit."""
+
+    gram: np.ndarray  # (p, p) D' D
+    cross: np.ndarray  # (p,) D' d
+
+    @classmethod
+    def of(cls, pairs: Pairs) -> Moments:
+        """The sums over these pairs."""
+        return cls(pairs.D.T @ pairs.D, pairs.D.T @ pairs.d)
+
+    def plus(self, pairs: Pairs, sign: int = 1) -> Moments:
+        """The sums with further pairs or, with ``sign=-1``, without some of them."""
+        other = Moments.of(pairs)
+        return Moments(self.gram + sign * other.gram, self.cross + sign * other.cross)
+
+    def ridge(self, alpha: float) -> np.ndarray:
+        """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free."""
+        penalty = np.full(len(self.cross), alpha)
+        penalty[-1] = _CONSTANT_PENALTY
+        return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
 
 
 @dataclass(frozen=True)
@@ -121,6 +147,27 @@ class ARXDesign:
         begin = np.ascontiguousarray((known[:, ::-1] - self.T_mean) / self.T_scale)
         each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
         return iterate_lags(begin, each, driven / self.T_scale, low, high) * self.T_scale + self.T_mean
+
+
+class RecursiveARX:
+    """The regression updated by pairs of rows as they become known; row ``begin`` is the first after the training."""
+
+    def __init__(self, design: ARXDesign, moments: Moments, alpha: float, begin: int) -> None:
+        self._design, self._moments, self._alpha = design, moments, alpha
+        self._next = begin - 1  # row k of the next pair: the first one ends at the first new row
+        self._coef: np.ndarray | None = None
+
+    def advance(self, view: ARXData, row: int) -> None:
+        """Add the pairs that end by ``row``."""
+        if row > max(self._next, 0):
+            pairs = self._design.pairs(view, max(self._next, 0), row)
+            self._moments, self._next, self._coef = self._moments.plus(pairs), row, None
+
+    def coef(self) -> np.ndarray:
+        """Coefficients (n_columns,) from all pairs so far."""
+        if self._coef is None:
+            self._coef = self._moments.ridge(self._alpha)
+        return self._coef
 
 
 def _lagged_inputs(table: ZoneTable, roles: tuple[str, ...], n_lags: int) -> np.ndarray:

@@ -6,7 +6,7 @@ each row when no past disturbance is known.  The ridge is in :mod:`~skhybrid.for
 
 from __future__ import annotations
 
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -15,19 +15,6 @@ from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, 
 
 #: a mean over fewer values than this is left to the next coarser one.
 MIN_COUNT = 2
-
-
-class Baseline(Protocol):
-    """What :class:`~skhybrid.forecasting.DisturbanceForecaster` needs of a baseline."""
-
-    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        """Learn from a training table and its target (n_rows,), NaN where missing."""
-
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """Forecasts (n_origins, n_leads) of the rows after each origin; anything at rows beyond the table."""
-
-    def expected(self, table: ZoneTable) -> np.ndarray:
-        """Expectation (n_rows,) of each row when no past disturbance is known."""
 
 
 def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
@@ -72,20 +59,21 @@ class WeeklyProfile:
         return self.expected(table)[rows_ahead(table, origins, n_leads)]
 
 
-class LastWeek:
-    """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile."""
+class _WithProfile:
+    """A baseline that falls back on the profile where the past says nothing."""
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        """Keep the profile to fall back on."""
         self.profile_ = WeeklyProfile().fit(table, target)
         return self
 
     def expected(self, table: ZoneTable) -> np.ndarray:
-        """The profile at each row."""
         return self.profile_.expected(table)
 
+
+class LastWeek(_WithProfile):
+    """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile."""
+
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """Repeat what is known of the week before each origin."""
         zeta, rows = zeta_of(table), target_rows(origins, n_leads)
         per_day = rows_per_day(table.step)
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
@@ -94,20 +82,10 @@ class LastWeek:
         return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
 
 
-class Persistence:
+class Persistence(_WithProfile):
     """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
 
-    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        """Keep the profile to fall back on."""
-        self.profile_ = WeeklyProfile().fit(table, target)
-        return self
-
-    def expected(self, table: ZoneTable) -> np.ndarray:
-        """The profile at each row."""
-        return self.profile_.expected(table)
-
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """Hold the last known value."""
         zeta = zeta_of(table)
         last = np.maximum.accumulate(np.where(np.isfinite(zeta), np.arange(len(zeta)), -1))[origins]
         held = np.where(last >= 0, zeta[np.maximum(last, 0)], np.nan)[:, None]

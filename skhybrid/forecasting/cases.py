@@ -165,46 +165,16 @@ _LONG_NAME = re.compile(r"[A-Z0-9_]*?(?:^|_)(MLP|CNN|RNN|LSTM)(?:_[A-Z0-9_]*)?-(
 
 
 def cases_of(model: str) -> Mapping[str, ModelCase]:
-    """The cases of a framework.
-
-    Parameters
-    ----------
-    model : {"mlp", "cnn", "rnn", "lstm"}
-        The framework.
-
-    Returns
-    -------
-    mapping of str to ModelCase
-        21 cases for MLP and CNN, 17 for RNN and LSTM (paper, appendix).
-
-    Raises
-    ------
-    ValueError
-        If the framework is unknown.
-    """
+    """The cases of a framework by name: 21 for MLP and CNN, 17 for RNN and LSTM (paper, appendix)."""
     if model not in NETWORKS:
         raise ValueError(f"model={model!r} has no cases; frameworks are {', '.join(NETWORKS)}.")
     return FEED_FORWARD_CASES if model in FEED_FORWARD else RECURRENT_CASES
 
 
 def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
-    """The case with a given name.
+    """The case with a given name, short (``"case01"``) or long (``"DEEP_AR_LSTM_FORECAST-case01"``), or a case itself.
 
-    Parameters
-    ----------
-    case : str or ModelCase
-        ``"case01"``, a long name of the paper such as ``"DEEP_AR_LSTM_FORECAST-case01"``, or a case itself.
-    model : {"mlp", "cnn", "rnn", "lstm"}
-        The framework, within which cases are numbered.
-
-    Returns
-    -------
-    ModelCase
-
-    Raises
-    ------
-    ValueError
-        If no such case exists, or the long name belongs to another framework.
+    Cases are numbered within a framework; the long name of another one is refused.
     """
     if isinstance(case, ModelCase):
         return case
@@ -252,11 +222,6 @@ def list_sizes(model: str) -> dict[str, list[int | str]]:
     -------
     dict of str to list
         Values by parameter of :class:`DisturbanceForecaster`.
-
-    Raises
-    ------
-    ValueError
-        If the framework is unknown.
     """
     cases_of(model)
     return {name: list(values) for name, values in SIZES[model].items()}

@@ -17,17 +17,9 @@ def networks_available() -> bool:
 
 
 def require_networks(model: Any) -> None:
-    """Refuse a network where the libraries that train it are missing; ask before anything expensive is computed.
+    """Raise an ImportError for a network whose libraries are missing; ask before anything expensive is computed.
 
-    Parameters
-    ----------
-    model : object
-        A model, as :class:`~skhybrid.DisturbanceForecaster` takes it; those that are no network are accepted.
-
-    Raises
-    ------
-    ImportError
-        If the model is a network and torch or skorch is missing.
+    ``model`` is any that :class:`~skhybrid.DisturbanceForecaster` takes; those that are no network are accepted.
     """
     if isinstance(model, str) and model in NETWORKS and not networks_available():
         raise ImportError(

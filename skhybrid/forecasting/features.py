@@ -16,15 +16,9 @@ _HOUR = pd.Timedelta("1h")
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
 
 
-# ---------------------------------------------------------------------------------------------------------- the clock
 def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
     """Local hour of day, with its fraction, (n,) float64."""
     return ((time - time.normalize()) / _HOUR).to_numpy(dtype=np.float64)
-
-
-def hour_of_week(time: pd.DatetimeIndex) -> np.ndarray:
-    """Hours since Monday 00:00 local time, (n,) float64."""
-    return 24.0 * time.day_of_week.to_numpy() + hour_of_day(time)
 
 
 def is_weekend(time: pd.DatetimeIndex) -> np.ndarray:
@@ -59,25 +53,15 @@ def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
 
 
 def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarray:
-    """Columns of one time feature.
+    """(n, n_columns) float64 columns of ``"how"`` (hour of week), ``"hod"`` (hour of day), ``"dow"`` or ``"weekday"``.
 
-    Parameters
-    ----------
-    time : DatetimeIndex of length n
-        Local wall-clock time.
-    feature : {"how", "hod", "dow", "weekday"}
-        Hour of week, hour of day, day of week, or whether it is a weekday.
-    encoding : {"cyclic", "onehot", "ordinal"}
-        Sines and cosines, one column per level, or the plain number; ``weekday`` is always one 0/1 column.
-
-    Returns
-    -------
-    ndarray of shape (n, n_columns), float64
+    ``"cyclic"`` gives sines and cosines, ``"onehot"`` a column per level, ``"ordinal"`` the plain number; ``"weekday"``
+    is always one 0/1 column.
     """
     if feature == "weekday":
         return (~is_weekend(time)).astype(np.float64)[:, None]
-    clock = {"how": hour_of_week, "hod": hour_of_day}.get(feature)
-    value = clock(time) if clock is not None else time.day_of_week.to_numpy().astype(np.float64)
+    day, hour = time.day_of_week.to_numpy().astype(np.float64), hour_of_day(time)
+    value = {"how": 24.0 * day + hour, "hod": hour, "dow": day}[feature]
     n_levels, harmonics = _CYCLES[feature]
     if encoding == "ordinal":
         return value[:, None]
@@ -87,7 +71,6 @@ def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarr
     return np.hstack([np.sin(angles), np.cos(angles)])
 
 
-# --------------------------------------------------------------------------------------------------- inputs by feature
 def irradiance_roles(inputs: dict[str, Any]) -> list[str]:
     """The roles ``q_sol`` and ``q_sol_<name>`` of a table, in its order."""
     return [role for role in inputs if role == "q_sol" or role.startswith("q_sol_")]
@@ -115,19 +98,7 @@ def plant_mode(inputs: dict[str, np.ndarray], mode: str, n_rows: int) -> np.ndar
 
 
 def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> np.ndarray:
-    """Columns of features of every row; ``zeta`` is not among them.
-
-    Parameters
-    ----------
-    table : ZoneTable
-    features : tuple of str
-    encoding : {"cyclic", "onehot", "ordinal"}
-
-    Returns
-    -------
-    ndarray of shape (n_rows, n_columns), float64
-        No column for a feature whose role the table lacks.
-    """
+    """(n_rows, n_columns) float64 columns of features but ``zeta``; none for a feature whose role the table lacks."""
     blocks = [np.empty((table.n_rows, 0))]
     for feature in features:
         if feature in TIME_FEATURES:
@@ -141,7 +112,6 @@ def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> 
     return np.hstack(blocks)
 
 
-# -------------------------------------------------------------------------------------------------- the past, as known
 def zeta_of(table: ZoneTable) -> np.ndarray:
     """The measured disturbance of every row, NaN where unknown, (n,) float64."""
     known = table.history.get("zeta")
@@ -161,25 +131,10 @@ def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.nd
 
 
 def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
-    """The last known value a whole number of periods before each row.
+    """(n_origins, n_leads) last known value of ``series`` (n,) a whole number of periods before each target row.
 
-    Parameters
-    ----------
-    series : ndarray of shape (n,)
-        NaN where missing.
-    rows : ndarray of int, shape (n_origins, n_leads)
-        Target rows.
-    origins : ndarray of int, shape (n_origins,)
-        Nothing after them is read.
-    period : int
-        Rows of a day or a week.
-    n_back : int
-        Number of periods before the origin that are tried.
-
-    Returns
-    -------
-    ndarray of shape (n_origins, n_leads)
-        NaN where the value is unknown in all of these periods.
+    ``period`` is in rows; of the periods before the origin, ``n_back`` are tried.  NaN where the value is unknown in
+    all.
     """
     # the smallest number of periods that leads to a row at or before the origin
     first = np.maximum(1, -(-(rows - origins[:, None]) // period))

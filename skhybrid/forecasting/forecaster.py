@@ -13,7 +13,6 @@ from sklearn.utils.validation import check_is_fitted
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
-from .._time import rows_of
 from .._transaction import unchanged_on_failure
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
@@ -48,22 +47,16 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Activation of a network.
     dropout : float, default 0.1
         Share of hidden values dropped in training, in [0, 1).
-    n_channels : int, default 10
-        Channels of a convolution (CNN).
-    filter_size : int, default 6
-        Width of a convolution (CNN) [rows].
-    pool_size : int, default 0
-        Width of max-pooling (CNN) [rows]; 0 pools nothing.
+    n_channels, filter_size, pool_size : int, default 10, 6 and 0
+        Channels of a convolution, its width [rows], and the width of max-pooling [rows], where 0 pools nothing (CNN).
     residual_of : {"ridge", "profile", "last_week", "persistence"} or None, default "ridge"
-        The baseline whose forecast a network corrects.  The correction is scaled by ``network_weight_``, which never
-        adds error on the validation block.  None: the network stands alone.
+        The baseline whose forecast a network corrects, by the share ``network_weight_``; None: it stands alone.
     horizon : timedelta-like or None, default "1D"
         How far ahead is learned and how far ``predict`` looks.  None: one day is learned, and ``predict`` forecasts all
         rows from the first.
-    max_epochs : int, default 1000
-        Most epochs of a network.
-    patience : int, default 150
-        Epochs without a better validation error after which training stops; the best weights are kept.
+    max_epochs, patience : int, default 1000 and 150
+        Most epochs of a network, and epochs without a better validation error after which it stops; its best weights
+        are kept.
     time_encoding : {"cyclic", "onehot", "ordinal"}, default "cyclic"
         How a network sees hours and days.
     columns : mapping of role to column, optional
@@ -72,10 +65,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Seed of initial weights, dropout and batches (and of a regressor whose own is None).
     verbose : int, default 0
         1 shows a progress bar of epochs.
-    learning_rate : float, default 0.003
-        Step of Adam.
-    batch_size : int, default 128
-        Windows a step.
+    learning_rate, batch_size : float and int, default 0.003 and 128
+        Step of Adam, and windows per step.
     validation_fraction : float, default 0.2
         Share of the training table, at its end, on which training stops; a gap of one horizon lies before it.
     origin_step : timedelta-like, optional
@@ -85,15 +76,14 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
     n_repeats : int, default 1
-        How many networks are trained, from seeds that ``random_state`` gives; they are trained as one stack, and each
-        is, to rounding, what it would be alone.
+        How many networks are trained, as one stack, from seeds that ``random_state`` gives; each is, to rounding, what
+        it would be alone.
     repeats : {"best", "mean"}, default "best"
-        What becomes of several: the one with the lowest validation error forecasts (paper 4.4, which chooses by the
-        test error), or the mean of all.
+        Of several, the one with the lowest validation error forecasts (paper 4.4 chooses by the test error), or the
+        mean of all.
     device : str, default "cpu"
-        Where torch trains networks: ``"cpu"``; ``"cuda"`` or another of its devices, worth while for large networks or
-        hundreds at once (:func:`~skhybrid.forecasting.fit_many`); ``"auto"``, a GPU where torch finds one.  Forecasts
-        are computed on the CPU.
+        Where torch trains networks: ``"cpu"``, ``"cuda"`` (worth while for large networks or hundreds at once, see
+        :func:`~skhybrid.forecasting.fit_many`), or ``"auto"``.  Forecasts are computed on the CPU.
 
     Attributes
     ----------
@@ -105,20 +95,17 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     n_epochs_ : int
         How many epochs it ran.
     repeats_ : DataFrame
-        One row a network: ``seed``, ``n_epochs``, ``train_loss`` of its last epoch, ``valid_loss`` of the weights that
-        are kept, and whether it is ``used``.
+        One row per network: ``seed``, ``n_epochs``, ``train_loss`` of its last epoch, ``valid_loss`` of the weights
+        that are kept, and whether it is ``used``.
     network_weight_ : float
         Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
-        its standard error.  0 drops the network, also where the table was too short for a validation block, since
-        nothing then shows that it helps.
+        its standard error.  0 drops the network, also where the table was too short for a validation block.
     regressor_ : regressor
         The fitted clone, where ``model`` is a regressor.
     sampling_time_ : Timedelta
         Step of the training table.
-    n_features_in_ : int
-        Columns of X.
-    feature_names_in_ : ndarray of str
-        Their names, where X has names.
+    n_features_in_, feature_names_in_ : int, ndarray of str
+        Number of columns of X, and their names where it has names.
     """
 
     def __init__(
@@ -198,11 +185,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         **changes : dict
             Other parameters, such as ``random_state`` or those of the model size (:func:`list_sizes`).
 
-        Returns
-        -------
-        DisturbanceForecaster
-            Not fitted.
-
         Examples
         --------
         >>> from skhybrid import DisturbanceForecaster
@@ -214,7 +196,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         settings |= {"max_epochs": 1000, "patience": 150}
         return cls(model, case, **settings | changes)
 
-    # ------------------------------------------------------------------------------------------------------------ fit
     @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
@@ -226,11 +207,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             Weather and plant by role, and the known past in ``zeta``, for which ``y`` stands in where X has none.
         y : Series or array-like of shape (n_samples,)
             Disturbance over each row [kW, or degC for an output disturbance]; rows where it is NaN are left out.
-
-        Returns
-        -------
-        DisturbanceForecaster
-            Itself.
 
         Raises
         ------
@@ -256,7 +232,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.case_ = resolve_case(self.case, self.model) if is_network(self.model) else None
         table, target = self._training_rows(X, y, shared)
         self._check_spans(table.step)
-        self._n_leads = rows_of(self.horizon if self.horizon is not None else "1D", table.step)
+        self._n_leads = self._leads_of_horizon(table.step)
         self.sampling_time_ = table.step
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
@@ -277,7 +253,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
         """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
-        table = self._read(X, reset=True)
+        table = read_weather(self, X, reset=True)
         target = read_target(y, table, max_missing=self.max_missing)
         if "zeta" not in table.history:
             table = table.replace(history={**table.history, "zeta": target})
@@ -306,7 +282,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.history_, self.n_epochs_ = result.history, len(result.history)
         self.repeats_ = result.repeats
 
-    # ----------------------------------------------------------------------------------------------------- prediction
     def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.Series:
         """Forecast the rows of ``future`` from the last row of ``history``.
 
@@ -328,7 +303,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             If ``future`` does not continue ``history``, or a column is missing.
         """
         check_is_fitted(self)
-        ahead = self._read(self._as_fitted(future), reset=False)
+        ahead = self._read_X(as_fitted(self, future))
         ahead = ahead.replace(history={"zeta": np.full(ahead.n_rows, np.nan)})
         past = self._tail if history is None else self._past(history)
         if past.utc is not None and ahead.utc is not None and not ahead.follows(past):
@@ -344,21 +319,15 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _past(self, history: pd.DataFrame) -> ZoneTable:
         """The rows before the origin, after those of the training table where they continue it."""
-        table = self._read(self._as_fitted(history), reset=False)
+        table = self._read_X(as_fitted(self, history))
         column = (self.columns or {}).get("zeta", "zeta")
         if "zeta" not in table.history and column in history:
             values = history[column].to_numpy(dtype=np.float64, na_value=np.nan)
             table = table.replace(history={**table.history, "zeta": values})
         return append_tables(self._tail, table) if table.follows(self._tail) else table
 
-    def _as_fitted(self, frame: pd.DataFrame) -> pd.DataFrame:
-        return as_fitted(frame, getattr(self, "feature_names_in_", None), self.columns)
-
-    def _read(self, X: Any, reset: bool) -> ZoneTable:
-        return read_weather(self, X, reset)
-
     def _read_X(self, X: Any) -> ZoneTable:
-        return self._read(X, reset=False)
+        return read_weather(self, X, reset=False)
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = zeta_of(table)[0]

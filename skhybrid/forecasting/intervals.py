@@ -54,23 +54,10 @@ class LeadIntervals:
     errors on left-out training data.  Location and width come from the errors of the last days, shrunk towards 0 and 1;
     the standardised errors of the last days also join the shape.
 
-    Parameters
-    ----------
-    by_hour : bool, default True
-        Whether the scale depends on the hour of the target, and not on the lead alone.
-    follow : bool, default True
-        Whether recent errors change location, width and shape; otherwise those of the training stay.
-
-    Attributes
-    ----------
-    lead_scale_ : ndarray of shape (2, n_bins)
-        Leads [h] and the mean absolute error there.
-    hour_scale_ : ndarray of shape (48,)
-        Factor of each hour, of a weekday and then of a weekend day.
-    shape_ : ndarray of shape (n_groups, 200)
-        Evenly spaced quantiles of the standardised errors of leads up to 2 h, up to 8 h and above.
-    n_days_ : int
-        Number of days with errors.
+    Without ``by_hour`` the scale depends on the lead alone; without ``follow`` recent errors change nothing.  Fitted
+    are ``lead_scale_`` (2, n_bins), leads [h] and the mean absolute error there; ``hour_scale_`` (48,), the factor of
+    each hour of a weekday and then of a weekend day; ``shape_`` (n_groups, 200), evenly spaced quantiles of the
+    standardised errors of leads up to 2 h, up to 8 h and above; and ``n_days_``, the number of days with errors.
     """
 
     def __init__(self, *, by_hour: bool = True, follow: bool = True) -> None:
@@ -78,24 +65,7 @@ class LeadIntervals:
         self.follow = follow
 
     def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
-        """Learn scale and shape.
-
-        Parameters
-        ----------
-        errors : ndarray of shape (n_origins, n_leads)
-            Measured minus forecast on data that the forecast was not fitted on; NaN where unknown.
-        clock : PathClock
-
-        Returns
-        -------
-        LeadIntervals
-            Itself.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than 20 errors.
-        """
+        """Learn scale and shape from errors (n_origins, n_leads) on left-out data, NaN where unknown; 20 are needed."""
         known = np.isfinite(errors)
         if known.sum() < LEAST_ERRORS:
             raise ValueError(
@@ -147,23 +117,10 @@ class LeadIntervals:
         recent: tuple[np.ndarray, PathClock] | None = None,
         now: float | None = None,
     ) -> np.ndarray:
-        """Quantiles of the error of one forecast path.
+        """(n_leads, n_quantiles) quantiles of the error of one path, to be added to it; never decreasing along a row.
 
-        Parameters
-        ----------
-        clock : PathClock
-            One origin, (1, n_leads).
-        quantiles : array-like of shape (n_quantiles,)
-            In (0, 1).
-        recent : tuple of (errors, PathClock), optional
-            Earlier paths of this forecaster, one row per path; only errors known at ``now`` are read.
-        now : float, optional
-            Time of the origin [days], on the clock of ``recent``.
-
-        Returns
-        -------
-        ndarray of shape (n_leads, n_quantiles)
-            To be added to the path; never decreasing along each row.
+        ``clock`` has one origin.  ``recent`` has errors of earlier paths, one row per path, and their clock, on which
+        ``now`` is the time of the origin [days]; only errors known at ``now`` are read.
         """
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
@@ -228,17 +185,7 @@ def _smooth(day: np.ndarray) -> np.ndarray:
 
 
 def weighted_quantiles(values: np.ndarray, weights: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Quantiles of a weighted sample, linear between the midpoints of the cumulative weights.
-
-    Parameters
-    ----------
-    values, weights : ndarray of shape (n,)
-    levels : ndarray of shape (n_levels,)
-
-    Returns
-    -------
-    ndarray of shape (n_levels,)
-    """
+    """(n_levels,) quantiles of a weighted sample (n,), linear between the midpoints of the cumulative weights."""
     order = np.argsort(values, kind="stable")
     weight = weights[order]
     reached = np.cumsum(weight)

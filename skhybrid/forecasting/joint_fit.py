@@ -3,37 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, overload
+from typing import Any
 
 from sklearn.base import clone
 
 from .._threads import one_blas_thread
 from .forecaster import DisturbanceForecaster
-
-_Results = list[DisturbanceForecaster | Exception]
-
-
-@overload
-def fit_many(
-    forecasters: Iterable[DisturbanceForecaster],
-    X: Any,
-    y: Any,
-    *,
-    on_error: Literal["raise"] = "raise",
-    verbose: int = 0,
-) -> list[DisturbanceForecaster]: ...
-
-
-@overload
-def fit_many(
-    forecasters: Iterable[DisturbanceForecaster], X: Any, y: Any, *, on_error: Literal["return"], verbose: int = 0
-) -> _Results: ...
+from .training_job import TrainingJob
 
 
 @one_blas_thread
 def fit_many(
     forecasters: Iterable[DisturbanceForecaster], X: Any, y: Any, *, on_error: str = "raise", verbose: int = 0
-) -> Any:
+) -> list[Any]:
     """Fit many forecasters to the same rows, such as the candidates of a search.
 
     Each becomes what ``clone(forecaster).fit(X, y)`` is; networks agree with it to rounding.  What they share is
@@ -67,18 +49,11 @@ def fit_many(
     ------
     ValueError
         If ``on_error`` is unknown, or a forecaster refuses its parameters or the table.
-
-    Examples
-    --------
-    >>> from skhybrid import DisturbanceForecaster
-    >>> from skhybrid.forecasting import fit_many
-    >>> candidates = [DisturbanceForecaster("mlp", hidden_size=n, random_state=0) for n in (10, 20)]
-    >>> fitted = fit_many(candidates, X, y)  # doctest: +SKIP
     """
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")
-    results: dict[int, DisturbanceForecaster | Exception] = {}
-    jobs: dict[int, Any] = {}
+    results: dict[int, Any] = {}
+    jobs: dict[int, TrainingJob] = {}
     shared: dict[Any, Any] = {}
     for i, forecaster in enumerate(forecasters):
         try:
@@ -92,24 +67,18 @@ def fit_many(
         if job is not None:
             jobs[i] = job
     if jobs:
-        _train(jobs, results, on_error, verbose)
+        from .networks.jobs import train_networks  # torch loads here
+
+        for i, result in zip(jobs, train_networks(list(jobs.values()), verbose, on_error), strict=True):
+            if isinstance(result, Exception):
+                results[i] = result
+            else:
+                results[i]._take(result)
     return [results[i] for i in range(len(results))]
-
-
-def _train(jobs: dict[int, Any], results: dict[int, Any], on_error: str, verbose: int) -> None:
-    """Train the networks of the forecasters that have one; an exception takes the place of its forecaster."""
-    from .networks.jobs import train_networks, try_networks  # torch loads here
-
-    train = train_networks if on_error == "raise" else try_networks
-    for i, result in zip(jobs, train(list(jobs.values()), verbose), strict=True):
-        if isinstance(result, Exception):
-            results[i] = result
-        else:
-            results[i]._take(result)
 
 
 def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:
     """Fit several forecasters of one disturbance, networks of equal shape as one stack; others need not be ours."""
     if all(isinstance(forecaster, DisturbanceForecaster) for forecaster in forecasters):
-        return list(fit_many(forecasters, X, y))
+        return fit_many(forecasters, X, y)
     return [forecaster.fit(X, y) for forecaster in forecasters]

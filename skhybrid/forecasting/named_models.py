@@ -20,17 +20,8 @@ BASELINES: dict[str, Any] = {
 }
 ACTIVATIONS = ("relu", "selu", "gelu")
 #: the least value of each whole number
-_LEAST = {
-    "n_layers": 1,
-    "hidden_size": 1,
-    "n_channels": 1,
-    "filter_size": 1,
-    "pool_size": 0,
-    "max_epochs": 1,
-    "patience": 1,
-    "batch_size": 1,
-    "n_repeats": 1,
-}
+_LEAST = dict.fromkeys(("n_layers", "hidden_size", "n_channels", "filter_size"), 1) | {"pool_size": 0}
+_LEAST |= dict.fromkeys(("max_epochs", "patience", "batch_size", "n_repeats"), 1)
 
 
 def is_network(model: Any) -> bool:
@@ -39,41 +30,14 @@ def is_network(model: Any) -> bool:
 
 
 def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) -> Any:
-    """Fit a baseline by its name.
-
-    Parameters
-    ----------
-    name : str
-        One of ``BASELINES``.
-    table : ZoneTable
-        Training rows with the history ``zeta``.
-    target : ndarray of shape (n_rows,)
-        Disturbance, NaN where missing.
-    n_leads : int
-        Rows of the horizon, which the ridge learns.
-
-    Returns
-    -------
-    Baseline
-    """
+    """Fit one of ``BASELINES`` to training rows with history ``zeta`` and a target (n_rows,), NaN where missing."""
     if name == "ridge":
         return RidgeForecaster().fit(table, target, n_leads)
     return BASELINES[name]().fit(table, target)
 
 
 def check_parameters(forecaster: Any) -> None:
-    """Refuse parameters of a :class:`~skhybrid.DisturbanceForecaster` that mean nothing.
-
-    Parameters
-    ----------
-    forecaster : DisturbanceForecaster
-        With its constructor's arguments; those of networks are read only where ``model`` is one.
-
-    Raises
-    ------
-    ValueError
-        If one is unknown or out of range.
-    """
+    """Refuse unknown or impossible parameters of a forecaster; those of networks are read only where it is one."""
     model, names = forecaster.model, (*NETWORKS, *BASELINES)
     if isinstance(model, type) or not (isinstance(model, str) or hasattr(model, "fit")):
         raise ValueError(f"model={model!r} is neither one of {', '.join(names)} nor a regressor instance.")

@@ -8,8 +8,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
-from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -160,13 +158,7 @@ class QuantileForecastMixin(RollingForecastMixin):
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Quantiles as an array, (n_quantiles,) float64.
-
-    Raises
-    ------
-    ValueError
-        If there is none, one is not in (0, 1), or they do not increase.
-    """
+    """Quantiles as an array (n_quantiles,), which must increase within (0, 1)."""
     levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
@@ -179,18 +171,9 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
 
 
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
-    """Leads, hours and days of the rows after each origin; leads count from the last measurement up to the origin.
+    """Leads, hours and days of the rows after each origin (-1: before the first row).
 
-    Parameters
-    ----------
-    table : ZoneTable
-    origins : ndarray of int, shape (n_origins,)
-        Rows; -1 is the row before the first one.
-    n_leads : int
-
-    Returns
-    -------
-    PathClock
+    Leads count from the last measurement up to the origin.
     """
     measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
     last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
@@ -209,13 +192,7 @@ def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.nd
 
 
 def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
-    """Intervals learned from errors on left-out parts of a training table, which has its target as history.
-
-    Raises
-    ------
-    ValueError
-        If the errors are too few.
-    """
+    """Intervals learned from errors on left-out parts of a training table, which has its target as history."""
     return LeadIntervals().fit(left_out.errors, path_clock(table, left_out.origins, left_out.errors.shape[1]))
 
 
@@ -232,40 +209,6 @@ def block_origins(block: tuple[int, int], per_day: int) -> np.ndarray:
     return rows[(rows % apart == 0) & (rows < block[1] - 1)]
 
 
-def left_out_errors(estimator: RollingForecastMixin, X: Any, y: Any) -> LeftOut:
-    """Errors of any rolling forecaster in weeks of its training table that are left out in turn.
-
-    One clone per week is fitted with ``y`` missing in that week.  Estimators that can leave a week out at less cost
-    compute such errors themselves.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Has ``predict_from``; need not be fitted.
-    X : DataFrame of shape (n_samples, n_features)
-        The training table, with ``T_za`` as history.
-    y : array-like of shape (n_samples,)
-        Measured values.
-
-    Returns
-    -------
-    LeftOut
-        Over the leads of the horizon, or of one day.
-    """
-    target = np.array(y, dtype=np.float64)
-    found = []
-    per_day = _rows_per_day_of(estimator, X)
-    for block in left_out_blocks(len(target), per_day):
-        hidden = target.copy()
-        hidden[slice(*block)] = np.nan
-        origins = block_origins(block, per_day)
-        if not len(origins) or not np.isfinite(hidden).any():
-            continue
-        paths = clone(estimator).fit(X, hidden).predict_from(X, origins)
-        found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
-    return joined(found)
-
-
 def joined(found: Sequence[LeftOut]) -> LeftOut:
     """The errors of several blocks as one."""
     if not found:
@@ -277,11 +220,3 @@ def errors_inside(target: np.ndarray, origins: np.ndarray, paths: np.ndarray, en
     """Errors of paths, NaN from the end of their block on: the forecaster was fitted on those rows."""
     rows = target_rows(origins, paths.shape[1])
     return np.where(rows < end, target[np.minimum(rows, len(target) - 1)], np.nan) - paths
-
-
-def _rows_per_day_of(estimator: Any, X: Any) -> int:
-    """Steps per day, by the time stamps of X or the estimator's ``sampling_time``."""
-    index = getattr(X, "index", None)
-    if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
-        return rows_per_day(index[1] - index[0])
-    return rows_per_day(pd.Timedelta(getattr(estimator, "sampling_time", None) or "15min"))

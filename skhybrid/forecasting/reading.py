@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,22 +16,7 @@ _WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
 
 
 def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
-    """Read weather and history, and the plant where a case asks for it.
-
-    Parameters
-    ----------
-    forecaster : DisturbanceForecaster
-        With its ``case_``, None where it has none.
-    X : DataFrame or array-like of shape (n_samples, n_features)
-        The table.
-    reset : bool
-        Whether it is the training table.
-
-    Raises
-    ------
-    ValueError
-        If the table is refused (design 9), or a role that the case needs is missing.
-    """
+    """Read weather and history, and the plant where the forecaster's ``case_`` asks for it."""
     case = forecaster.case_
     wanted = set(case.features) if case is not None else set()
     modes = bool(wanted & {"i_heat", "i_cool"})
@@ -57,28 +41,14 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
     return table
 
 
-def as_fitted(frame: pd.DataFrame, names: Any, columns: Mapping[str, Any] | None) -> pd.DataFrame:
-    """A frame with the columns of the training table; history that it lacks is NaN.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        History or future.
-    names : sequence of str or None
-        Columns of the training table; None: it had no names.
-    columns : mapping of role to column or None
-        Names of roles.
-
-    Raises
-    ------
-    ValueError
-        If it is no DataFrame, or a column is missing that is not history.
-    """
+def as_fitted(forecaster: Any, frame: pd.DataFrame) -> pd.DataFrame:
+    """History or future with the columns of the training table; history that is absent is NaN, an input refused."""
     if not isinstance(frame, pd.DataFrame):
         raise ValueError(f"history and future must be DataFrames, but one is a {type(frame).__name__}.")
+    names = getattr(forecaster, "feature_names_in_", None)
     if names is None:
         return frame
-    mapped = columns or {}
+    mapped = forecaster.columns or {}
     optional = {mapped.get(role, role) for role in ("zeta", "T_za")}
     frame = frame.assign(**{name: np.nan for name in names if name in optional and name not in frame})
     absent = [name for name in names if name not in frame]

@@ -69,24 +69,11 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[RidgeFit, np.ndarray]:
-    """Ridge regression with the penalty that forecasts left-out blocks best.
+    """Ridge regression with the penalty that forecasts left-out blocks best, and the left-out prediction (n,).
 
-    scikit-learn's searches refit for every pair of penalty and block; here the blocks' moments are summed once.
-
-    Parameters
-    ----------
-    D : ndarray of shape (n, p)
-        Columns; finite.
-    y : ndarray of shape (n,)
-        Target; finite.
-    blocks : ndarray of int, shape (n,)
-        Block of time of each row; with fewer than two blocks the penalty is 10.
-
-    Returns
-    -------
-    fit : RidgeFit
-    left_out : ndarray of shape (n,)
-        Prediction of each row by the fit that has not seen its block.
+    ``D`` (n, p) and ``y`` (n,) are finite; ``blocks`` (n,) is the block of time of each row.  With one block the
+    penalty is 10.  scikit-learn's searches refit for every pair of penalty and block; here the blocks' moments are
+    summed once.
     """
     names = np.unique(blocks)
     parts = [_moments(D[blocks == b], y[blocks == b]) for b in names]
@@ -198,15 +185,11 @@ def training_origins(n_rows: int, n_leads: int) -> np.ndarray:
 
 
 def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
-    """What is known at each origin of the deviation from the static model, by lead.
+    """(n_origins, n_leads, n_features) of what is known at each origin of the deviation from the static model.
 
-    Unknown values are 0, which is the deviation to expect.
-
-    Returns
-    -------
-    ndarray of shape (n_origins, n_leads, n_features)
-        The last value and means of the last hours, each fading with the lead; the last day's mean and the week's; the
-        last known value at the same time of day, apart for pairs of unlike day types; and a week before.
+    The last value and means of the last hours, each fading with the lead; the last day's mean and the week's; the last
+    known value at the same time of day, apart for pairs of unlike day types; and a week before.  Unknown values are 0,
+    which is the deviation to expect.
     """
     per_day = rows_per_day(table.step)
     hours = np.arange(1, n_leads + 1) * table.step_hours

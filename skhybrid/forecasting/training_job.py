@@ -18,20 +18,9 @@ class Split(NamedTuple):
 
 
 def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
-    """Cut the validation block from the end, with a gap of one horizon before it.
+    """Cut the share ``fraction`` of the rows from the end to validate, with a gap of one horizon before it.
 
-    Parameters
-    ----------
-    n_rows, n_leads : int
-        Rows of the table and of the horizon.
-    fraction : float
-        Share of the rows that validate.
-    per_day : int
-        Rows of a day: two of them must be left to train on, and validation must be longer than one horizon.
-
-    Returns
-    -------
-    Split
+    No validation where it would be no longer than one horizon, or leave less than two days or horizons to train on.
     """
     n_valid = round(fraction * n_rows)
     valid_start = n_rows - n_valid

@@ -26,13 +26,7 @@ class TrainingResult(NamedTuple):
 
 
 class GradientClippingPerNetwork(Callback):
-    """Clip the norm of each network's gradient.
-
-    Parameters
-    ----------
-    max_norm : float
-        Largest norm.
-    """
+    """Clip the norm of each network's gradient."""
 
     def __init__(self, max_norm: float) -> None:
         self.max_norm = max_norm
@@ -47,22 +41,14 @@ class GradientClippingPerNetwork(Callback):
 class EarlyStoppingPerNetwork(Callback):
     """Early stopping, best weights and history of each network; one that stops leaves the stack.
 
-    Parameters
-    ----------
-    patience : int or None
-        Epochs without a lower validation error after which a network stops; None: there is no validation block.
-
-    Attributes
-    ----------
-    ended_ : bool
-        Whether training came to its end: all networks have stopped, or the last epoch was run.
+    ``patience`` is None where there is no validation block.  ``ended_`` tells whether all networks have stopped or the
+    last epoch was run.
     """
 
     def __init__(self, patience: int | None) -> None:
         self.patience = patience
 
     def on_train_begin(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
-        """Begin all networks' histories."""
         n = len(net.module_.numbers)
         self.ended_ = False
         self.flat_ = net.module_.flat.detach().clone()
@@ -82,15 +68,13 @@ class EarlyStoppingPerNetwork(Callback):
                 self.flat_[number] = stack.flat.detach()[row]
             else:
                 self.misses_[number] += 1
-        running = [row for row, number in enumerate(stack.numbers) if not self._has_stopped(number)]
+        patience = np.inf if self.patience is None else self.patience
+        running = [row for row, number in enumerate(stack.numbers) if self.misses_[number] < patience]
         self.ended_ = not running or len(net.history) == net.max_epochs
         if not running:
             raise KeyboardInterrupt  # by which skorch ends a training
         if len(running) < len(stack.numbers):
             _keep(net, running)
-
-    def _has_stopped(self, number: int) -> bool:
-        return self.patience is not None and bool(self.misses_[number] >= self.patience)
 
     def results(self, stack: NetworkStack) -> list[TrainingResult]:
         """Results of all networks, of whose shape the stack is."""
@@ -105,18 +89,7 @@ class EarlyStoppingPerNetwork(Callback):
 
 
 def epoch_losses(net: NeuralNet) -> dict[str, list[float]]:
-    """Mean squared errors of the last epoch by network, over the known targets of all its batches.
-
-    Parameters
-    ----------
-    net : StackNet
-        In training.
-
-    Returns
-    -------
-    dict of str to list of float
-        ``train_loss`` and, with a validation block, ``valid_loss``.
-    """
+    """``train_loss`` and, with validation, ``valid_loss`` of the last epoch: mean squared errors by network."""
     found = {}
     for part in ("train", "valid"):
         batches = [batch for batch in net.history[-1]["batches"] if f"{part}_squares" in batch]
@@ -140,17 +113,14 @@ def _keep(net: NeuralNet, rows: list[int]) -> None:
 
 
 class EpochProgress(Callback):
-    """A progress bar of epochs."""
+    """A progress bar of epochs, with the lowest losses of the networks that still train."""
 
     def on_train_begin(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
-        """Open the bar."""
         self.bar_ = tqdm(total=net.max_epochs, desc="epochs", unit="epoch", leave=False)
 
     def on_epoch_end(self, net: NeuralNet, **kwargs: Any) -> None:
-        """Advance it and show the lowest losses of the networks that still train."""
         self.bar_.set_postfix({name: f"{min(values):.3f}" for name, values in epoch_losses(net).items()})
         self.bar_.update()
 
     def on_train_end(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
-        """Close it."""
         self.bar_.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,72 +20,34 @@ from .windows import Scaler, WindowViews, columns_of, network_inputs, scaled_vie
 
 #: Windows that are forecast at once.
 _WINDOWS_AT_ONCE = 2048
-_STACKS: dict[str, type[NetworkStack]] = {
-    "mlp": MLPStack,
-    "cnn": CNNStack,
-    "rnn": RecurrentStack,
-    "lstm": RecurrentStack,
-}
+_STACKS = {"mlp": MLPStack, "cnn": CNNStack, "rnn": RecurrentStack, "lstm": RecurrentStack}
 
 
 def make_stack(specs: Sequence[NetworkSpec]) -> NetworkStack:
-    """A stack of networks, with weights of 0.
-
-    Parameters
-    ----------
-    specs : sequence of NetworkSpec
-        One per network, of equal shape.
-
-    Returns
-    -------
-    NetworkStack
-    """
+    """A stack of networks of equal shape, with weights of 0."""
     return _STACKS[specs[0].kind](specs)
 
 
+@dataclass(eq=False)
 class FittedNetwork:
     """One fitted network, or several whose mean forecasts: arrays, from which the module is built when it is needed.
 
-    Parameters
-    ----------
-    spec : NetworkSpec
-        Shape of the network.
-    case : ModelCase
-        Its features.
-    encoding : str
-        Time encoding.
-    scaler : Scaler
-        Z-scores of the training block.
-    weights : dict of str to ndarray
-        As :meth:`NetworkStack.weights` names them, (n_networks, ...).
+    ``weights`` are named as :meth:`NetworkStack.weights` names them, (n_networks, ...).
     """
 
-    def __init__(
-        self, spec: NetworkSpec, case: ModelCase, encoding: str, scaler: Scaler, weights: dict[str, np.ndarray]
-    ) -> None:
-        self.spec = spec
-        self.case = case
-        self.encoding = encoding
-        self.scaler = scaler
-        self.weights = weights
+    spec: NetworkSpec
+    case: ModelCase
+    encoding: str  # of time
+    scaler: Scaler  # z-scores of the training block
+    weights: dict[str, np.ndarray]
 
     def forecast(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, base: Any = None, expected: np.ndarray | None = None
     ) -> np.ndarray:
         """Forecasts (n_origins, n_leads); beyond the trained horizon its own forecasts become history.
 
-        Parameters
-        ----------
-        table : ZoneTable
-            The rows.
-        origins : ndarray of int, shape (n_origins,)
-            Rows to forecast from.
-        n_leads : int
-            How many rows ahead.
-        base : ndarray of shape (n_origins, n_leads), optional
-            Baseline forecast that is corrected.
-        expected : ndarray of shape (n_rows,), optional
-            Stands in for a missing disturbance.
+        ``base`` (n_origins, n_leads) is the baseline forecast that is corrected; ``expected`` (n_rows,) stands in for a
+        missing disturbance.
         """
         spec, scaler = self.spec, self.scaler
         n_rounds = -(-n_leads // spec.n_leads)

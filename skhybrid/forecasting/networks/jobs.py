@@ -52,30 +52,11 @@ class _Plan(NamedTuple):
         return (self.spec.shape, self.training, self.job.base is not None, self.job.table.n_rows, self.job.split)
 
 
-def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResult]:
-    """Train the networks of several forecasters, those of equal shape as one stack.
+def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str = "raise") -> list[Any]:
+    """A JobResult of each job, to rounding as if it were alone; networks of equal shape are trained as one stack.
 
-    Parameters
-    ----------
-    jobs : sequence of TrainingJob
-        Such as the candidates of a search.
-    verbose : int, default 0
-        1 shows a progress bar.
-
-    Returns
-    -------
-    list of JobResult
-        In the order of the jobs; to rounding what each would be alone.
+    With ``on_error="return"`` an exception takes the place of a job that fails.
     """
-    found = try_networks(jobs, verbose)
-    for one in found:
-        if isinstance(one, Exception):
-            raise one
-    return cast(list[JobResult], found)
-
-
-def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResult | Exception]:
-    """:func:`train_networks`, with an exception in the place of each job that fails."""
     plans: dict[int, _Plan] = {}
     results: dict[int, JobResult | Exception] = {}
     shared: dict[Any, _Data] = {}
@@ -84,6 +65,8 @@ def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResul
         try:
             plans[i] = _plan(job, shared)
         except Exception as error:
+            if on_error == "raise":
+                raise
             results[i] = error
         else:
             groups.setdefault(plans[i].shape, []).append(i)
@@ -91,6 +74,8 @@ def try_networks(jobs: Sequence[TrainingJob], verbose: int = 0) -> list[JobResul
         try:
             results |= _train_group({i: plans[i] for i in numbers}, verbose)
         except Exception as error:
+            if on_error == "raise":
+                raise
             results |= dict.fromkeys(numbers, error)
     return [results[i] for i in range(len(jobs))]
 
@@ -120,24 +105,8 @@ def _train(networks: Sequence[tuple[_Plan, int]], verbose: int) -> list[Training
     return train_stack(stack, generators, train, valid, first.training, verbose)
 
 
-# ------------------------------------------------------------------------------------------------------- before, after
 def torch_device(device: str) -> str:
-    """The device to train on: ``"auto"`` is a GPU where torch finds one.
-
-    Parameters
-    ----------
-    device : str
-        ``"cpu"``, ``"auto"``, or one of torch's names, such as ``"cuda"``.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ValueError
-        If torch does not know the device or cannot use it here.
-    """
+    """The device to train on, refused if torch cannot use it; ``"auto"`` is a GPU where torch finds one."""
     if device == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
@@ -197,15 +166,7 @@ def _spec_of(job: TrainingJob, data: _Data) -> NetworkSpec:
     for name in ("n_channels", "filter_size", "pool_size"):
         # others do not read them: candidates that differ in nothing else are of equal shape
         sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
-    return NetworkSpec(
-        kind=settings.model,
-        n_past=data.n_past,
-        n_leads=job.n_leads,
-        n_past_columns=data.n_columns[0],
-        n_future_columns=data.n_columns[1],
-        reads_zeta="zeta" in case.past,
-        **sizes,
-    )
+    return NetworkSpec(settings.model, data.n_past, job.n_leads, *data.n_columns, "zeta" in case.past, **sizes)
 
 
 def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
@@ -253,12 +214,8 @@ def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
 def discounted_share(cross: np.ndarray, power: np.ndarray, n_blocks: int) -> float:
     """``sum(cross) / sum(power)`` less its jackknife standard error over blocks of consecutive windows, in [0, 1].
 
-    Parameters
-    ----------
-    cross, power : ndarray of shape (n_windows,)
-        Each window's product of correction and remainder, and its squared correction.
-    n_blocks : int
-        Number of blocks of windows that are left out in turn; windows of a block overlap.
+    ``cross`` and ``power`` (n_windows,) are each window's product of correction and remainder, and its squared
+    correction.
     """
     crosses, powers = (np.array([part.sum() for part in np.array_split(v, n_blocks)]) for v in (cross, power))
     rest = powers.sum() - powers

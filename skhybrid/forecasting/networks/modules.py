@@ -28,19 +28,10 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F
 
 
 class NetworkStack(nn.Module):
-    """Networks of equal shape, whose weights are the rows of one matrix.
+    """Networks of equal shape, which may differ in activation and dropout.
 
-    Parameters
-    ----------
-    specs : sequence of NetworkSpec
-        One per network; they may differ in activation and dropout.
-
-    Attributes
-    ----------
-    flat : Parameter of shape (n_networks, n_weights)
-        All weights; those of the layers are views of it, so that an optimiser steps one tensor.
-    numbers : list of int
-        The number of the network in each row, which stays when others leave the stack.
+    ``flat`` (n_networks, n_weights) holds all weights; those of the layers are views of it, so that an optimiser steps
+    one tensor.  ``numbers`` has the number of the network in each row, which stays when others leave the stack.
     """
 
     def __init__(self, specs: Sequence[NetworkSpec]) -> None:
@@ -57,19 +48,9 @@ class NetworkStack(nn.Module):
 
     @torch.no_grad()
     def draw_weights(self, generators: Sequence[torch.Generator], corrects: bool = False) -> NetworkStack:
-        """Draw initial weights, those of each network from its own generator.
+        """Draw each network's initial weights from its own generator, and return the stack.
 
-        Parameters
-        ----------
-        generators : sequence of torch.Generator
-            One per network.
-        corrects : bool, default False
-            Whether networks correct a baseline: their last layer begins at zero, which is the baseline itself.
-
-        Returns
-        -------
-        NetworkStack
-            Itself.
+        Where networks correct a baseline, their last layer begins at zero, which is the baseline itself.
         """
         weights = self.weights()
         for layer in self.layers[:-1] if corrects else self.layers:
@@ -80,14 +61,7 @@ class NetworkStack(nn.Module):
         return self
 
     def weights(self) -> dict[str, Tensor]:
-        """Views of the weights by name.
-
-        Returns
-        -------
-        dict of str to Tensor
-            ``<layer>.weight`` (n_networks, n_out, n_in), of a convolution (n_networks, n_out, n_in, width), and
-            ``<layer>.bias`` (n_networks, n_out).
-        """
+        """Views ``<layer>.weight`` (n_networks, n_out, n_in[, width]) and ``<layer>.bias`` (n_networks, n_out)."""
         names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
         pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
         return {name: piece.view(len(self.flat), *shape) for name, piece, shape in pieces}

@@ -42,21 +42,9 @@ class NetworkSpec(NamedTuple):
         return self._replace(activation="", dropout=0.0)
 
     def draw_dropped(self, n_windows: int, share: float, generator: torch.Generator) -> Tensor:
-        """Draw the hidden values that dropout drops in so many windows.
+        """(n_layers, hidden_size, n_windows) bool: the hidden values that dropout drops in the windows of an epoch.
 
-        Parameters
-        ----------
-        n_windows : int
-            Windows of an epoch.
-        share : float
-            Share that is dropped.
-        generator : torch.Generator
-            Source of the draws.
-
-        Returns
-        -------
-        Tensor of bool, shape (n_layers, hidden_size, n_windows)
-            A CNN drops in one layer, its head; the layers of a recurrent network are the leads.
+        A CNN drops in one layer, its head; the layers of a recurrent network are the leads.
         """
         width, device = rounded_up(self.hidden_size), generator.device
         if self.kind in N_GATES:
@@ -144,19 +132,6 @@ def _head_layers(inputs: Tensor, n_out: int, spec: NetworkSpec) -> list[Layer]:
     return [_dense("hidden", inputs, hidden), _dense("out", hidden, _kept(n_out))]
 
 
-_LAYERS = {"mlp": _mlp_layers, "cnn": _cnn_layers, "rnn": _recurrent_layers, "lstm": _recurrent_layers}
-
-
 def layers_of(spec: NetworkSpec) -> list[Layer]:
-    """The layers of a network, in the order in which they are drawn.
-
-    Parameters
-    ----------
-    spec : NetworkSpec
-        Its shape.
-
-    Returns
-    -------
-    list of Layer
-    """
-    return _LAYERS[spec.kind](spec)
+    """The layers of a network, in the order in which they are drawn."""
+    return {"mlp": _mlp_layers, "cnn": _cnn_layers}.get(spec.kind, _recurrent_layers)(spec)

@@ -14,7 +14,6 @@ from threadpoolctl import ThreadpoolController
 from torch import Tensor
 from torch.nn import functional as F
 
-from .batches import WindowBatches
 from .callbacks import EarlyStoppingPerNetwork, EpochProgress, GradientClippingPerNetwork, TrainingResult
 from .modules import NetworkStack
 from .windows import Windows
@@ -22,6 +21,8 @@ from .windows import Windows
 _MAX_NORM = 1.0
 #: Windows of a batch that validates, at least.
 _VALIDATED_AT_ONCE = 512
+
+Batch = tuple[dict[str, Tensor], Tensor]
 
 
 class TrainingSettings(NamedTuple):
@@ -32,6 +33,69 @@ class TrainingSettings(NamedTuple):
     max_epochs: int
     patience: int
     device: str = "cpu"
+
+
+class WindowBatches:
+    """Slices of a data set for a stack: shuffled and with dropout if there are generators, one per network's number."""
+
+    def __init__(
+        self, windows: Windows, size: int, stack: NetworkStack, generators: Sequence[torch.Generator] | None = None
+    ) -> None:
+        self.windows = windows
+        self.size = size
+        self.stack = stack
+        self.generators = generators
+        self._in_order: tuple[list[int], list[Batch]] = ([], [])  # numbers of networks and their batches
+
+    def __len__(self) -> int:
+        return -(-len(self.windows) // self.size)
+
+    def __iter__(self) -> Iterator[Batch]:
+        numbers = self.stack.numbers
+        if self.generators is not None:
+            yield from self._shuffled([self.generators[number] for number in numbers])
+            return
+        if self._in_order[0] != numbers:
+            order = torch.arange(len(self.windows), device=self.windows.chosen.device)
+            self._in_order = numbers, [self.windows.take(rows, numbers) for rows in order.split(self.size)]
+        yield from self._in_order[1]
+
+    def _shuffled(self, generators: list[torch.Generator]) -> Iterator[Batch]:
+        """An epoch: the order of windows, then all dropout, from each generator."""
+        n, device = len(self.windows), self.windows.chosen.device
+        order = torch.stack([torch.randperm(n, generator=g, device=g.device) for g in generators]).to(device)
+        kept = draw_kept(self.stack, n, generators)
+        for start in range(0, n, self.size):
+            part = slice(start, start + self.size)
+            inputs, target = self.windows.take(order[:, part], self.stack.numbers)
+            if kept is not None:
+                inputs["kept"] = kept.factors(part)
+            yield inputs, target
+
+
+class Kept(NamedTuple):
+    """Hidden values that dropout keeps in an epoch, and the scale of those that are kept, by network."""
+
+    values: Tensor  # (n_networks, n_layers, width, n_windows) bool
+    scales: Tensor  # (n_networks, 1, 1, 1), 1 / (1 - share dropped)
+
+    def factors(self, part: slice) -> Tensor:
+        """Factors of the hidden values of some windows: 0, or their scale."""
+        return self.values[..., part] * self.scales
+
+
+def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Generator]) -> Kept | None:
+    """Draw the dropout of an epoch, each row of the stack from its generator; None where no network drops."""
+    shares = [spec.dropout for spec in stack.specs]
+    if not any(shares):
+        return None
+    dropped = [
+        stack.spec.draw_dropped(n_windows, share, generator) if share else None
+        for share, generator in zip(shares, generators, strict=True)
+    ]
+    like = next(one for one in dropped if one is not None)
+    values = torch.stack([torch.zeros_like(like) if one is None else one for one in dropped])
+    return Kept(~values, 1.0 / (1.0 - torch.tensor(shares, device=values.device)[:, None, None, None]))
 
 
 class SquaredErrorsPerNetwork(torch.nn.Module):
@@ -45,18 +109,11 @@ class SquaredErrorsPerNetwork(torch.nn.Module):
 
 
 class StackNet(NeuralNet):
-    """skorch's net over a stack of networks.
+    """skorch's net over a stack of networks, with one generator per network for its order of windows and its dropout.
 
     The loss is the sum of the networks' mean squared errors, so that no network's gradient contains anything of
     another's.  Of every batch the history has the sums of squared errors by network (``train_squares``,
     ``valid_squares``) and the numbers of known targets (``train_known``, ``valid_known``).
-
-    Parameters
-    ----------
-    *args, **kwargs
-        As of ``NeuralNet``.
-    generators : sequence of torch.Generator
-        One per network: source of its order of windows and of its dropout.
     """
 
     def __init__(self, *args: Any, generators: Sequence[torch.Generator] = (), **kwargs: Any) -> None:
@@ -103,25 +160,9 @@ def train_stack(
     settings: TrainingSettings,
     verbose: int = 0,
 ) -> list[TrainingResult]:
-    """Train the networks of a stack.
+    """Train the networks of a stack with initial weights: results in order, to rounding what each would be alone.
 
-    Parameters
-    ----------
-    stack : NetworkStack
-        With initial weights; networks leave it when they stop.
-    generators : sequence of torch.Generator
-        One per network: source of its order of windows and of its dropout.
-    train, valid : Windows
-        Data to learn from, and data that say when to stop; without ``valid`` all of ``max_epochs`` are run.
-    settings : TrainingSettings
-        How to train.
-    verbose : int, default 0
-        1 shows a progress bar.
-
-    Returns
-    -------
-    list of TrainingResult
-        One per network, in order: to rounding what it would be alone.
+    Networks leave the stack when they stop; without ``valid`` all of ``max_epochs`` are run.
     """
     device = settings.device
     stopping = EarlyStoppingPerNetwork(None if valid is None else settings.patience)

@@ -61,18 +61,8 @@ class WindowViews(NamedTuple):
 class WindowTable:
     """The windows of one table as a network reads them.
 
-    Parameters
-    ----------
-    kind : {"mlp", "cnn", "rnn", "lstm"}
-        The network.
-    reads_zeta : bool
-        Whether it reads the history of the disturbance.
-    views : WindowViews
-        What may be read.
-    base : Tensor of shape (n_windows, n_leads)
-        Baseline forecast that is corrected; 0 where there is none.
-    target : Tensor of shape (n_windows, n_leads)
-        Disturbance, NaN where unknown.
+    ``base`` (n_windows, n_leads) is the baseline forecast that is corrected, 0 where there is none; ``target``
+    (n_windows, n_leads) the disturbance, NaN where unknown.
     """
 
     def __init__(self, kind: str, reads_zeta: bool, views: WindowViews, base: Tensor, target: Tensor) -> None:
@@ -97,15 +87,7 @@ class WindowTable:
 
 
 class Windows(torch.utils.data.Dataset):
-    """The same windows of one table for all networks of a stack, or of one table each.
-
-    Parameters
-    ----------
-    tables : sequence of WindowTable
-        One for all, or one per network.
-    chosen : Tensor of int64
-        The windows that this data set holds.
-    """
+    """The chosen windows of one table for all networks of a stack, or of one table each."""
 
     def __init__(self, tables: Sequence[WindowTable], chosen: Tensor) -> None:
         self.tables = list(tables)
@@ -129,12 +111,8 @@ class Windows(torch.utils.data.Dataset):
     def take(self, order: Tensor, numbers: Sequence[int]) -> tuple[dict[str, Tensor], Tensor]:
         """A batch: inputs of a stack by name, and targets.
 
-        Parameters
-        ----------
-        order : Tensor of int64, shape (n_networks, n_windows) or (n_windows,)
-            Places in ``chosen``, of each network or of all.
-        numbers : sequence of int
-            Numbers of the networks.
+        ``order`` (n_networks, n_windows) or (n_windows,) holds places in ``chosen``, of each network or of all;
+        ``numbers`` are the networks'.
         """
         rows = self.chosen[order]
         if len(self.tables) > 1:
@@ -154,22 +132,10 @@ def _cut(table: WindowTable, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def network_inputs(kind: str, reads_zeta: bool, zeta: Tensor, past: Tensor, future: Tensor) -> Tensor:
-    """Windows as a network reads them.
+    """Windows as a network reads them, from the parts of :class:`WindowViews`, before which further axes may come.
 
-    Parameters
-    ----------
-    kind : {"mlp", "cnn", "rnn", "lstm"}
-        The network.
-    reads_zeta : bool
-        Whether it reads the history of the disturbance.
-    zeta, past, future : Tensor
-        As in :class:`WindowViews`; further axes may come before.
-
-    Returns
-    -------
-    Tensor
-        MLP and CNN: vectors (..., flat_width).  RNN and LSTM: sequences (..., n_columns + 1, n_past + n_leads): first
-        zeta of the row before, 0 where it is not known, and last a 1 for the bias.
+    MLP and CNN read vectors (..., flat_width).  RNN and LSTM read sequences (..., n_columns + 1, n_past + n_leads):
+    first zeta of the row before, 0 where it is not known, and last a 1 for the bias.
     """
     if kind not in RECURRENT:
         parts = [zeta[..., 1:]] if reads_zeta else []
@@ -188,22 +154,10 @@ def scaled_views(
     n_leads: int,
     after: int,
 ) -> WindowViews:
-    """Windows of a table in z-scores.
+    """Windows of a table in z-scores, with ``after`` padded rows after its end.
 
-    Parameters
-    ----------
-    table : ZoneTable
-        The rows.
-    columns : pair of ndarray of shape (n_rows, n_columns)
-        Columns of past and future (:func:`columns_of`).
-    scaler : Scaler
-        The z-scores.
-    expected : ndarray of shape (n_rows,) or None
-        Stands in for a missing disturbance; None: its mean does.
-    n_past, n_leads : int
-        Rows of history and of the horizon.
-    after : int
-        Rows that are padded after the table's end.
+    ``columns`` are those of past and future (:func:`columns_of`); ``expected`` (n_rows,) stands in for a missing
+    disturbance, or else its mean.
     """
     zeta = zeta_of(table)
     filled = np.where(np.isfinite(zeta), zeta, scaler.zeta_mean if expected is None else expected)
