@@ -1,11 +1,13 @@
 """Identification of a thermal network under heat gains that nobody measures."""
 
+from .conventional import GrayBoxRC
 from .diagnostics.dynamic_response import frequency_response, make_state_space, step_response
 from .diagnostics.report import Diagnostics, diagnose, diagnose_residuals
 from .diagnostics.residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
 from .experiment_design.plan import ExperimentPlan, plan_experiment
 from .experiment_design.zone import GainStatistics
-from .least_squares import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID
+from .input_disturbance import InputDisturbanceID
+from .output_disturbance import OutputDisturbanceID
 from .periodic import PeriodicDisturbanceID
 from .state_space import StateSpace
 from .uncertainty.identifiability import Identifiability

@@ -1,0 +1,95 @@
+"""Identification with an ARMA(1,1) disturbance on the output (OD)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable
+from ..thermal import Parameter, RCNetwork
+from .base import SearchResult, store_arguments
+from .disturbance_models import OutputARMA, take_searched
+from .experiment import Experiment
+from .filtered_network import ForecastStart
+from .gain_filter import GainFilter
+from .least_squares import LeastSquaresIdentifier
+from .one_step_errors import Innovations, arma_innovations, arma_prediction
+from .shared_docs import shared_docs
+
+
+@shared_docs
+class OutputDisturbanceID(LeastSquaresIdentifier):
+    """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
+
+    The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
+    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, and the sum of its squared errors is
+    minimised.  Where measurements are missing, errors are weighted by their variance, which is larger after a gap, and
+    the gain of the predictor follows it: the sum is then the likelihood, its noise level at the optimum.
+
+    Parameters
+    ----------
+    %(network)s
+    %(search)s
+    %(data)s
+    rho_box : {"stable", "paper"}, default="stable"
+        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable (``rho_1`` at 15
+        minutes; its bound is the same memory at any step); or the paper's box for ``(rho_1, rho_2)``, which also holds
+        unstable predictors.
+    %(objective)s
+
+    Attributes
+    ----------
+    %(theta)s
+    disturbance_ : Series
+        ``rho_1``, ``rho_2`` [-] and the hidden nodes' first temperatures [degC].
+    %(weighted_loss)s
+    %(fitted)s
+    """
+
+    rho_box: Any
+
+    def __init__(
+        self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
+        sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
+        rho_box="stable", objective="one_step",
+    ):  # fmt: skip
+        store_arguments(self, locals())
+
+    def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:
+        if self.rho_box not in ("stable", "paper"):
+            raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
+        hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
+        firsts = tuple(segment.first for segment in experiment.segments)
+        return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
+
+    def _own_parameters(self) -> tuple[Parameter, ...]:
+        return OutputARMA((), (), self.rho_box == "paper").own
+
+    def _store(self, found: SearchResult) -> GainFilter:
+        kalman = super()._store(found)
+        own = self.disturbance_
+        if "rho_2" not in own:
+            self.disturbance_ = pd.concat([own, pd.Series({"rho_2": own["rho_1"] - own["rho_gap"]})])
+        return kalman
+
+    def _first_state(self, smooth: Any, number: int) -> np.ndarray:
+        """The fit's own first state: a measured node at its measurement, the hidden ones as they were searched."""
+        state = smooth.nodes[0].copy()
+        take_searched(state, self.network_, self.disturbance_, number)
+        return state
+
+    def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
+        return arma_innovations(self.filtered_network_, table, segment, dict(self.disturbance_), self.noise_std_)
+
+    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
+        """The network open loop, and the output disturbance that decays by ``rho_1``."""
+        known = self.filtered_network_
+        experiment, kalman = known.experiment(table), known.kalman
+        rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
+        states = known.open_loop(experiment, known.open_start(table))
+        free = experiment.outputs - states[:-1, kalman.measured]
+        zeta = arma_prediction(free, rho_1, rho_2).states
+        offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
+        return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset)
