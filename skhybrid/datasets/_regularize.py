@@ -32,12 +32,10 @@ class RegularizeReport:
         Number of rows in the log and in the result.
     out_of_order, duplicates : int
         Number of rows that were sorted, and of rows dropped because their stamp was a duplicate.
-    filled : dict of column to int
-        Number of rows in short gaps that were filled.
-    missing : dict of column to int
-        Number of rows that are still NaN.
+    filled, missing : dict of column to int
+        Number of rows in short gaps that were filled, and of rows that are still NaN.
     first_missing : dict of column to Timestamp
-        Stamp of the first of them.
+        Stamp of the first row that is still NaN.
     """
 
     step: pd.Timedelta
