@@ -296,7 +296,7 @@ def _data_to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.
 
 
 def _column_values(column: pd.Series) -> Any:
-    """Return a column as an array, or as an index if it holds dates or durations, which keeps time zones."""
+    """(n,) values as an array, or as an index if they are dates or durations, which keeps time zones."""
     if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
         return pd.Index(column).rename(None)
     return column.to_numpy()

@@ -28,8 +28,8 @@ def read_epw(
     window_azimuth, window_tilt : float
         Orientation of the window that receives ``q_sol`` [degrees]: 180 faces south, 90 is vertical.
     year : int, optional
-        Year of the time stamps; a 29 February repeats the values of the 28th.  By default the rows are a typical year
-        (stamped 2001), which ``make_office(weather=...)`` uses for any year by month, day and hour.
+        Year of the time stamps; a 29 February repeats the 28th.  By default the rows are a typical year (stamped 2001),
+        which ``make_office(weather=...)`` uses for any year.
 
     Returns
     -------

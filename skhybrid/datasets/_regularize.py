@@ -92,11 +92,10 @@ def regularize(
 
     Notes
     -----
-    An input (``q_sol``, ``u_...``, ``Q_...``, anything but a temperature) becomes its time-weighted mean over the step:
-    a row holds until the next one, or for one source step before a gap, and a step that is less than half covered is
-    missing.  A boundary temperature (``T_oa``, ``T_...``) is interpolated linearly between its neighbours.  History
-    (``T_za``, ``zeta``) takes the measurement nearest to the stamp and is never filled, so no later measurement leaks
-    into it.
+    An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
+    or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
+    (``T_...``) is interpolated linearly.  History (``T_za``, ``zeta``) takes the measurement nearest to the stamp and
+    is never filled, so no later measurement leaks into it.
     """
     _check_frame(frame)
     span = pd.Timedelta(max_gap)

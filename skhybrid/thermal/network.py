@@ -113,7 +113,6 @@ class RCNetwork(Declaration):
         Parameters
         ----------
         roles : iterable of str
-            Roles that a table has.
         """
         key = tuple(sorted(set(roles)))
         if key not in self._matrix_builders:
@@ -134,7 +133,6 @@ class RCNetwork(Declaration):
         ----------
         theta : mapping of parameter to value
         roles : iterable of str
-            Roles that a table has.
         dt : float
             Step [h].
         """
