@@ -60,16 +60,12 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     made = Path(name)
     try:
         yield made
-        made.chmod(0o666 & ~_umask())
+        mask = os.umask(0o022)
+        os.umask(mask)
+        made.chmod(0o666 & ~mask)
         os.replace(made, target)
     finally:
         made.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
 
 
 def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
@@ -91,7 +87,6 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
     """
     check_is_fitted(estimator)
     io = import_skops()
-
     try:
         data = _to_data(estimator, type(estimator).__name__)
         body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
@@ -146,7 +141,6 @@ def load_model(path: str | os.PathLike[str]) -> Any:
 
 def _decode(body: bytes, path: object) -> Any:
     io = import_skops()
-
     try:
         return _from_data(io.loads(body, trusted=_TRUSTED))
     except io.exceptions.UntrustedTypesFoundException as error:
@@ -166,7 +160,6 @@ def _major_minor(version: str) -> str:
     return ".".join(version.split("+")[0].split(".")[:2])
 
 
-# ------------------------------------------------------------------------------------------------ objects to data
 def _to_data(value: Any, where: str) -> Any:
     """Replace pandas objects and objects of this package by marked dictionaries, at any depth."""
     if isinstance(value, _PLAIN):
@@ -175,7 +168,8 @@ def _to_data(value: Any, where: str) -> Any:
         if isinstance(value, accepted):
             return {_MARK: kind, **{k: _to_data(v, f"{where}.{k}") for k, v in encode(value).items()}}
     if isinstance(value, type):
-        return _type_to_data(value, where)
+        own = value.__module__.startswith(_OWN)
+        return {_MARK: "type", "type": f"{value.__module__}:{value.__qualname__}"} if own else value
     if type(value).__module__.startswith(_OWN):
         return _own_to_data(value, where)
     if isinstance(value, dict):
@@ -187,9 +181,13 @@ def _to_data(value: Any, where: str) -> Any:
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]
         if type(value) is list:
             return items
-        return {_MARK: "sequence", "kind": _sequence_kind(value, where), "items": items}
-    if _is_sklearn_object(value):
-        return _sklearn_to_data(value, where)
+        if type(value) not in (tuple, set, frozenset):
+            raise TypeError(f"{where} is a {type(value).__qualname__}, which cannot be written as data.")
+        return {_MARK: "sequence", "kind": type(value).__name__, "items": items}
+    if _is_sklearn_object(value):  # skops can write it, once its attributes are data
+        made = object.__new__(type(value))
+        made.__dict__.update({k: _to_data(v, f"{where}.{k}") for k, v in vars(value).items()})
+        return made
     return value  # skops can write it (a random generator, a SciPy matrix), or save_model refuses it
 
 
@@ -200,18 +198,6 @@ def _array_to_data(value: Any, where: str) -> Any:
     if isinstance(value, np.ndarray) and value.dtype == object:
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value.ravel())]
         return {_MARK: "objects", "shape": list(value.shape), "items": items}
-    return value
-
-
-def _sequence_kind(value: Any, where: str) -> str:
-    if type(value) not in (tuple, set, frozenset):
-        raise TypeError(f"{where} is a {type(value).__qualname__}, which cannot be written as data.")
-    return type(value).__name__
-
-
-def _type_to_data(value: type, where: str) -> Any:
-    if value.__module__.startswith(_OWN):
-        return {_MARK: "type", "type": f"{value.__module__}:{value.__qualname__}"}
     return value
 
 
@@ -233,14 +219,6 @@ def _is_sklearn_object(value: Any) -> bool:
     return type(value).__module__.startswith("sklearn.") and hasattr(value, "__dict__")
 
 
-def _sklearn_to_data(value: Any, where: str) -> Any:
-    """Copy a scikit-learn object, which skops can write, with its attributes converted to data."""
-    made = object.__new__(type(value))
-    made.__dict__.update({k: _to_data(v, f"{where}.{k}") for k, v in vars(value).items()})
-    return made
-
-
-# ------------------------------------------------------------------------------------------------ data to objects
 def _from_data(value: Any) -> Any:
     """Rebuild the objects that :func:`_to_data` replaced."""
     if isinstance(value, dict):
@@ -273,17 +251,10 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     if kind == "tuple" and issubclass(cls, tuple):
         return tuple.__new__(cls, parts["items"])
     if kind == "object" and not issubclass(cls, tuple):
-        return _object_with_state(cls, parts["state"])
+        rebuilt: Any = object.__new__(cls)
+        getattr(rebuilt, "__setstate__", vars(rebuilt).update)(parts["state"])
+        return rebuilt
     raise ValueError(f"unknown kind {kind!r}")
-
-
-def _object_with_state(cls: type, state: dict[str, Any]) -> Any:
-    made: Any = object.__new__(cls)
-    if hasattr(made, "__setstate__"):
-        made.__setstate__(state)
-    else:
-        made.__dict__.update(state)
-    return made
 
 
 def _own_class(name: str) -> type:
@@ -299,9 +270,8 @@ def _own_class(name: str) -> type:
     return found
 
 
-# ------------------------------------------------------------------------------------------------------------ pandas
-def _tz(index: Any) -> str | None:
-    return None if index.tz is None else str(index.tz)
+def _tz(value: Any) -> str | None:
+    return None if value.tz is None else str(value.tz)
 
 
 def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
@@ -326,7 +296,7 @@ def _data_to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.
 
 
 def _column_values(column: pd.Series) -> Any:
-    """Return a column as an array, or as an index if it holds dates or durations, which keeps time zones."""
+    """(n,) values as an array, or as an index if they are dates or durations, which keeps time zones."""
     if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
         return pd.Index(column).rename(None)
     return column.to_numpy()
@@ -337,7 +307,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
     "Timestamp": (
         pd.Timestamp,
-        lambda v: {"ns": v.as_unit("ns").value, "tz": None if v.tz is None else str(v.tz)},
+        lambda v: {"ns": v.as_unit("ns").value, "tz": _tz(v)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
     "DatetimeIndex": (pd.DatetimeIndex, _datetimes_to_data, _data_to_datetimes),

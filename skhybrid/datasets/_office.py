@@ -11,11 +11,11 @@ from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
 from .._time import rows_of
+from ._epw import resample_weather
 from ._gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
 from ._random import spawn_generators
 from ._thermostat_plan import plan_setpoints
 from ._weather import make_weather
-from ._weather_table import resample_weather
 
 #: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
 TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
@@ -46,10 +46,7 @@ def make_office(
     weather: pd.DataFrame | None = None,
     random_state: Any = None,
 ) -> Bunch:
-    """Simulate the paper's office and return its thermostat log together with the truth.
-
-    The 2R2C network with the paper's TRUE parameters is simulated exactly (zero-order hold) at 5 min with an on/off
-    thermostat, and averaged to ``sampling_time``.
+    """Simulate the paper's office at 5 min (exact zero-order hold); return its thermostat log together with the truth.
 
     Parameters
     ----------
@@ -60,9 +57,8 @@ def make_office(
     start : timestamp-like
         First day, in any year; the run begins at 00:00 local standard time.
     pattern : {"office", "home", "shop", "none"}
-        Use of the room: an office of ten desks, five days a week; a family of three, out on weekdays, with meals,
-        nights and days away; a shop with bright lights, open six days a week; or no unmeasured heat at all.  The
-        set-points are those of the office in every case.
+        Use of the room: ten desks, five days a week; a family of three; a shop, open six days a week; or no
+        unmeasured heat at all.  The set-points are those of the office in every case.
     excitation : {"weekend_prbs", "none"} or None
         Whether the set-point of the first weekend follows a PRBS of order 4 and scale 2 h between 18 and 25 degC,
         with both heating and cooling.
@@ -91,13 +87,11 @@ def make_office(
 
     Notes
     -----
-    With ``sampling_time="5min"`` every input is constant over a step, so the exact zero-order hold of ``X`` and
-    ``heat_gain`` reproduces ``states``.
+    With ``sampling_time="5min"`` every input is constant over a step, so ``X`` and ``heat_gain`` reproduce ``states``.
 
-    Infiltration is a conductance of 0.008 kW/K on average, at all hours, from the room to the outdoor air.  It is in
-    parallel with ``R_zo``, and measurements cannot separate the two.  ``theta_effective`` is ``theta`` with
-    ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), the value that an exact identification without ``heat_gain`` finds.
-    With ``pattern="none"`` there is no infiltration and both are equal.
+    Infiltration is a conductance of 0.008 kW/K on average in parallel with ``R_zo``, and measurements cannot separate
+    the two.  ``theta_effective`` has ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), the value that an exact
+    identification without ``heat_gain`` finds.  With ``pattern="none"`` there is no infiltration.
 
     References
     ----------
@@ -125,16 +119,9 @@ def make_office(
     setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
     gains = draw_gains(time, gain_rng, pattern)
     run = _simulate_office(outside, setpoints, gains)
+    arguments = {"n_days": n_days, "pattern": pattern, "excitation": excitation, "noise_std": noise_std}
     origin = "as given" if weather is not None else climate
-    description = _DESCR.format(
-        n_days=n_days,
-        pattern=pattern,
-        start=first.date(),
-        weather=origin,
-        excitation=excitation,
-        step=sampling_time,
-        noise_std=noise_std,
-    )
+    description = _DESCR.format(**arguments, start=first.date(), weather=origin, step=sampling_time)
     noise = noise_std * noise_rng.standard_normal(len(time) // per_step)
     infiltration = 0.0 if pattern == "none" else INFILTRATION_KW_K
     theta_effective = TRUE_THETA | {"R_zo": 1.0 / (1.0 / TRUE_THETA["R_zo"] + infiltration)}
@@ -163,32 +150,14 @@ def _simulate_office(outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gain
     air = outside["T_oa"].to_numpy()
     levels = setpoints[["T_heat_set", "T_cool_set"]].to_numpy()
     begin = np.full(2, np.clip(air[:288].mean() + 4.0, levels[0, 0] + 1.0, levels[0, 1] - 1.0))
+    weather = outside[["T_oa", "q_sol"]].to_numpy()
     states, heat, cool, gain = _simulate(
-        transition,
-        effect,
-        np.column_stack([air, outside["q_sol"].to_numpy()]),
-        levels,
-        gains.sensible,
-        gains.air,
-        begin,
-        _HYSTERESIS,
+        transition, effect, weather, levels, gains.sensible, gains.air, begin, _HYSTERESIS
     )
-    return pd.DataFrame(
-        {
-            "T_oa": air,
-            "q_sol": outside["q_sol"].to_numpy(),
-            "u_heat": heat,
-            "u_cool": cool,
-            "heat_gain": gain,
-            "T_w": states[:, 0],
-            "T_za": states[:, 1],
-            "people": gains.people,
-            "plugs": gains.plugs,
-            "lights": gains.lights,
-            "air": gain - gains.sensible,
-        },
-        index=outside.index,
+    run = outside[["T_oa", "q_sol"]].assign(
+        u_heat=heat, u_cool=cool, heat_gain=gain, T_w=states[:, 0], T_za=states[:, 1]
     )
+    return run.assign(people=gains.people, plugs=gains.plugs, lights=gains.lights, air=gain - gains.sensible)
 
 
 def true_system(step_hours: float) -> tuple[np.ndarray, np.ndarray]:
@@ -242,20 +211,21 @@ def _make_log(
     """Convert the run to the step of the log: means of inputs, and temperatures at the stamps."""
     index = pd.DatetimeIndex(run.index.to_numpy()[::per_step])
 
-    def mean(column: pd.Series) -> np.ndarray:
-        return column.to_numpy().reshape(-1, per_step).mean(axis=1)
+    def means(frame: pd.DataFrame) -> pd.DataFrame:
+        columns = {name: frame[name].to_numpy().reshape(-1, per_step).mean(axis=1) for name in frame}
+        return pd.DataFrame(columns, index=index)
 
     states = pd.DataFrame({name: run[name].to_numpy()[::per_step] for name in ("T_w", "T_za")}, index=index)
-    X = pd.DataFrame({name: mean(run[name]) for name in ("T_oa", "q_sol", "u_heat", "u_cool")}, index=index)
+    X = means(run[["T_oa", "q_sol", "u_heat", "u_cool"]])
     X["T_za"] = states["T_za"] + noise
     return Bunch(
         X=X,
         y=X["T_za"].copy(),
-        heat_gain=pd.Series(mean(run["heat_gain"]), index=index, name="heat_gain"),
+        heat_gain=means(run[["heat_gain"]])["heat_gain"],
         states=states,
         theta=dict(TRUE_THETA),
         theta_effective=theta_effective,
-        setpoints=pd.DataFrame({name: mean(setpoints[name]) for name in setpoints}, index=index),
-        gain_parts=pd.DataFrame({n: mean(run[n]) for n in ("people", "plugs", "lights", "air")}, index=index),
+        setpoints=means(setpoints),
+        gain_parts=means(run[["people", "plugs", "lights", "air"]]),
         DESCR=description,
     )

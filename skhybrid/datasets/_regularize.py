@@ -32,12 +32,10 @@ class RegularizeReport:
         Number of rows in the log and in the result.
     out_of_order, duplicates : int
         Number of rows that were sorted, and of rows dropped because their stamp was a duplicate.
-    filled : dict of column to int
-        Number of rows in short gaps that were filled.
-    missing : dict of column to int
-        Number of rows that are still NaN.
+    filled, missing : dict of column to int
+        Number of rows in short gaps that were filled, and of rows that are still NaN.
     first_missing : dict of column to Timestamp
-        Stamp of the first of them.
+        Stamp of the first row that is still NaN.
     """
 
     step: pd.Timedelta
@@ -94,11 +92,10 @@ def regularize(
 
     Notes
     -----
-    An input (``q_sol``, ``u_...``, ``Q_...``, anything but a temperature) becomes its time-weighted mean over the step:
-    a row holds until the next one, or for one source step before a gap, and a step that is less than half covered is
-    missing.  A boundary temperature (``T_oa``, ``T_...``) is interpolated linearly between its neighbours.  History
-    (``T_za``, ``zeta``) takes the measurement nearest to the stamp and is never filled, so no later measurement leaks
-    into it.
+    An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
+    or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
+    (``T_...``) is interpolated linearly.  History (``T_za``, ``zeta``) takes the measurement nearest to the stamp and
+    is never filled, so no later measurement leaks into it.
     """
     _check_frame(frame)
     span = pd.Timedelta(max_gap)

@@ -14,13 +14,7 @@ _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
 
 def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) -> str:
-    """Return the column of time stamps: the one named, one with a usual name, or the first whose cells are dates.
-
-    Raises
-    ------
-    ValueError
-        If there is no such column.
-    """
+    """Column of time stamps: the one named, one with a usual name, or the first whose cells are dates."""
     if time_column is not None:
         if time_column not in table:
             raise ValueError(
@@ -44,11 +38,8 @@ def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) 
 def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
     """Parse the time stamps of a log, in their own zone or in ``timezone``; without either they stay naive.
 
-    Raises
-    ------
-    ValueError
-        If a cell is not a date, or lies in an hour that daylight saving skips (the message names the row); if only
-        some cells have an offset; if dates such as 02/03/2024 are ambiguous.
+    Refused are cells that are no date or lie in an hour that daylight saving skips, an offset in some cells only, and
+    ambiguous dates such as 02/03/2024.
     """
     text = cells.astype(str).str.strip()
     absent = cells.isna().to_numpy()

@@ -94,10 +94,7 @@ def first_weekend(time: pd.DatetimeIndex) -> np.ndarray:
 def plan_setpoints(
     time: pd.DatetimeIndex, excitation: str | None, plan_rng: np.random.Generator, prbs_rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Draw ``T_heat_set`` and ``T_cool_set`` [degC] for every stamp.
-
-    There is one level per day for the occupied hours, and one per 24 h from 19:00 on for the unoccupied hours.
-    """
+    """Draw ``T_heat_set`` and ``T_cool_set`` [degC]: a level per day when occupied, and one per 24 h from 19:00 on."""
     busy = occupied(time)
     since = time - time[0].normalize()
     day = np.asarray(since.days)

@@ -156,25 +156,13 @@ def window_irradiance(
     azimuth: float,
     tilt: float,
 ) -> np.ndarray:
-    """Irradiance on a tilted plane [units of ``ghi``] for an isotropic sky and an albedo of 0.2.
-
-    ``middle`` contains the middle of every step in local standard time, where the solar position best represents the
-    mean over the step.
-    """
+    """(n,) irradiance on a tilted plane [units of ``ghi``]; ``middle`` is that of each step, in local standard time."""
     from pvlib.irradiance import get_total_irradiance
 
     position = sun(site, middle)
-    total = get_total_irradiance(
-        tilt,
-        azimuth,
-        position["zenith"].to_numpy(),
-        position["azimuth"].to_numpy(),
-        dni.to_numpy(),
-        ghi.to_numpy(),
-        dhi.to_numpy(),
-        albedo=ALBEDO,
-        model="isotropic",
-    )
+    zenith, facing = position["zenith"].to_numpy(), position["azimuth"].to_numpy()
+    light = dni.to_numpy(), ghi.to_numpy(), dhi.to_numpy()
+    total = get_total_irradiance(tilt, azimuth, zenith, facing, *light, albedo=ALBEDO, model="isotropic")
     return np.maximum(np.nan_to_num(np.asarray(total["poa_global"])), 0.0)
 
 

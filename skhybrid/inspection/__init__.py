@@ -3,17 +3,13 @@
 Matplotlib is imported when a figure is drawn, not when this module is imported.
 """
 
-from ._bode import BodeDisplay
 from ._day import DayAheadDisplay
-from ._disturbance import DisturbanceWeekDisplay
-from ._forecast import ForecastDisplay
-from ._lead import LeadErrorDisplay
-from ._posterior import PosteriorDisplay
+from ._disturbance import DisturbanceWeekDisplay, ScheduleDisplay
+from ._forecast import ForecastDisplay, LeadErrorDisplay
+from ._posterior import PosteriorDisplay, RobustnessDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
-from ._robustness import RobustnessDisplay
-from ._schedule import ScheduleDisplay
-from ._step_response import StepResponseDisplay
+from ._response_display import BodeDisplay, StepResponseDisplay
 from ._style import blank_axes
 
 __all__ = [

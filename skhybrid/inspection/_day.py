@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
+from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, bands, heading, legend, tidy, time_axis
 
 
-class DayAheadDisplay:
+@dataclass(eq=False, repr=False)
+class DayAheadDisplay(Display):
     """Forecast of one day: zone temperature, and the heat needed to hold the set-point.
-
-    Create it with :meth:`from_predictions`.
 
     Parameters
     ----------
@@ -24,21 +25,12 @@ class DayAheadDisplay:
     setpoint : Series or float, optional
         Set-point that the load holds [degC].
 
-    Attributes
-    ----------
-    ax_ : matplotlib Axes or ndarray of Axes
-        Axes that :meth:`plot` drew on: one, or two if there is a load.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
 
-    ax_: Any
-    figure_: Any
-
-    def __init__(self, forecast: pd.DataFrame, measured: pd.DataFrame | None = None, setpoint: Any = None) -> None:
-        self.forecast = forecast
-        self.measured = measured
-        self.setpoint = setpoint
+    forecast: pd.DataFrame
+    measured: pd.DataFrame | None = None
+    setpoint: Any = None
 
     @classmethod
     def from_predictions(
@@ -54,21 +46,9 @@ class DayAheadDisplay:
 
         Parameters
         ----------
-        forecast : DataFrame
-            Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... and the load
-            ``Q_hvac`` [kW].
-        measured : DataFrame, optional
-            Measurements by time: ``T_za`` and, if there is any, ``Q_hvac``.
-        setpoint : Series or float, optional
-            Set-point that the load holds [degC].
-        ax : matplotlib Axes or array of two Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        DayAheadDisplay
+        forecast, measured, setpoint
+            As in the class.
+        %(drawing)s
         """
         return cls(forecast, measured, setpoint).plot(ax, **kwargs)
 
@@ -82,15 +62,8 @@ class DayAheadDisplay:
 
         Parameters
         ----------
-        ax : matplotlib Axes or array of two Axes, optional
-            Axes to draw on; default is a new figure.
-        title : str, optional
-            Title of the figure.
-
-        Returns
-        -------
-        DayAheadDisplay
-            The display, with ``ax_`` and ``figure_``.
+        %(ax)s
+        %(title)s
         """
         axes = axes_or_new(ax, (9.0, 2.6 * self.n_axes + 0.6), self.n_axes)
         above = axes[0] if self.n_axes == 2 else axes
@@ -99,8 +72,7 @@ class DayAheadDisplay:
             self._draw_load(axes[1])
         time_axis(axes[1] if self.n_axes == 2 else above, self.forecast.index)
         heading(above, title)
-        self.ax_, self.figure_ = axes, above.figure
-        return self
+        return self._drawn_on(axes)
 
     def _draw_temperature(self, ax: Any) -> None:
         if self.measured is not None and self.measured["T_za"].notna().any():
@@ -115,14 +87,8 @@ class DayAheadDisplay:
 
     def _draw_load(self, ax: Any) -> None:
         if self.measured is not None and "Q_hvac" in self.measured and self.measured["Q_hvac"].notna().any():
-            ax.step(
-                self.measured.index,
-                self.measured["Q_hvac"],
-                where="post",
-                color=MEASURED,
-                linewidth=1.2,
-                label="delivered",
-            )
+            given = self.measured["Q_hvac"]
+            ax.step(given.index, given, where="post", color=MEASURED, linewidth=1.2, label="delivered")
         load = self.forecast["Q_hvac"]
         ax.step(load.index, load, where="post", color=COLORS[1], linewidth=1.6, label="needed (forecast)")
         ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)

@@ -1,20 +1,25 @@
-"""Display of a disturbance by hour of the week."""
+"""Displays of the unmeasured heat: an estimate by hour of the week, and the schedules learned by the default model."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import check_is_fitted
 
 from .._time import ASSUMED_START
-from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, tidy
+from ._display import Display
+from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
+
+_PANELS = {"gain": "unmeasured heat [kW]", "ua": "additional conductance\n[kW/K]"}
+_HOURS = 24
 
 
-class DisturbanceWeekDisplay:
+@dataclass(eq=False, repr=False)
+class DisturbanceWeekDisplay(Display):
     """Median and spread of an estimated disturbance by hour of the week, with the truth if it is known.
-
-    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
@@ -23,20 +28,11 @@ class DisturbanceWeekDisplay:
     unit : str
         Unit of the disturbance.
 
-    Attributes
-    ----------
-    ax_ : matplotlib Axes
-        Axes that :meth:`plot` drew on.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
 
-    ax_: Any
-    figure_: Any
-
-    def __init__(self, week: pd.DataFrame, unit: str = "kW") -> None:
-        self.week = week
-        self.unit = unit
+    week: pd.DataFrame
+    unit: str = "kW"
 
     @classmethod
     def from_estimator(
@@ -64,14 +60,7 @@ class DisturbanceWeekDisplay:
             Heat into the zone [kW], or a shift of the measured temperature [K].
         smooth : bool, default=True
             Whether each estimate uses the whole table, or only the rows up to its own.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        DisturbanceWeekDisplay
+        %(drawing)s
         """
         gray_box = getattr(estimator, "gray_box_", estimator)
         names = getattr(gray_box, "feature_names_in_", None)
@@ -95,14 +84,7 @@ class DisturbanceWeekDisplay:
             True disturbance of every row.
         unit : str
             Unit of the disturbance.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        DisturbanceWeekDisplay
+        %(drawing)s
         """
         return cls(_week(pd.Series(zeta), truth), unit).plot(ax, **kwargs)
 
@@ -111,33 +93,17 @@ class DisturbanceWeekDisplay:
 
         Parameters
         ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        title : str, optional
-            Title of the figure.
-
-        Returns
-        -------
-        DisturbanceWeekDisplay
-            The display, with ``ax_`` and ``figure_``.
+        %(ax)s
+        %(title)s
         """
         ax = axes_or_new(ax, (9.0, 3.2))
         hours = self.week.index.to_numpy(dtype=float)
-        ax.fill_between(
-            hours, self.week["low"], self.week["high"], step="post", color=COLORS[0], alpha=0.2, linewidth=0,
-            label="10 to 90 % of the weeks",
-        )  # fmt: skip
+        spread = {"label": "10 to 90 % of the weeks", "color": COLORS[0], "alpha": 0.2, "linewidth": 0}
+        ax.fill_between(hours, self.week["low"], self.week["high"], step="post", **spread)
         ax.step(hours, self.week["median"], where="post", color=COLORS[0], linewidth=1.6, label="median estimate")
         if "truth" in self.week:
-            ax.step(
-                hours,
-                self.week["truth"],
-                where="post",
-                color=MEASURED,
-                linestyle="--",
-                linewidth=1.2,
-                label="truth (mean)",
-            )
+            line = {"color": MEASURED, "linestyle": "--", "linewidth": 1.2}
+            ax.step(hours, self.week["truth"], where="post", label="truth (mean)", **line)
         ax.axhline(0.0, color="#888888", linewidth=0.8)
         tidy(ax, ylabel=f"unmeasured heat [{self.unit}]", xlabel="day of the week (local time)")
         ax.set_xlim(0, 168)
@@ -148,8 +114,7 @@ class DisturbanceWeekDisplay:
         ax.tick_params(axis="x", which="major", length=0)
         legend(ax, 3)
         heading(ax, title)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        return self._drawn_on(ax)
 
 
 def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
@@ -168,3 +133,77 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
             raise ValueError(f"truth has the shape {known.shape}, but the disturbance has {len(zeta)} rows.")
         week["truth"] = pd.Series(known).groupby(np.asarray(hour)).mean()
     return week.reindex(range(169), method="ffill")
+
+
+@dataclass(eq=False, repr=False)
+class ScheduleDisplay(Display):
+    """Unmeasured heat and additional conductance to outdoors by hour of working days and weekends.
+
+    Parameters
+    ----------
+    schedule : DataFrame
+        ``gain`` [kW] and ``ua`` [kW/K] by day type and hour, as in ``gray_box_.schedule_`` of a
+        :class:`~skhybrid.HybridPredictor`.
+
+    %(attributes)s
+    """
+
+    schedule: pd.DataFrame
+
+    @classmethod
+    def from_estimator(cls, estimator: Any, *, ax: Any = None, **kwargs: Any) -> ScheduleDisplay:
+        """Draw the schedules of a fitted predictor.
+
+        Parameters
+        ----------
+        estimator : fitted HybridPredictor
+            A predictor of the default scheme.
+        %(drawing)s
+
+        Raises
+        ------
+        ValueError
+            If the predictor has learned no schedules.
+        """
+        check_is_fitted(estimator)
+        schedule = getattr(getattr(estimator, "gray_box_", None), "schedule_", None)
+        if schedule is None:
+            raise ValueError(
+                f"{type(estimator).__name__} has learned no schedules; draw a predictor of the default scheme, "
+                "HybridPredictor()."
+            )
+        return cls.from_predictions(schedule, ax=ax, **kwargs)
+
+    @classmethod
+    def from_predictions(cls, schedule: pd.DataFrame, *, ax: Any = None, **kwargs: Any) -> ScheduleDisplay:
+        """Draw schedules that have been learned.
+
+        Parameters
+        ----------
+        schedule : DataFrame
+            ``gain`` [kW] and ``ua`` [kW/K] by day type and hour.
+        %(drawing)s
+        """
+        return cls(schedule).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, *, title: str | None = None) -> ScheduleDisplay:
+        """Draw both schedules, with one line per type of day.
+
+        Parameters
+        ----------
+        %(ax)s
+        %(title)s
+        """
+        axes = axes_or_new(ax, (9.0, 4.6), len(_PANELS))
+        days = list(dict.fromkeys(self.schedule.index.get_level_values("day")))
+        for panel, (kind, label) in zip(axes, _PANELS.items(), strict=True):
+            for number, day in enumerate(days):
+                by_hour = self.schedule[kind].xs(day, level="day").to_numpy()
+                edges = np.append(by_hour, by_hour[-1])  # so that the last hour has its width
+                panel.step(np.arange(_HOURS + 1), edges, where="post", linewidth=1.6, label=day, **line_style(number))
+            panel.axhline(0.0, color="#888888", linewidth=0.8)
+            tidy(panel, ylabel=label)
+        axes[-1].set(xlim=(0, _HOURS), xticks=range(0, _HOURS + 1, 3), xlabel="local hour [h]")
+        legend(axes[0], len(days))
+        heading(axes[0], title)
+        return self._drawn_on(axes)

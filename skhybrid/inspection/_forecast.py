@@ -1,20 +1,20 @@
-"""Display of measured and forecast temperature over days."""
+"""Displays of back-tests: measured and forecast temperature over days, and the error by lead."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
-from ..model_selection import backtest
+from ..model_selection import backtest, score_backtest
+from ._display import Display
 from ._style import MEASURED, axes_or_new, bands, heading, legend, line_style, tidy, time_axis
 
 
-class ForecastDisplay:
+class ForecastDisplay(Display):
     """Measured zone temperature and the forecasts of one or several models.
-
-    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
@@ -22,16 +22,8 @@ class ForecastDisplay:
         Back-tests, as returned by :func:`skhybrid.model_selection.backtest`; if they have quantiles, the bands between
         these are shaded.
 
-    Attributes
-    ----------
-    ax_ : matplotlib Axes
-        Axes that :meth:`plot` drew on.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
-
-    ax_: Any
-    figure_: Any
 
     def __init__(self, frames: Mapping[str, pd.DataFrame]) -> None:
         self.frames = dict(frames)
@@ -53,26 +45,12 @@ class ForecastDisplay:
 
         Parameters
         ----------
-        estimator : fitted estimator or mapping
-            A fitted estimator, or a mapping of label to fitted estimator.
-        X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows.
-        y : Series or array-like of shape (n_samples,)
-            Measured zone temperature [degC].
-        horizon, origin_step : timedelta-like
-            As in :func:`skhybrid.model_selection.backtest`.
+        %(backtest)s
         quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ForecastDisplay
+        %(drawing)s
         """
-        return cls.from_predictions(run_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
+        return cls.from_predictions(_run_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -84,16 +62,9 @@ class ForecastDisplay:
         ----------
         frames : DataFrame or mapping of label to DataFrame
             Back-tests with the columns origin, lead, time, y_true and y_pred, and ``q_...`` for bands.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ForecastDisplay
+        %(drawing)s
         """
-        return cls(labelled(frames)).plot(ax, **kwargs)
+        return cls(_labelled(frames)).plot(ax, **kwargs)
 
     def plot(
         self, ax: Any = None, *, start: Any = None, end: Any = None, unit: str = "degC", title: str | None = None
@@ -104,19 +75,12 @@ class ForecastDisplay:
 
         Parameters
         ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
+        %(ax)s
         start, end : timestamp, optional
             Limits of the time to draw.
         unit : str
             Unit in the label of the axis.
-        title : str, optional
-            Title of the figure.
-
-        Returns
-        -------
-        ForecastDisplay
-            The display, with ``ax_`` and ``figure_``.
+        %(title)s
         """
         ax = axes_or_new(ax, (9.0, 3.6))
         chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
@@ -133,11 +97,82 @@ class ForecastDisplay:
         time_axis(ax, pd.Index(first["time"]))
         legend(ax, n_entries)
         heading(ax, title)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        return self._drawn_on(ax)
 
 
-def labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
+@dataclass(eq=False, repr=False)
+class LeadErrorDisplay(Display):
+    """Root mean square error by lead of one or several back-tests.
+
+    Parameters
+    ----------
+    errors : DataFrame
+        Errors [K] by lead, one column per model.
+
+    %(attributes)s
+    """
+
+    errors: pd.DataFrame
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: Any,
+        y: Any,
+        *,
+        horizon: Any = "1D",
+        origin_step: Any = "1D",
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> LeadErrorDisplay:
+        """Back-test fitted estimators and draw their errors by lead.
+
+        Parameters
+        ----------
+        %(backtest)s
+        %(drawing)s
+        """
+        return cls.from_predictions(_run_backtests(estimator, X, y, horizon, origin_step), ax=ax, **kwargs)
+
+    @classmethod
+    def from_predictions(
+        cls, frames: Mapping[str, pd.DataFrame] | pd.DataFrame, *, ax: Any = None, **kwargs: Any
+    ) -> LeadErrorDisplay:
+        """Draw the errors of back-tests that have been made.
+
+        Parameters
+        ----------
+        frames : DataFrame or mapping of label to DataFrame
+            Back-tests with the columns origin, lead, time, y_true and y_pred.
+        %(drawing)s
+        """
+        errors = {label: score_backtest(frame, by="lead")["rmse"] for label, frame in _labelled(frames).items()}
+        return cls(pd.DataFrame(errors)).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, *, title: str | None = None) -> LeadErrorDisplay:
+        """Draw one line per model.
+
+        Parameters
+        ----------
+        %(ax)s
+        %(title)s
+        """
+        ax = axes_or_new(ax, (7.0, 3.6))
+        hours = pd.TimedeltaIndex(self.errors.index) / pd.Timedelta("1h")
+        for number, (label, values) in enumerate(self.errors.items()):
+            ax.plot(hours, values, linewidth=1.6, label=label, **line_style(number))
+        tidy(ax, ylabel="RMSE of temperature [K]", xlabel="lead [h]")
+        ax.set_xlim(0, hours.max())
+        ax.set_ylim(bottom=0)
+        if hours.max() % 6 == 0:
+            ax.set_xticks(range(0, int(hours.max()) + 1, 6 if hours.max() > 12 else 3))
+        legend(ax, self.errors.shape[1])
+        heading(ax, title)
+        return self._drawn_on(ax)
+
+
+def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
     """Return back-tests by label; a single one is labelled "forecast"."""
     found = {"forecast": frames} if isinstance(frames, pd.DataFrame) else dict(frames)
     if not found or any(frame.empty for frame in found.values()):
@@ -145,7 +180,7 @@ def labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, 
     return found
 
 
-def run_backtests(
+def _run_backtests(
     estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any, quantiles: Sequence[float] | None = None
 ) -> dict[str, pd.DataFrame]:
     """Back-test one fitted estimator, or each of a mapping."""

@@ -1,20 +1,24 @@
-"""Display of the effects in a regression on candidates, as in paper Figs. regression and model_size."""
+"""Displays of posteriors: effects in a regression on candidates, and the comparison of cases, as in the paper."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..model_selection import PatternExpressiveness
-from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
+from ..model_selection import PatternExpressiveness, RobustnessComparison
+from ._display import Display
+from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, heading, legend, shared_legend, tidy
 
+_GREY = "#8a8a8a"
 #: height of the highest curve, as a fraction of a row.
 _HEIGHT = 0.75
 
 
-class PosteriorDisplay:
+@dataclass(eq=False, repr=False)
+class PosteriorDisplay(Display):
     """Posterior density of the effect of each term on the error, with its interval.
 
     Negative effects reduce the error.
@@ -28,18 +32,12 @@ class PosteriorDisplay:
     log : bool, default=False
         Whether the effects are on log(rmse).
 
-    Attributes
-    ----------
-    ax_ : matplotlib Axes
-        Axes that :meth:`plot` drew on.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
 
-    def __init__(self, draws: pd.DataFrame, summary: pd.DataFrame, *, log: bool = False) -> None:
-        self.draws = draws
-        self.summary = summary
-        self.log = log
+    draws: pd.DataFrame
+    summary: pd.DataFrame
+    log: bool = field(default=False, kw_only=True)
 
     @classmethod
     def from_estimator(cls, estimator: PatternExpressiveness, *, ax: Any = None, **kwargs: Any) -> PosteriorDisplay:
@@ -49,14 +47,7 @@ class PosteriorDisplay:
         ----------
         estimator : PatternExpressiveness
             Fitted regression.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        PosteriorDisplay
+        %(drawing)s
         """
         return cls(estimator.draws_, estimator.summary_, log=estimator.log).plot(ax, level=estimator.level, **kwargs)
 
@@ -73,25 +64,12 @@ class PosteriorDisplay:
         level : float, default=0.9
             Probability of the interval.
         log : bool, default=False
-            Whether the effects are on log(rmse).
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        PosteriorDisplay
+            As in the class.
+        %(drawing)s
         """
         tail = 0.5 * (1.0 - level)
-        summary = pd.DataFrame(
-            {
-                "mean": draws.mean(),
-                "lower": draws.quantile(tail),
-                "upper": draws.quantile(1.0 - tail),
-                "probability_reduces": (draws < 0.0).mean(),
-            }
-        )
+        ends = {"lower": draws.quantile(tail), "upper": draws.quantile(1.0 - tail)}
+        summary = pd.DataFrame({"mean": draws.mean(), **ends, "probability_reduces": (draws < 0.0).mean()})
         return cls(draws, summary, log=log).plot(ax, level=level, **kwargs)
 
     def plot(self, ax: Any = None, *, level: float = 0.9, title: str | None = None) -> PosteriorDisplay:
@@ -99,17 +77,10 @@ class PosteriorDisplay:
 
         Parameters
         ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
+        %(ax)s
         level : float, default=0.9
             Probability of the interval in ``summary``, for the legend.
-        title : str, optional
-            Title of the figure.
-
-        Returns
-        -------
-        PosteriorDisplay
-            The display, with ``ax_`` and ``figure_``.
+        %(title)s
         """
         terms = list(self.summary.index)
         ax = axes_or_new(ax, (6.4, 1.3 + 0.42 * len(terms)))
@@ -124,8 +95,7 @@ class PosteriorDisplay:
         tidy(ax, ylabel="", xlabel=f"change of {unit} (negative: smaller error)")
         legend(ax, 2)
         heading(ax, title, pad=24)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        return self._drawn_on(ax)
 
     def _draw_term(self, ax: Any, row: int, term: str) -> None:
         found = self.summary.loc[term]
@@ -146,3 +116,128 @@ def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.nda
     x = np.linspace(low - 0.15 * (high - low), high + 0.15 * (high - low), n_points)
     density = gaussian_kde(draws)(x)
     return x, density / density.max()
+
+
+@dataclass(eq=False, repr=False)
+class RobustnessDisplay(Display):
+    """Errors of each case over its sizes (left), and the predicted difference between the best case and each (right).
+
+    Cases are in the order of their medians; those that cannot be told from the best are blue.  A negative
+    difference means that the best case is better.
+
+    Parameters
+    ----------
+    errors : Series
+        Errors [K] by case.
+    difference : DataFrame
+        Quantiles ``q_0.05``, ``q_0.25``, ``q_0.5``, ``q_0.75`` and ``q_0.95`` of the error of the best case minus that
+        of each case [K], by case.
+    probability : Series
+        P(best case < case), by case.
+    indistinguishable : list of str
+        Cases that cannot be told from the best.
+
+    Attributes
+    ----------
+    axes_ : ndarray of matplotlib Axes of shape (2,)
+        Axes that :meth:`plot` drew on.
+    figure_ : matplotlib Figure
+        Figure of the axes.
+    """
+
+    errors: pd.Series
+    difference: pd.DataFrame
+    probability: pd.Series
+    indistinguishable: list[str]
+
+    @classmethod
+    def from_estimator(cls, estimator: RobustnessComparison, *, ax: Any = None, **kwargs: Any) -> RobustnessDisplay:
+        """Draw a fitted comparison.
+
+        Parameters
+        ----------
+        estimator : RobustnessComparison
+            Fitted comparison.
+        %(drawing)s
+        """
+        found = estimator.errors_, estimator.difference_, estimator.probability_, estimator.indistinguishable_
+        return cls(*found).plot(ax, **kwargs)
+
+    @classmethod
+    def from_predictions(
+        cls,
+        errors: pd.Series,
+        difference: pd.DataFrame,
+        probability: pd.Series,
+        indistinguishable: list[str],
+        *,
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> RobustnessDisplay:
+        """Draw a comparison that has been made.
+
+        Parameters
+        ----------
+        errors, difference, probability, indistinguishable
+            As in the class.
+        %(drawing)s
+        """
+        return cls(errors, difference, probability, indistinguishable).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, *, n_cases: int | None = None, title: str | None = None) -> RobustnessDisplay:
+        """Draw both panels.
+
+        Parameters
+        ----------
+        %(ax)s
+        n_cases : int, optional
+            Number of cases to draw, those with the lowest medians; default is all.
+        title : str, optional
+            Title of the figure.
+
+        Returns
+        -------
+        Display
+            With ``axes_`` and ``figure_``.
+        """
+        cases = list(self.probability.index[:n_cases])
+        left, right = axes = grid_or_new(ax, 2, 2, (5.2, 1.2 + 0.22 * len(cases)), share=False)
+        rows = np.arange(len(cases))
+        colors = [COLORS[0] if case in self.indistinguishable else _GREY for case in cases]
+        boxes = left.boxplot(
+            [self.errors.loc[[case]].to_numpy() for case in cases],
+            positions=rows,
+            orientation="horizontal",
+            widths=0.62,
+            patch_artist=True,
+            medianprops={"color": MEASURED, "linewidth": 1.2},
+            flierprops={"marker": ".", "markersize": 3},
+            manage_ticks=False,
+        )
+        for box, color in zip(boxes["boxes"], colors, strict=True):
+            box.set(facecolor=color, alpha=0.45, edgecolor=color)
+        self._draw_differences(right, cases, colors)
+        for panel in axes:
+            panel.set_ylim(len(cases) - 0.4, -0.8)
+        left.set_yticks(rows, cases, fontsize="small")
+        right.set_yticks(rows, [""] * len(cases))
+        for color, label in ((COLORS[0], "cannot be told from the best"), (_GREY, "worse than the best")):
+            left.plot([], [], color=color, alpha=0.6, linewidth=6.0, label=label)
+        shared_legend(axes, title)
+        tidy(left, ylabel="", xlabel="RMSE over sizes [K]")
+        tidy(right, ylabel="", xlabel="best case minus this one [K] (negative: best is better)")
+        self.axes_, self.figure_ = axes, left.figure
+        return self
+
+    def _draw_differences(self, ax: Any, cases: list[str], colors: list[str]) -> None:
+        for row, (case, color) in enumerate(zip(cases, colors, strict=True)):
+            low, left, middle, right, high = self.difference.loc[case].to_numpy()
+            ax.plot([low, high], [row, row], color=color, linewidth=1.2)
+            ax.plot([left, right], [row, row], color=color, linewidth=5.0, alpha=0.6, solid_capstyle="butt")
+            ax.plot([middle], [row], color=MEASURED, marker="|", markersize=7)
+            shown = "best" if row == 0 else f"{self.probability[case]:.3f}"
+            ax.annotate(shown, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize="small")
+        ax.annotate(
+            "P(best is better)", (1.0, 1.005), xycoords="axes fraction", va="bottom", ha="right", fontsize="small"
+        )
+        ax.axvline(0.0, color="#CC0000", linewidth=1.1)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..identification import ProfileLikelihood, profile_likelihood
+from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
 
 
-class ProfileDisplay:
+@dataclass(eq=False, repr=False)
+class ProfileDisplay(Display):
     """Deviance of the fit with one parameter held at other values than its best.
 
     Parameters
@@ -18,16 +21,10 @@ class ProfileDisplay:
     profile : ProfileLikelihood
         As returned by :func:`skhybrid.identification.profile_likelihood`.
 
-    Attributes
-    ----------
-    ax_ : matplotlib Axes
-        Axes that :meth:`plot` drew on.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
 
-    def __init__(self, profile: ProfileLikelihood) -> None:
-        self.profile = profile
+    profile: ProfileLikelihood
 
     @classmethod
     def from_estimator(
@@ -47,14 +44,7 @@ class ProfileDisplay:
             Name of a parameter, such as ``"C_w"``.
         level : float, default=0.9
             Probability of the interval.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ProfileDisplay
+        %(drawing)s
         """
         found = profile_likelihood(estimator, X, y, parameter, level=level)
         if found.lower * found.upper > 0 and np.isfinite([found.lower, found.upper]).all():
@@ -70,14 +60,7 @@ class ProfileDisplay:
         ----------
         profile : ProfileLikelihood
             As returned by :func:`skhybrid.identification.profile_likelihood`.
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ProfileDisplay
+        %(drawing)s
         """
         return cls(profile).plot(ax, **kwargs)
 
@@ -86,26 +69,18 @@ class ProfileDisplay:
 
         Parameters
         ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
+        %(ax)s
         truth : float, optional
             True value, if it is known, drawn as a dotted line.
-        title : str, optional
-            Title of the figure.
-
-        Returns
-        -------
-        ProfileDisplay
-            The display, with ``ax_`` and ``figure_``.
+        %(title)s
         """
         ax, found = axes_or_new(ax, (6.0, 3.6)), self.profile
         curve = found.curve["deviance"].sort_index()
         shown = curve[curve <= 3.0 * found.threshold]
         ax.plot(shown.index, shown, color=COLORS[0], marker="o", markersize=3.5, linewidth=1.6, label="deviance")
         ax.axhline(found.threshold, color=MEASURED, linewidth=1.0, linestyle="--", label=f"{found.level:.0%} threshold")
-        span = [
-            x if np.isfinite(x) else edge for x, edge in zip((found.lower, found.upper), ax.get_xlim(), strict=True)
-        ]
+        interval = np.array([found.lower, found.upper])
+        span = np.where(np.isfinite(interval), interval, ax.get_xlim())
         inside = f"{found.level:.0%} interval: {found.lower:.3g} to {found.upper:.3g}"
         ax.axvspan(*span, color=COLORS[0], alpha=0.12, linewidth=0, label=inside)
         ax.axvline(found.best, color=COLORS[0], linewidth=0.8)
@@ -115,5 +90,4 @@ class ProfileDisplay:
         ax.set_ylim(bottom=0.0)
         legend(ax, 2)
         heading(ax, title, pad=46)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        return self._drawn_on(ax)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,38 +10,30 @@ import pandas as pd
 from scipy import stats
 
 from ..identification import Diagnostics, diagnose
+from ._display import Display
 from ._style import COLORS, MEASURED, grid_or_new, tidy, time_axis
 
 _BAND = {"color": "#999999", "alpha": 0.25, "linewidth": 0}
 _OUTSIDE = COLORS[1]
 
 
-class ResidualDisplay:
+@dataclass(eq=False, repr=False)
+class ResidualDisplay(Display):
     """Tests of the standardised one-step errors of an identification.
 
     The panels show the errors over time, their quantiles against the normal distribution, their autocorrelation and
     cumulative periodogram, and their correlation with every input.
 
-    Create it with :meth:`from_estimator` or :meth:`from_predictions`.
-
     Parameters
     ----------
     diagnostics : Diagnostics
-        As returned by :func:`skhybrid.identification.diagnose`.
+        As returned by :func:`skhybrid.identification.diagnose` or
+        :func:`skhybrid.identification.diagnose_residuals`.
 
-    Attributes
-    ----------
-    ax_ : ndarray of matplotlib Axes
-        Axes that :meth:`plot` drew on, one per panel.
-    figure_ : matplotlib Figure
-        Figure of the axes.
+    %(attributes)s
     """
 
-    ax_: Any
-    figure_: Any
-
-    def __init__(self, diagnostics: Diagnostics) -> None:
-        self.diagnostics = diagnostics
+    diagnostics: Diagnostics
 
     @classmethod
     def from_estimator(
@@ -56,14 +49,7 @@ class ResidualDisplay:
             Consecutive rows with the measured temperature in column ``T_za``.
         max_lag : timedelta-like, default="1D"
             Longest lag of the correlations.
-        ax : array of matplotlib Axes, optional
-            Axes to draw on, four and one per input; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ResidualDisplay
+        %(drawing)s
         """
         return cls(diagnose(estimator, X, max_lag=max_lag)).plot(ax, **kwargs)
 
@@ -74,16 +60,8 @@ class ResidualDisplay:
         Parameters
         ----------
         diagnostics : Diagnostics
-            As returned by :func:`skhybrid.identification.diagnose` or
-            :func:`skhybrid.identification.diagnose_residuals`.
-        ax : array of matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        ResidualDisplay
+            As in the class.
+        %(drawing)s
         """
         return cls(diagnostics).plot(ax, **kwargs)
 
@@ -92,15 +70,14 @@ class ResidualDisplay:
 
         Parameters
         ----------
-        ax : array of matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
+        %(ax)s
         title : str, optional
-            Title of the figure; default is the name of the model.
+            Title of a new figure; default is the name of the model.
 
         Returns
         -------
-        ResidualDisplay
-            The display, with ``ax_`` and ``figure_``.
+        Display
+            With ``ax_`` and ``figure_``.
         """
         found = self.diagnostics
         inputs = list(found.cross_correlation.columns.unique("input"))
@@ -117,8 +94,7 @@ class ResidualDisplay:
             panel.set_xlabel("lag of the error behind the input [h]")
         if ax is None:
             axes[0].figure.suptitle(title or found.name, x=0.01, ha="left", fontsize="medium", fontweight="bold")
-        self.ax_, self.figure_ = axes, axes[0].figure
-        return self
+        return self._drawn_on(axes)
 
 
 def _draw_time(ax: Any, z: pd.Series) -> None:

@@ -1,29 +1,26 @@
-"""Base class and helpers of the displays of dynamic responses."""
+"""Displays of dynamic responses to every input: frequency response and step response."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Self
 
+import numpy as np
 import pandas as pd
 
-from ._style import MEASURED, line_style
+from ..identification import frequency_response, step_response
+from ._display import Display
+from ._style import MEASURED, grid_or_new, line_style, shared_legend, tidy
 
 #: label of the true system.
-TRUTH = "true"
+_TRUTH = "true"
+#: labelled periods of the axis [s].
+_TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800.0: "1 wk", 2592000.0: "30 d"}
 
 
-class ResponseDisplay:
-    """Base of the displays of responses to every input.
-
-    Parameters
-    ----------
-    responses : mapping of label to DataFrame
-        Response of each model, with one column per input.
-    """
-
-    ax_: Any
-    figure_: Any
+class _ResponseDisplay(Display):
+    """Base of the displays of responses to every input: a DataFrame per model, with one column per input."""
 
     def __init__(self, responses: Mapping[str, pd.DataFrame]) -> None:
         self.responses = dict(responses)
@@ -39,30 +36,165 @@ class ResponseDisplay:
         responses : DataFrame or mapping of label to DataFrame
             As returned by :func:`skhybrid.identification.frequency_response` (complex) or
             :func:`skhybrid.identification.step_response`; the one labelled "true" is drawn below the others.
-        ax : array of matplotlib Axes, optional
-            Axes to draw on; default is a new figure.
-        **kwargs
-            Passed to :meth:`plot`.
-
-        Returns
-        -------
-        Display
+        %(drawing)s
         """
         display: Any = cls({"model": responses} if isinstance(responses, pd.DataFrame) else responses)
         return display.plot(ax, **kwargs)
 
 
-def responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
+class BodeDisplay(_ResponseDisplay):
+    """Magnitude and phase of the response of a temperature to every input, by the period of the input.
+
+    Parameters
+    ----------
+    responses : mapping of label to DataFrame of complex
+        Frequency responses, as returned by :func:`skhybrid.identification.frequency_response`.
+
+    %(attributes)s
+    """
+
+    @classmethod
+    def from_estimator(
+        cls, estimator: Any, *, truth: Any = None, periods: Any = None, output: int = 0, ax: Any = None, **kwargs: Any
+    ) -> BodeDisplay:
+        """Compute the responses of models and draw them.
+
+        Parameters
+        ----------
+        %(models)s
+        periods : sequence of timedelta-like, optional
+            Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days.
+        %(output)s
+        %(drawing)s
+        """
+        respond = partial(frequency_response, periods=periods, output=output)
+        return cls(_responses_of(estimator, truth, respond)).plot(ax, **kwargs)
+
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        inputs: Sequence[str] | None = None,
+        phase: bool = False,
+        decibel: bool = False,
+        title: str | None = None,
+    ) -> BodeDisplay:
+        """Draw one panel per input.
+
+        Parameters
+        ----------
+        %(ax)s
+        %(inputs)s
+        phase : bool, default=False
+            Whether to draw the phase [degrees] next to the magnitude.
+        decibel : bool, default=False
+            Whether to draw magnitudes in decibels instead of on a logarithmic axis.
+        %(title)s
+        """
+        names = _inputs_of(self.responses, inputs)
+        n_each = 2 if phase else 1
+        n_cols = 2 if phase or len(names) == 4 else 3
+        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4))
+        for number, name in enumerate(names):
+            self._draw_magnitude(axes[n_each * number], name, decibel)
+            if phase:
+                self._draw_phase(axes[n_each * number + 1], name)
+        for panel in axes:
+            _period_axis(panel, self.responses)
+        for panel in axes[-n_cols:]:
+            panel.set_xlabel("period of the input")
+        shared_legend(axes, title)
+        return self._drawn_on(axes)
+
+    def _draw_magnitude(self, ax: Any, name: str, decibel: bool) -> None:
+        for label, frame in self.responses.items():
+            if name in frame:
+                size = np.abs(frame[name].to_numpy())
+                drawn = 20 * np.log10(size) if decibel else size
+                ax.plot(_seconds(frame), drawn, label=label, **_style_of(label, self.responses))
+        if not decibel:
+            ax.set_yscale("log")
+        tidy(ax, ylabel=f"dB re 1 {_unit_of(name)}" if decibel else f"magnitude [{_unit_of(name)}]", title=name)
+
+    def _draw_phase(self, ax: Any, name: str) -> None:
+        for label, frame in self.responses.items():
+            if name in frame:
+                # unwrap from the longest period, where the phase is near zero, to the shortest
+                angle = np.unwrap(np.angle(frame[name].to_numpy())[::-1])[::-1]
+                ax.plot(_seconds(frame), np.degrees(angle), label=label, **_style_of(label, self.responses))
+        tidy(ax, ylabel="phase [degrees]", title=name)
+
+
+class StepResponseDisplay(_ResponseDisplay):
+    """Temperature after a unit step of every input, from rest.
+
+    Parameters
+    ----------
+    responses : mapping of label to DataFrame
+        Step responses, as returned by :func:`skhybrid.identification.step_response`.
+
+    %(attributes)s
+    """
+
+    @classmethod
+    def from_estimator(
+        cls, estimator: Any, *, truth: Any = None, duration: Any = "12h", output: int = 0, ax: Any = None, **kwargs: Any
+    ) -> StepResponseDisplay:
+        """Compute the responses of models and draw them.
+
+        Parameters
+        ----------
+        %(models)s
+        duration : timedelta-like, default="12h"
+            Time after the step.
+        %(output)s
+        %(drawing)s
+        """
+        respond = partial(step_response, duration=duration, output=output)
+        return cls(_responses_of(estimator, truth, respond)).plot(ax, **kwargs)
+
+    def plot(
+        self, ax: Any = None, *, inputs: Sequence[str] | None = None, title: str | None = None
+    ) -> StepResponseDisplay:
+        """Draw one panel per input.
+
+        Parameters
+        ----------
+        %(ax)s
+        %(inputs)s
+        %(title)s
+        """
+        names = _inputs_of(self.responses, inputs)
+        n_cols = 2 if len(names) == 4 else 3
+        axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4))
+        hours = {label: pd.TimedeltaIndex(frame.index) / pd.Timedelta("1h") for label, frame in self.responses.items()}
+        longest = max(time.max() for time in hours.values())
+        for panel, name in zip(axes, names, strict=True):
+            for label, frame in self.responses.items():
+                if name in frame:
+                    panel.plot(hours[label], frame[name], label=label, **_style_of(label, self.responses))
+            tidy(panel, ylabel=f"temperature [{_unit_of(name)}]", title=name)
+            panel.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
+            panel.set_xlim(0, longest)
+            if longest % 6 == 0:
+                panel.set_xticks(range(0, int(longest) + 1, max(3, int(longest) // 4)))
+        for panel in axes[-n_cols:]:
+            panel.set_xlabel("time since the step [h]")
+        shared_legend(axes, title)
+        return self._drawn_on(axes)
+
+
+def _responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
     """Compute the response of every model by its label, the truth first."""
     given = models if isinstance(models, Mapping) else {type(models).__name__: models}
     if not given:
         raise ValueError("there is no model to draw; pass a fitted identification, a StateSpace or a mapping of these.")
     if truth is not None:
-        given = {TRUTH: truth, **given}
+        given = {_TRUTH: truth, **given}
     return {str(label): respond(model) for label, model in given.items()}
 
 
-def inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
+def _inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
     """Return the inputs to draw: those chosen, or those of any model."""
     present = list(dict.fromkeys(name for frame in responses.values() for name in frame.columns))
     for name in chosen or ():
@@ -71,7 +203,7 @@ def inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | Non
     return list(chosen) if chosen is not None else present
 
 
-def unit_of(name: str) -> str:
+def _unit_of(name: str) -> str:
     """Return the unit of a temperature's response to an input, by the data contract."""
     if name.startswith("T_"):
         return "K/K"
@@ -80,8 +212,25 @@ def unit_of(name: str) -> str:
     return "K per stage" if name.startswith("u_") else "K/kW"
 
 
-def style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
+def _style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
     """Return the style of a line: broad and dark, below the others, for the truth."""
-    if label == TRUTH:
+    if label == _TRUTH:
         return {"color": MEASURED, "linestyle": "-", "linewidth": 3.0, "alpha": 0.45, "zorder": 1.5}
-    return {"linewidth": 1.7, **line_style([name for name in responses if name != TRUTH].index(label))}
+    return {"linewidth": 1.7, **line_style([name for name in responses if name != _TRUTH].index(label))}
+
+
+def _seconds(frame: pd.DataFrame) -> np.ndarray:
+    return (pd.TimedeltaIndex(frame.index) / pd.Timedelta("1s")).to_numpy()
+
+
+def _period_axis(ax: Any, responses: Mapping[str, pd.DataFrame]) -> None:
+    from matplotlib.ticker import NullLocator
+
+    ax.set_xscale("log")
+    ends = [(_seconds(frame).min(), _seconds(frame).max()) for frame in responses.values()]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    ax.set_xlim(low, high)
+    shown = {place: text for place, text in _TICKS.items() if low <= place <= high}
+    if len(shown) > 1:
+        ax.set_xticks(list(shown), list(shown.values()))
+        ax.xaxis.set_minor_locator(NullLocator())

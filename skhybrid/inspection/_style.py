@@ -13,6 +13,7 @@ MEASURED = "#222222"
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 #: lines also differ by their dashes, for prints without colour.
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
+_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 2.6}
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -39,7 +40,7 @@ def _given_axes(ax: Any, n_axes: int) -> np.ndarray:
 
 
 def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
-    """Make a figure that pyplot does not keep in memory, and its axes.
+    """Make a figure that pyplot does not keep in memory, and its (n_rows,) axes.
 
     Parameters
     ----------
@@ -49,11 +50,6 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) ->
         Width and height [inch].
     share : bool
         Whether the axes share their horizontal axis.
-
-    Returns
-    -------
-    figure : matplotlib Figure
-    axes : ndarray of Axes of shape (n_rows,)
     """
     from matplotlib.figure import Figure
 
@@ -83,15 +79,8 @@ def heading(ax: Any, title: str | None, pad: float = 30.0) -> None:
 
 def legend(ax: Any, n_entries: int) -> None:
     """Add a legend above the axes, where it hides nothing."""
-    ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=min(n_entries, 5),
-        frameon=False,
-        fontsize="small",
-        borderaxespad=0.2,
-        handlelength=2.6,
-    )
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+    ax.legend(ncols=min(n_entries, 5), **place, **_LEGEND)
 
 
 def time_axis(ax: Any, time: pd.Index) -> None:
@@ -109,10 +98,7 @@ def time_axis(ax: Any, time: pd.Index) -> None:
 
 
 def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], share: bool = True) -> np.ndarray:
-    """Return the given axes, or ``n_axes`` of a new figure in ``n_cols`` columns, each of the given size [inch].
-
-    With ``share``, all have the same horizontal axis.
-    """
+    """(n_axes,) axes: those given, or of a new figure in ``n_cols`` columns, each of the given size [inch]."""
     if ax is not None:
         return _given_axes(ax, n_axes)
     import matplotlib.pyplot as plt
@@ -137,28 +123,13 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     if len({ax.figure for ax in axes}) == 1 and entries:
-        axes[0].figure.legend(
-            entries.values(),
-            entries.keys(),
-            title=title,
-            title_fontproperties={"weight": "bold"},
-            alignment="left",
-            loc="outside upper left",
-            ncols=min(len(entries), 6),
-            frameon=False,
-            fontsize="small",
-            handlelength=2.6,
-        )
+        heading_style = {"title": title, "title_fontproperties": {"weight": "bold"}, "alignment": "left"}
+        place = {"loc": "outside upper left", "ncols": min(len(entries), 6)}
+        axes[0].figure.legend(entries.values(), entries.keys(), **heading_style, **place, **_LEGEND)
 
 
 def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> int:
-    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter.
-
-    Returns
-    -------
-    int
-        Number of bands drawn.
-    """
+    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter; return the number of bands drawn."""
     levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
     pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
     for low, high in pairs:

@@ -2,6 +2,6 @@
 
 from ._facades import FacadeIrradiance
 from ._gaps import GapFiller
-from ._unit_converter import UnitConverter
+from ._units import UnitConverter
 
 __all__ = ["FacadeIrradiance", "GapFiller", "UnitConverter"]

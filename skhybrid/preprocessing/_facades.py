@@ -12,7 +12,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from .._table import role_of
 from .._time import read_index
-from ._frames import TableTransformer, numeric, position_of, read_input, roles_by_position
+from ._frames import TableTransformer, numeric, position_of, roles_by_position
 from ._sun import Place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
@@ -24,10 +24,8 @@ class FacadeIrradiance(TableTransformer):
 
     Parameters
     ----------
-    latitude : float
-        Latitude, north positive [deg].
-    longitude : float
-        Longitude, east positive [deg].
+    latitude, longitude : float
+        Position of the building [deg], north and east positive.
     facades : dict of name to azimuth, optional
         Azimuths in degrees clockwise from north; each adds the column ``q_sol_<name>``.  Default: ``east`` 90,
         ``south`` 180, ``west`` 270, ``north`` 0.
@@ -55,21 +53,17 @@ class FacadeIrradiance(TableTransformer):
         Azimuth [deg] of each facade.
     positions_ : dict of str to int
         Positions of the columns of ``q_sol`` and, if given, ``dni`` and ``dhi``.
-    n_features_in_ : int
-        Number of columns.
-    feature_names_in_ : ndarray of str
-        Names of the columns, if fitted on a DataFrame.
+    n_features_in_, feature_names_in_ : int, ndarray of str
+        Number of columns and, if fitted on a DataFrame, their names.
 
     Notes
     -----
     Rows are means over [t, t + step), so the position of the sun is that at the middle of the step.  The sky is
     isotropic; a facade sees half of it and half of the ground.  If the sun is less than 3 degrees above the horizon and
-    direct irradiance is not logged, all light counts as diffuse: dividing by the sine of so small an elevation would
-    turn an error of a few watts into hundreds.  NaN in the irradiance of a row gives NaN on its facades.
+    direct irradiance is not logged, all light counts as diffuse.  NaN in the irradiance of a row gives NaN on its
+    facades.
 
-    The columns ``dni`` and ``dhi`` are dropped unless they are named after a role.  All others keep their values and
-    their order, and the facades are appended.  An array is returned with the facades as its last columns; with
-    ``set_output(transform="pandas")`` its columns are named by role.
+    The facades are appended; ``dni`` and ``dhi`` are dropped unless they are named after a role.
 
     Examples
     --------
@@ -118,24 +112,7 @@ class FacadeIrradiance(TableTransformer):
         step = self._stamps(table, None)[1]
         self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
 
-    def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
-        """Append the irradiance on the facades.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-
-        Returns
-        -------
-        DataFrame or ndarray of shape (n_samples, n_features_out)
-
-        Raises
-        ------
-        ValueError
-            If the time stamps have no time zone, or are not evenly spaced.
-        """
-        check_is_fitted(self)
-        table = read_input(self, X, reset=False)
+    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
@@ -147,21 +124,12 @@ class FacadeIrradiance(TableTransformer):
         return pd.concat([table.iloc[:, kept], added], axis=1)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Return the names of the columns of the output.
+        """(n_features_out,) names of the columns of the output.
 
         Parameters
         ----------
         input_features : array-like of str, optional
             Names of the columns of an array, instead of the roles given by position.
-
-        Returns
-        -------
-        ndarray of str, shape (n_features_out,)
-
-        Raises
-        ------
-        ValueError
-            If ``input_features`` are not those of ``fit``.
         """
         check_is_fitted(self)
         if input_features is None and not hasattr(self, "feature_names_in_"):

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 
 class TableTransformer(TransformerMixin, BaseEstimator):
@@ -20,13 +20,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Table to check.
         y : ignored
-            Present for compatibility with scikit-learn.
-
-        Returns
-        -------
-        self
 
         Raises
         ------
@@ -36,9 +30,32 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         self._fit_table(read_input(self, X, reset=True))
         return self
 
+    def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
+        """Transform a table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+
+        Returns
+        -------
+        DataFrame or ndarray of shape (n_samples, n_features_out), of the type of ``X``; changed columns are float64
+
+        Raises
+        ------
+        ValueError
+            If the columns are not those of ``fit``, or a column or a time stamp cannot be used.
+        """
+        check_is_fitted(self)
+        return self._transform_table(read_input(self, X, reset=False))
+
     @abstractmethod
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         """Set the fitted attributes."""
+
+    @abstractmethod
+    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
+        """Transform a table that has the columns of ``fit``."""
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

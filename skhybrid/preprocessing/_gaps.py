@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
-from sklearn.utils.validation import check_is_fitted
 
 from .._table import HISTORY_ROLES
-from ._frames import TableTransformer, numeric, read_input
+from ._frames import TableTransformer, numeric
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
@@ -27,19 +26,15 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     ----------
     max_gap_ : Timedelta
         ``max_gap`` as a duration.
-    n_features_in_ : int
-        Number of columns.
-    feature_names_in_ : ndarray of str
-        Names of the columns, if fitted on a DataFrame.
+    n_features_in_, feature_names_in_ : int, ndarray of str
+        Number of columns and, if fitted on a DataFrame, their names.
 
     Notes
     -----
     Interpolation uses the value after the gap.  That is no leak for inputs, which a forecast may know in advance, but
     it would be one for history: ``T_za`` and ``zeta`` are never filled (filters skip missing measurements).  Gaps at
-    either end of the table stay missing, as do gaps in columns that are not numeric.  Rows that are absent altogether
-    are restored by :func:`skhybrid.datasets.regularize`.
-
-    A DataFrame keeps its index, its names and their order.
+    either end of the table and in columns that are not numeric stay missing.  Rows that are absent altogether are
+    restored by :func:`skhybrid.datasets.regularize`.
 
     Examples
     --------
@@ -57,19 +52,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         self.max_gap_ = _duration(self.max_gap, "max_gap")
 
-    def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
-        """Fill the short gaps.
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-
-        Returns
-        -------
-        DataFrame or ndarray of shape (n_samples, n_features), of the type of ``X``, float64
-        """
-        check_is_fitted(self)
-        table = read_input(self, X, reset=False)
+    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         if not isinstance(table, pd.DataFrame):
             hours = self._row_hours(len(table))
             return np.column_stack([fill_gaps(column, hours, self.max_gap_) for column in table.T])
@@ -92,10 +75,7 @@ def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
 
 
 def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> np.ndarray:
-    """Interpolate linearly over the gaps in ``values`` that are at most ``max_gap`` long.
-
-    A gap begins one step after the last known value and ends at the next one.
-    """
+    """(n,) values with gaps up to ``max_gap`` interpolated; a gap begins one step after the last known value."""
     known = np.flatnonzero(np.isfinite(values))
     filled = values.astype(np.float64, copy=True)
     if len(known) < 2 or len(known) == len(values):

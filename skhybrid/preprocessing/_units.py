@@ -1,11 +1,17 @@
-"""Conversion of units to those of the data contract."""
+"""Conversion of units to those of the data contract, and the transformer that applies it."""
 
 from __future__ import annotations
 
 import difflib
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
+from sklearn.base import OneToOneFeatureMixin
+from sklearn.utils.validation import check_is_fitted
+
+from ._frames import TableTransformer, numeric, position_of, read_input, roles_by_position
 
 #: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
@@ -41,13 +47,7 @@ _KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fract
 
 
 def conversion_of(unit: str, column: object) -> Conversion:
-    """Return the conversion of a column logged in ``unit``.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown, or is not one for the column's role.
-    """
+    """Conversion of a column logged in ``unit``, which must be known and suit the column's role."""
     if unit not in UNITS:
         near = difflib.get_close_matches(str(unit), UNITS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "."
@@ -70,3 +70,72 @@ def convert(values: np.ndarray, conversion: Conversion) -> np.ndarray:
 def convert_back(values: np.ndarray, conversion: Conversion) -> np.ndarray:
     """Convert values from the contract's unit back to the original one, float64."""
     return (np.asarray(values, dtype=np.float64) - conversion.offset) / conversion.scale
+
+
+class UnitConverter(OneToOneFeatureMixin, TableTransformer):
+    """Convert units to those of the data contract (degC, kW/m2, fraction, kW).
+
+    Parameters
+    ----------
+    units : dict of column to unit, optional
+        Unit of each column that needs conversion: temperatures in ``"degF"`` or ``"K"``, irradiance in ``"W/m2"``,
+        stages in ``"percent"``, powers in ``"W"``, ``"MW"`` or ``"Btu/h"``.  A column of an array is given by its
+        position, or by the role that the contract gives to it (``"T_oa"`` is column 0, ``"q_sol"`` 1, ``"u_2"`` 2 ...).
+
+    Attributes
+    ----------
+    conversions_ : dict of int to tuple
+        Kind, scale and offset of each conversion, by the position of the column.
+    n_features_in_, feature_names_in_ : int, ndarray of str
+        Number of columns and, if fitted on a DataFrame, their names.
+
+    Notes
+    -----
+    A DataFrame keeps its index, its names and their order; columns that are not in ``units`` are not changed.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhybrid.preprocessing import UnitConverter
+    >>> UnitConverter({"T_oa": "degF"}).fit_transform(pd.DataFrame({"T_oa": [68.0], "u_cool": [0.5]}))
+       T_oa  u_cool
+    0  20.0     0.5
+    """
+
+    def __init__(self, units: dict[Any, str] | None = None) -> None:
+        self.units = units
+
+    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+        names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+        self.conversions_ = {}
+        for column, unit in (self.units or {}).items():
+            position = position_of(column, names)
+            if position is None:
+                shown = ", ".join(repr(str(name)) for name in names)
+                raise ValueError(f"units= names the column {column!r}, but X has {shown}.")
+            self.conversions_[position] = conversion_of(unit, column)
+
+    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
+        return self._apply(table, convert)
+
+    def inverse_transform(self, X: Any) -> pd.DataFrame | np.ndarray:
+        """Convert back to the original units.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        """
+        check_is_fitted(self)
+        return self._apply(read_input(self, X, reset=False), convert_back)
+
+    def _apply(
+        self, table: pd.DataFrame | np.ndarray, function: Callable[[np.ndarray, Conversion], np.ndarray]
+    ) -> pd.DataFrame | np.ndarray:
+        if isinstance(table, pd.DataFrame):
+            converted = table.copy()
+            for j, conversion in self.conversions_.items():
+                converted[table.columns[j]] = function(numeric(table.iloc[:, j]), conversion)
+            return converted
+        for j, conversion in self.conversions_.items():
+            table[:, j] = function(table[:, j], conversion)
+        return table

@@ -117,20 +117,11 @@ CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPL
 
 
 def get_network(network: str | RCNetwork) -> RCNetwork:
-    """Look up a network by name; a network is returned as it is.
+    """Look up a network by its name in the catalogue; a network is returned as it is.
 
     Parameters
     ----------
     network : str or RCNetwork
-
-    Returns
-    -------
-    RCNetwork
-
-    Raises
-    ------
-    ValueError
-        If the catalogue has no such name.
     """
     if isinstance(network, RCNetwork):
         return network
@@ -140,17 +131,8 @@ def get_network(network: str | RCNetwork) -> RCNetwork:
 
 
 def list_networks() -> pd.DataFrame:
-    """List the networks of the catalogue.
-
-    Returns
-    -------
-    DataFrame
-        One row per network, by name: states, number of resistors, number of parameters under its usual inputs,
-        description, reference.
-    """
-    rows = [
-        (n.name, n.states, len(n.resistors), len(n.parameters()), n.description, n.reference)
-        for n in CATALOGUE.values()
-    ]
+    """One row per network of the catalogue, by name: states, sizes under its usual inputs, description, reference."""
+    nets = CATALOGUE.values()
+    rows = [(n.name, n.states, len(n.resistors), len(n.parameters()), n.description, n.reference) for n in nets]
     columns = ["name", "states", "n_resistors", "n_parameters", "description", "reference"]
     return pd.DataFrame(rows, columns=columns).set_index("name")

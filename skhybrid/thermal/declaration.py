@@ -55,7 +55,6 @@ class Declaration:
                 nodes = tuple(given)
                 object.__setattr__(self, name, nodes[0] if len(nodes) == 1 else nodes)
 
-    # ------------------------------------------------------------------------------------------------------- names
     @property
     def nodes(self) -> tuple[str, ...]:
         """Nodes in the order of the states."""
@@ -98,7 +97,6 @@ class Declaration:
         """Fraction parameters of the sun."""
         return tuple(fractions_of(self.solar, "solar"))
 
-    # ------------------------------------------------------------------------------------------------------- inputs
     @property
     def boundaries(self) -> tuple[str, ...]:
         """Boundary temperatures, in order of first use."""
@@ -133,10 +131,6 @@ class Declaration:
         Parameters
         ----------
         role : str
-
-        Returns
-        -------
-        bool
         """
         return role in self.boundaries or bool(self.sources([role]))
 
@@ -146,10 +140,6 @@ class Declaration:
         Parameters
         ----------
         roles : iterable of str
-
-        Returns
-        -------
-        tuple of Source
 
         Raises
         ------
@@ -179,10 +169,6 @@ class Declaration:
         ----------
         roles : iterable of str
             Roles that a table has.
-
-        Returns
-        -------
-        tuple of str
         """
         roles = set(roles)
         return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
@@ -208,16 +194,13 @@ class Declaration:
                 heat = "solar heat" if fraction in self.solar_fractions else "heating and cooling"
                 named.append((fraction, "f", f"share of {heat} to {node}"))
         for source in sources:
-            if source.parameter is None:
-                continue
-            if source.parameter.startswith("A_win"):
-                named.append((source.parameter, "A", f"effective window area for {source.role}"))
-            else:
-                named.append((source.parameter, "Q", f"capacity of {source.role}"))
+            if source.parameter is not None:
+                area = source.parameter.startswith("A_win")
+                text = "effective window area for" if area else "capacity of"
+                named.append((source.parameter, "A" if area else "Q", f"{text} {source.role}"))
         return tuple(make_parameter(name, kind, text).bounded(self.bounds.get(name)) for name, kind, text in named)
 
 
-# -------------------------------------------------------------------------------------------- the forms of the fields
 def as_names(value: str | Iterable[str]) -> tuple[str, ...]:
     """One name or several, as a tuple."""
     return (value,) if isinstance(value, str) else tuple(value)

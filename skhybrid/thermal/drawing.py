@@ -6,6 +6,7 @@ rises from its node; one between nodes that are not neighbours crosses above.  C
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from html import escape
@@ -59,18 +60,13 @@ class _Column:
 
 @diagram.register(RCNetwork)
 def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
-    """Draw a network as a circuit diagram.
+    """Draw a network as a circuit diagram, a self-contained SVG element.
 
     Parameters
     ----------
     network : RCNetwork
     roles : iterable of str, optional
         Roles that a table has; by default the usual roles of the network.
-
-    Returns
-    -------
-    str
-        A self-contained SVG element.
     """
     roles = tuple(network.usual_roles if roles is None else roles)
     rail = _Rail(network, roles)
@@ -90,7 +86,6 @@ def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
     return canvas.svg(network.name, rail.x_min - 16.0, rail.y_min - 12.0, rail.x_max + 16.0, rail.y_max + 44.0)
 
 
-# --------------------------------------------------------------------------------------------------------------- layout
 class _Rail:
     """Positions of the nodes, and the route of each resistor."""
 
@@ -199,24 +194,15 @@ def _assign_levels(distant: list[tuple[str, int, int]]) -> list[tuple[str, int, 
     return out
 
 
-# ---------------------------------------------------------------------------------------------------------------- parts
 def _draw_resistor_on_rail(canvas: _Canvas, rail: _Rail, resistor: str, i: int, j: int) -> None:
     a, b = rail.columns[i], rail.columns[j]
-    middle = 0.5 * (a.x + a.half_bus + b.x - b.half_bus)
-    canvas.wire([(a.x, 0.0), (middle - _ZIGZAG / 2, 0.0)])
-    canvas.zigzag(middle, 0.0)
-    canvas.wire([(middle + _ZIGZAG / 2, 0.0), (b.x, 0.0)])
-    canvas.text(middle, -13.0, resistor, "middle")
+    canvas.resistor(a.x, 0.5 * (a.x + a.half_bus + b.x - b.half_bus), b.x, 0.0, resistor)
 
 
 def _draw_end_of_rail(canvas: _Canvas, rail: _Rail, resistor: str, boundary: str, side: int) -> None:
     column = rail.columns[0 if side < 0 else -1]
     end = column.x + side * rail.reach(column)
-    middle = column.x + side * (column.half_bus + 0.5 * 130.0)
-    canvas.wire([(column.x, 0.0), (middle - side * _ZIGZAG / 2, 0.0)])
-    canvas.zigzag(middle, 0.0)
-    canvas.wire([(middle + side * _ZIGZAG / 2, 0.0), (end, 0.0)])
-    canvas.text(middle, -13.0, resistor, "middle")
+    canvas.resistor(column.x, column.x + side * (column.half_bus + 0.5 * 130.0), end, 0.0, resistor)
     canvas.boundary(end, 0.0)
     canvas.text(end, 26.0, boundary, "middle")
 
@@ -246,11 +232,7 @@ def _draw_crossing_resistor(canvas: _Canvas, rail: _Rail, resistor: str, i: int,
     a, b = _draw_riser(canvas, rail.columns[i], resistor, y), _draw_riser(canvas, rail.columns[j], resistor, y)
     gap = (i + j) // 2  # between two nodes, where no wire rises
     one, two = rail.columns[gap], rail.columns[gap + 1]
-    middle = 0.5 * (one.x + one.half_bus + two.x - two.half_bus)
-    canvas.wire([(a, y), (middle - _ZIGZAG / 2, y)])
-    canvas.zigzag(middle, y)
-    canvas.wire([(middle + _ZIGZAG / 2, y), (b, y)])
-    canvas.text(middle, y - 13.0, resistor, "middle")
+    canvas.resistor(a, 0.5 * (one.x + one.half_bus + two.x - two.half_bus), b, y, resistor)
 
 
 def _draw_node(canvas: _Canvas, network: RCNetwork, column: _Column) -> None:
@@ -287,6 +269,14 @@ class _Canvas:
         points = [(x + v, y + u) if upright else (x + u, y + v) for u, v in along]
         self._line(points, f'stroke="{_INK}" stroke-width="1.6" stroke-linejoin="round"')
 
+    def resistor(self, start: float, middle: float, end: float, y: float, label: str) -> None:
+        """Draw a horizontal resistor with the wires at both sides and its label."""
+        half = _ZIGZAG / 2 if start < end else -_ZIGZAG / 2
+        self.wire([(start, y), (middle - half, y)])
+        self.zigzag(middle, y)
+        self.wire([(middle + half, y), (end, y)])
+        self.text(middle, y - 13.0, label, "middle")
+
     def arrow(self, points: list[tuple[float, float]]) -> None:
         self._line(points, f'stroke="{_HEAT}" stroke-width="1.6" marker-end="url(#skhybrid-head)"')
 
@@ -298,13 +288,11 @@ class _Canvas:
         self.parts.append(f'<circle cx="{x:g}" cy="{y:g}" r="2.6" fill="{_INK}"/>')
 
     def node(self, x: float, y: float, measured: bool) -> None:
+        place = f'<circle cx="{x:g}" cy="{y:g}"'
         if measured:
-            self.parts.append(
-                f'<circle cx="{x:g}" cy="{y:g}" r="9" fill="white" stroke="{_MEASURED}" stroke-width="1.8"/>'
-            )
-        fill = _MEASURED if measured else "white"
-        edge = _MEASURED if measured else _INK
-        self.parts.append(f'<circle cx="{x:g}" cy="{y:g}" r="5.5" fill="{fill}" stroke="{edge}" stroke-width="1.6"/>')
+            self.parts.append(f'{place} r="9" fill="white" stroke="{_MEASURED}" stroke-width="1.8"/>')
+        fill, edge = (_MEASURED, _MEASURED) if measured else ("white", _INK)
+        self.parts.append(f'{place} r="5.5" fill="{fill}" stroke="{edge}" stroke-width="1.6"/>')
 
     def boundary(self, x: float, y: float) -> None:
         self.parts.append(f'<rect x="{x - 6:g}" y="{y - 6:g}" width="12" height="12" fill="{_INK}"/>')
@@ -324,32 +312,20 @@ class _Canvas:
 
     def svg(self, title: str, left: float, top: float, right: float, bottom: float) -> str:
         width, height = f"{right - left:g}", f"{bottom - top:g}"
-        box = f'x="{left:g}" y="{top:g}" width="{width}" height="{height}"'
-        return "".join(
-            (
-                f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" ',
-                f'viewBox="{left:g} {top:g} {width} {height}" style="max-width:100%;height:auto" ',
-                f'role="img" font-family="sans-serif" font-size="{_FONT}"><title>{escape(title)}</title>',
-                '<defs><marker id="skhybrid-head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" ',
-                f'markerHeight="7" orient="auto"><path d="M0,0 L10,5 L0,10 z" fill="{_HEAT}"/></marker></defs>',
-                f'<rect {box} rx="6" fill="white"/>',
-                *self.parts,
-                "</svg>",
-            )
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+            f'viewBox="{left:g} {top:g} {width} {height}" style="max-width:100%;height:auto" '
+            f'role="img" font-family="sans-serif" font-size="{_FONT}"><title>{escape(title)}</title>'
+            '<defs><marker id="skhybrid-head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" '
+            f'markerHeight="7" orient="auto"><path d="M0,0 L10,5 L0,10 z" fill="{_HEAT}"/></marker></defs>'
+            f'<rect x="{left:g}" y="{top:g}" width="{width}" height="{height}" rx="6" fill="white"/>'
+            f"{''.join(self.parts)}</svg>"
         )
 
 
-# ----------------------------------------------------------------------------------------------------------------- text
 def _split_words(label: str) -> list[str]:
     """Split a label into words and the characters between them, so that each word can have its own subscript."""
-    out, word = [], ""
-    for letter in label:
-        if letter.isalnum() or letter == "_":
-            word += letter
-            continue
-        out += [word, letter]
-        word = ""
-    return [piece for piece in (*out, word) if piece]
+    return re.findall(r"\w+|\W", label)
 
 
 def _tspans(word: str) -> str:
@@ -367,8 +343,5 @@ def _tspans(word: str) -> str:
 
 def _width(label: str) -> float:
     """Approximate width of a label [px]."""
-    total = 0.0
-    for word in _split_words(label):
-        head, _, rest = word.partition("_")
-        total += 0.62 * _FONT * len(head) + 0.46 * _FONT * len(rest)
-    return total
+    parts = [word.partition("_") for word in _split_words(label)]
+    return sum((0.62 * _FONT * len(head) + 0.46 * _FONT * len(rest) for head, _, rest in parts), 0.0)

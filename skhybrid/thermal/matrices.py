@@ -70,17 +70,12 @@ class MatrixBuilder:
 
     @classmethod
     def from_network(cls, network: Declaration, roles: Iterable[str]) -> MatrixBuilder:
-        """Compute the coefficients of a network.
+        """Compute the coefficients of a network under the roles of a table.
 
         Parameters
         ----------
         network : RCNetwork
         roles : iterable of str
-            Roles that a table has.
-
-        Returns
-        -------
-        MatrixBuilder
         """
         roles = tuple(roles)
         names = tuple(p.name for p in network.parameters(roles))
@@ -104,15 +99,11 @@ class MatrixBuilder:
         )
 
     def vector(self, theta: Mapping[str, float]) -> np.ndarray:
-        """Values by name as one row of ``theta``.
+        """(p,) values by name as one row of ``theta``.
 
         Parameters
         ----------
         theta : mapping of parameter to value
-
-        Returns
-        -------
-        ndarray of shape (p,)
         """
         return np.array([theta[name] for name in self.parameters], dtype=np.float64)
 
@@ -127,8 +118,7 @@ class MatrixBuilder:
         Returns
         -------
         Continuous
-            With a leading axis of length S: A (S, n, n), B (S, n, m), dA (S, p, n, n), dB (S, p, n, m),
-            capacitance (S, n).
+            A (S, n, n), B (S, n, m), dA (S, p, n, n), dB (S, p, n, m), capacitance (S, n).
         """
         theta = np.asarray(theta, dtype=np.float64)
         size, p, n = len(theta), len(self.parameters), len(self.capacitances)

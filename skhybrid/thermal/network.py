@@ -94,7 +94,6 @@ class RCNetwork(Declaration):
         super().__post_init__()
         check(self)
 
-    # ----------------------------------------------------------------------------------------------------- matrices
     def matrices(self, theta: Mapping[str, float], roles: Iterable[str]) -> Continuous:
         """Continuous state-space matrices and their derivatives.
 
@@ -103,11 +102,7 @@ class RCNetwork(Declaration):
         theta : mapping of parameter to value
         roles : iterable of str
             The inputs; columns of B are in the order of :meth:`inputs`, then 1 kW of each of :attr:`gain_names`.
-
-        Returns
-        -------
-        Continuous
-            Derivatives are with respect to the values, in the order of :meth:`parameters`.
+            Derivatives are in the order of :meth:`parameters`.
         """
         builder = self.matrix_builder(roles)
         return Continuous(*(batch[0] for batch in builder.matrices(builder.vector(theta)[None])))
@@ -118,11 +113,6 @@ class RCNetwork(Declaration):
         Parameters
         ----------
         roles : iterable of str
-            Roles that a table has.
-
-        Returns
-        -------
-        MatrixBuilder
         """
         key = tuple(sorted(set(roles)))
         if key not in self._matrix_builders:
@@ -137,42 +127,30 @@ class RCNetwork(Declaration):
         return {name: value for name, value in self.__dict__.items() if name != "_matrix_builders"}
 
     def discrete(self, theta: Mapping[str, float], roles: Iterable[str], dt: float) -> Discrete:
-        """Exact zero-order hold, with exact derivatives with respect to the parameters.
+        """Exact zero-order hold: ``A``, ``B`` over one step, and their derivatives with respect to the parameters.
 
         Parameters
         ----------
         theta : mapping of parameter to value
         roles : iterable of str
-            Roles that a table has.
         dt : float
             Step [h].
-
-        Returns
-        -------
-        Discrete
-            ``A``, ``B`` over one step and their derivatives ``dA``, ``dB``.
         """
         c = self.matrices(theta, tuple(roles))
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
 
-    # ------------------------------------------------------------------------------------------------------ display
     def parameter_table(self, roles: Iterable[str] | None = None) -> pd.DataFrame:
-        """Name, unit, bounds and description of every parameter under the given inputs.
+        """Unit, bounds, scale and description of every parameter under the given inputs, one row per name.
 
         Parameters
         ----------
         roles : iterable of str, optional
             Roles that a table has; by default :attr:`usual_roles`.
-
-        Returns
-        -------
-        DataFrame
-            One row per parameter.
         """
         return parameter_table(self.parameters(roles))
 
     def equations(self, roles: Iterable[str] | None = None, *, latex: bool = False) -> str:
-        """Heat balance of every node, in the paper's form.
+        """Heat balance of every node, one line each, in the paper's form.
 
         Parameters
         ----------
@@ -180,11 +158,6 @@ class RCNetwork(Declaration):
             Roles that a table has; by default :attr:`usual_roles`.
         latex : bool
             Return the lines of an ``aligned`` environment instead of text.
-
-        Returns
-        -------
-        str
-            One line per node.
         """
         return equations(self, roles, latex=latex)
 

@@ -74,10 +74,6 @@ class Parameter:
         Parameters
         ----------
         value : float
-
-        Returns
-        -------
-        float
         """
         return float(np.log(value * self.sign)) if self.transform == "log" else float(value)
 
@@ -87,10 +83,6 @@ class Parameter:
         Parameters
         ----------
         free : float
-
-        Returns
-        -------
-        float
         """
         return float(self.sign * np.exp(free)) if self.transform == "log" else float(free)
 
@@ -100,10 +92,6 @@ class Parameter:
         Parameters
         ----------
         value : float
-
-        Returns
-        -------
-        float
         """
         return float(value) if self.transform == "log" else 1.0
 
@@ -114,10 +102,6 @@ class Parameter:
         ----------
         bounds : tuple of (lower, upper) or None
             None keeps the present bounds.
-
-        Returns
-        -------
-        Parameter
         """
         if bounds is None:
             return self

@@ -1,0 +1,92 @@
+"""Base class of the displays, and the documentation that they share."""
+
+from __future__ import annotations
+
+import re
+from inspect import cleandoc, isfunction
+from textwrap import indent
+from typing import Any, Self
+
+import numpy as np
+
+_BLOCKS = {
+    "attributes": """
+    Attributes
+    ----------
+    ax_ : matplotlib Axes or ndarray of Axes
+        Axes that :meth:`plot` drew on, one per panel.
+    figure_ : matplotlib Figure
+        Figure of the axes.
+    """,
+    "ax": """
+    ax : matplotlib Axes or array of Axes, optional
+        Axes to draw on, one per panel; default is a new figure.
+    """,
+    "drawing": """
+    ax : matplotlib Axes or array of Axes, optional
+        Axes to draw on, one per panel; default is a new figure.
+    **kwargs
+        Passed to :meth:`plot`.
+
+    Returns
+    -------
+    Display
+    """,
+    "title": """
+    title : str, optional
+        Title of the figure.
+
+    Returns
+    -------
+    Display
+        With ``ax_`` and ``figure_``.
+    """,
+    "backtest": """
+    estimator : fitted estimator or mapping
+        A fitted estimator, or a mapping of label to fitted estimator.
+    X : DataFrame or array-like of shape (n_samples, n_features)
+        Consecutive rows.
+    y : Series or array-like of shape (n_samples,)
+        Measured zone temperature [degC].
+    horizon, origin_step : timedelta-like
+        As in :func:`skhybrid.model_selection.backtest`.
+    """,
+    "models": """
+    estimator : fitted identification, StateSpace or mapping
+        A model, or a mapping of label to model.
+    truth : StateSpace or fitted identification, optional
+        True model, drawn as a broad line below the others with the label "true"; see
+        :func:`skhybrid.identification.make_state_space`.
+    """,
+    "output": """
+    output : int, default=0
+        Index of the measured temperature, for models with several.
+    """,
+    "inputs": """
+    inputs : sequence of str, optional
+        Inputs to draw; default is those of any model.
+    """,
+}
+_PLACE = re.compile(r"^( *)%\((\w+)\)s$", re.MULTILINE)
+
+
+class Display:
+    """Base of the displays; fills the shared blocks into their docstrings, where a line ``%(name)s`` asks for one."""
+
+    ax_: Any
+    figure_: Any
+
+    def __init_subclass__(cls) -> None:
+        cls.__doc__ = _filled(cls.__doc__)
+        for member in vars(cls).values():
+            function = getattr(member, "__func__", member)
+            if isfunction(function):
+                function.__doc__ = _filled(function.__doc__)
+
+    def _drawn_on(self, axes: Any) -> Self:
+        self.ax_, self.figure_ = axes, np.ravel(axes)[0].figure
+        return self
+
+
+def _filled(text: str | None) -> str | None:
+    return text and _PLACE.sub(lambda place: indent(cleandoc(_BLOCKS[place[2]]), place[1]), text)
