@@ -12,13 +12,7 @@ DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
 
 
 class Progress:
-    """Writes steps to stderr, each with the time since the beginning.
-
-    Parameters
-    ----------
-    quiet : bool
-        Whether nothing is written.
-    """
+    """Writes steps to stderr, each with the time since the beginning; nothing if ``quiet``."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet

@@ -69,7 +69,6 @@ class RollingOriginSplit(BaseCrossValidator):
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; its ``DatetimeIndex`` gives the sampling time where it has one.
         y, groups : ignored
-            Present for scikit-learn.
 
         Yields
         ------
@@ -95,7 +94,6 @@ class RollingOriginSplit(BaseCrossValidator):
         X : DataFrame or array-like, optional
             Needed unless ``n_splits`` was given.
         y, groups : ignored
-            Present for scikit-learn.
 
         Returns
         -------

@@ -65,7 +65,6 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     path : path-like
         CSV file.
     settings : Settings
-        Columns, units, factors, time zone, label and step.
 
     Returns
     -------
@@ -110,7 +109,6 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     frame : DataFrame
         One column per role, at an even step, and ``setpoint`` where the log has it.
     settings : Settings
-        Spans, horizon and set-point.
 
     Returns
     -------
@@ -160,17 +158,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 
 
 def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest time without any change in a measured temperature, if no room could do that.
-
-    Parameters
-    ----------
-    temperature : Series
-        ``T_za`` [degC] at even stamps.
-
-    Returns
-    -------
-    str or None
-    """
+    """A remark on the longest time without any change in ``T_za`` [degC], at even stamps, if no room could do that."""
     known = temperature.dropna()
     spell = (known != known.shift()).cumsum()
     longest = known[spell == spell.mode().iloc[0]]

@@ -226,27 +226,10 @@ def regression_model(
 ) -> tuple[Any, dict[str, Any]]:
     """The PyMC model of Eq. regression, and the start of its chains.
 
-    Likelihoods use sufficient statistics, so that an evaluation costs the same for 100 candidates as for 13 000.  The
-    unexplained part of each group is integrated out: deviations from the group means have the variance ``variance``,
-    the means themselves ``sigma_group^2 + variance / n``.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_candidates, 1 + n_terms)
-        A column of ones, and the standardised terms.
-    y : ndarray of shape (n_candidates,)
-        Errors less their mean.
-    y_scale : float
-        Their standard deviation.
-    prior_scale : float
-    groups : ndarray of shape (n_candidates,), optional
-        Number of the group of each row.
-
-    Returns
-    -------
-    model : pymc.Model
-        With ``coefficients`` and ``variance``, and ``sigma_group`` where there are groups.
-    start : dict
+    X (n_candidates, 1 + n_terms) is a column of ones and the standardised terms, y (n_candidates,) the errors less
+    their mean, and ``y_scale`` their standard deviation.  Likelihoods use sufficient statistics, so that an evaluation
+    costs the same for 100 candidates as for 13 000.  The unexplained part of each group is integrated out: deviations
+    from the group means have the variance ``variance``, the means themselves ``sigma_group^2 + variance / n``.
     """
     pm = import_pymc()
     with pm.Model() as model:

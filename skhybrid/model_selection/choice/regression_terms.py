@@ -38,24 +38,7 @@ def build_terms(
     cases: Sequence[ModelCase],
     best_sizes: int | None,
 ) -> RegressionTerms:
-    """Make the terms of a regression.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Finished candidates.
-    terms, interactions, cases, best_sizes
-        As in :class:`~skhybrid.model_selection.PatternExpressiveness`.
-
-    Returns
-    -------
-    RegressionTerms
-
-    Raises
-    ------
-    ValueError
-        If a named column, ingredient or pair does not exist, or there are fewer candidates than terms.
-    """
+    """Terms of the finished candidates in a table; the arguments are those of :class:`PatternExpressiveness`."""
     names = _names(table, terms)
     wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
     if wants_ingredients or best_sizes is not None:

@@ -26,14 +26,7 @@ class Outcome(NamedTuple):
 
 
 class Halving:
-    """Trains networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
-
-    Parameters
-    ----------
-    first : int
-        Epochs of the first rung.
-    factor : int
-    """
+    """Trains networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on."""
 
     def __init__(self, first: int, factor: int = 3) -> None:
         if (
@@ -48,18 +41,7 @@ class Halving:
     def run(self, run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
         """Run all candidates; those without a network are fitted to the end.
 
-        Parameters
-        ----------
-        run : callable
-            Takes candidates and a note for the progress bar, and returns their results.
-        estimator : estimator
-            With a forecaster of the disturbance.
-        candidates : sequence of Mapping
-            Their parameters.
-
-        Returns
-        -------
-        Outcome
+        ``run`` takes candidates and a note for the progress bar, and returns their results.
         """
         results: list[list[Result]] = [[] for _ in candidates]
         stopped_at = np.full(len(candidates), np.nan)
@@ -90,18 +72,7 @@ class Halving:
 
 
 def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
-    """Run all candidates to the end.
-
-    Parameters
-    ----------
-    run : callable
-        As in :meth:`Halving.run`.
-    candidates : sequence of Mapping
-
-    Returns
-    -------
-    Outcome
-    """
+    """Run all candidates to the end."""
     return Outcome(run(candidates, ""), np.full(len(candidates), np.nan), pd.DataFrame(columns=_COLUMNS))
 
 

@@ -99,25 +99,7 @@ class IdentifiedNetwork(NamedTuple):
 def identify(
     problem: Shared, name: str, params: Mapping[str, Any], split: int, catch_errors: bool = True
 ) -> dict[tuple[str, int], IdentifiedNetwork]:
-    """Identify the network of a split.
-
-    Parameters
-    ----------
-    problem : Shared
-        A Problem.
-    name : str
-        Key of the network in the result.
-    params : Mapping of str to object
-        As :func:`identification_params` gives them.
-    split : int
-    catch_errors : bool, default True
-        Whether an error becomes part of the result; else it is raised.
-
-    Returns
-    -------
-    dict of (str, int) to IdentifiedNetwork
-        By name and split.
-    """
+    """``{(name, split): network}``, identified on a split by the parameters of :func:`identification_params`."""
     given: Problem = problem.get()
     if given.has_networks:
         preload_networks()
@@ -142,23 +124,9 @@ def evaluate(
     split: int,
     catch_errors: bool = True,
 ) -> dict[Task, Result]:
-    """Fit and score candidates on a split.
+    """Fit and score candidates on a split; those that share a ``network`` differ in their forecasters only.
 
-    Parameters
-    ----------
-    problem : Shared
-        A Problem.
-    network : Shared or None
-        The IdentifiedNetwork that the candidates share; None where each is fitted as a whole.
-    tasks : Mapping of Task to parameters
-        Candidates that share a network differ in their forecasters only.
-    split : int
-    catch_errors : bool, default True
-        Whether an error becomes part of the result; else it is raised.
-
-    Returns
-    -------
-    dict of Task to Result
+    Without a network each candidate is fitted as a whole.
     """
     given: Problem = problem.get()
     shared: IdentifiedNetwork | None = None if network is None else network.get()

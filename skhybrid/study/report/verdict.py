@@ -9,7 +9,7 @@ _NOISE = 0.05
 
 
 def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
-    """Say how one model compares with the best of the others.
+    """Say in one sentence how one model compares with the best of the others.
 
     Parameters
     ----------
@@ -21,7 +21,6 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
     Returns
     -------
     str
-        One sentence.
     """
     own = float(table["rmse"][label])
     others = table["rmse"].drop(label).dropna()
