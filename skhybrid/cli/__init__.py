@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from . import demo, run
-from ._output import DONE, FAILED, STOPPED, one_line, report_error
-from ._signals import stop_on_signals
+from ._output import DONE, FAILED, STOPPED, one_line, report_error, stop_on_signals
 
 __all__ = ["main"]
 

@@ -87,12 +87,11 @@ class RollingOriginSplit(BaseCrossValidator):
             yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """The number of splits.
+        """The number of splits; it needs X unless ``n_splits`` was given.
 
         Parameters
         ----------
         X : DataFrame or array-like, optional
-            Needed unless ``n_splits`` was given.
         y, groups : ignored
 
         Returns

@@ -110,7 +110,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     """
     given = make_forecaster(settings)
     made = [
-        _default_hybrid(settings) if given is None else _two_stage_hybrid(settings, given, memory),
+        StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
         StudyModel("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, not forecast"),
         StudyModel("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
         StudyModel("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
@@ -118,8 +118,8 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
-            baseline = _two_stage(settings, DisturbanceForecaster(name), memory).set_params(intervals=False)
-            made.append(StudyModel(label, baseline, note))
+            baseline, _ = _two_stage(settings, DisturbanceForecaster(name), memory)
+            made.append(StudyModel(label, baseline.set_params(intervals=False), note))
     return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
 
 
@@ -131,30 +131,22 @@ def identified_by(settings: Settings) -> str:
     return _TWO_STAGE["ridge"][0] if make_forecaster(settings) is None else HYBRID
 
 
-def _default_hybrid(settings: Settings) -> StudyModel:
-    """The schedule model, with what the settings say of its network and capacities."""
+def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
+    """The schedule model, with what the settings say of its network and capacities, and a note on it."""
     network = make_network(settings.network) if settings.network else None
     capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
         network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
     )
-    return StudyModel(HYBRID, made, "network with learned schedules, blended with ARX, updated at every origin")
+    return made, "network with learned schedules, blended with ARX, updated at every origin"
 
 
-def _two_stage_hybrid(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> StudyModel:
+def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> tuple[HybridPredictor, str]:
+    """The two-stage scheme with the identification of the settings, and a note on it."""
+    common = {"horizon": settings.horizon, "random_state": settings.random_state}
     own = settings.estimator.get("name", "periodic")
-    note = f"{own} identification, {forecaster.model} disturbance forecast"
-    return StudyModel(HYBRID, _two_stage(settings, forecaster, memory), note)
-
-
-def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> HybridPredictor:
-    return HybridPredictor(
-        make_gray_box(settings),
-        forecaster,
-        horizon=settings.horizon,
-        memory=memory,
-        random_state=settings.random_state,
-    )
+    made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
+    return made, f"{own} identification, {forecaster.model} disturbance forecast"
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:

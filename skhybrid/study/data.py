@@ -38,10 +38,8 @@ class StudyData(NamedTuple):
         Rows after the training rows, to the end of the test rows.
     test_start : Timestamp
         First stamp of the test rows in ``later``.
-    history : DataFrame
-        Rows before the next day.
-    future : DataFrame
-        The next day, with ``T_za`` as far as it was measured.
+    history, future : DataFrame
+        Rows before the next day, and the next day, with ``T_za`` as far as it was measured.
     setpoint : Series
         Temperature to hold [degC], over history and future.
     held_out : bool

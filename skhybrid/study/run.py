@@ -160,7 +160,6 @@ def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     return say
 
 
-# ------------------------------------------------------------------------------------------------------- back-tests
 def _test_all(
     models: Sequence[StudyModel],
     settings: Settings,
@@ -242,7 +241,6 @@ def _compared(
     return table.loc[list(tested)].sort_values("rmse").rename_axis("model")
 
 
-# ------------------------------------------------------------------------------------------------------------- loads
 def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
     """RMSE [kW] between the load that would have held the measured temperature and the heat that was delivered."""
     rows = data.later
@@ -277,7 +275,6 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     return sum(parts[1:], parts[0]) if parts else None
 
 
-# ------------------------------------------------------------------------------------- the next day, and the building
 def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
     """Temperature under the known control, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)

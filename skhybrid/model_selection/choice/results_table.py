@@ -59,11 +59,6 @@ def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> Model
     return resolve_case(case, framework)
 
 
-def has_case(results: pd.DataFrame) -> pd.Series:
-    """Whether a row has a case; baselines such as ridge and the weekly profile have none."""
-    return results["case"].notna()
-
-
 def ingredients(results: pd.DataFrame, cases: Iterable[ModelCase] = ()) -> pd.DataFrame:
     """``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID`` of each row, for the regression of paper 3.3.
 

@@ -199,7 +199,6 @@ def long_name(framework: str, case: str | None) -> str:
     return name if case is None else f"{name}-{case}"
 
 
-# ------------------------------------------------------------------------------------------------------------ choices
 def _network(model: Any) -> str | None:
     """The model if it is a network, else None."""
     return model if isinstance(model, str) and model in NETWORKS else None

@@ -141,16 +141,12 @@ class ResultStore:
                 self._db.execute("ROLLBACK")
                 raise
 
-    # ------------------------------------------------------------------------------------------------------ heartbeat
     def _renew(self, db: sqlite3.Connection) -> None:
         db.execute("INSERT OR REPLACE INTO owner VALUES (?, ?, ?, ?)", (self.owner, _host(), os.getpid(), time.time()))
 
     def _beat(self) -> None:
         while not self._closed.wait(self.lease / 4.0):
-            with (
-                suppress(sqlite3.OperationalError),
-                self._transaction() as db,
-            ):  # busy: try at the next beat
+            with suppress(sqlite3.OperationalError), self._transaction() as db:  # busy: try at the next beat
                 self._renew(db)
 
     def _drop_dead_owners(self, db: sqlite3.Connection) -> None:
@@ -161,7 +157,6 @@ class ResultStore:
                 db.execute("DELETE FROM owner WHERE id = ?", (owner,))
         db.execute("DELETE FROM claim WHERE owner NOT IN (SELECT id FROM owner)")
 
-    # --------------------------------------------------------------------------------------------------------- tasks
     def describe(self, candidates: Mapping[str, str]) -> None:
         """Store the parameters of candidates (id -> text), for people who read the file."""
         with self._transaction() as db:
@@ -217,8 +212,7 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
         )
     if versions:
         warnings.warn(
-            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.",
-            stacklevel=2,
+            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.", stacklevel=2
         )
 
 
