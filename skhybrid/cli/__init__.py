@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from . import demo, run
-from ._output import DONE, FAILED, STOPPED, one_line, report_error
-from ._signals import stop_on_signals
+from ._output import DONE, FAILED, STOPPED, one_line, report_error, stop_on_signals
 
 __all__ = ["main"]
 
@@ -19,18 +18,10 @@ _COMMANDS = (demo, run)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line.
+    """Run the command line with the given arguments, by default those of the process.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Arguments; default is those of the process.
-
-    Returns
-    -------
-    int
-        0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the command
-        line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
+    Returns 0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the
+    command line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
     """
     parser = _parser()
     try:

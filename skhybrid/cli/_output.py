@@ -1,24 +1,20 @@
-"""Exit codes, and the lines that commands write to stderr."""
+"""Exit codes, the lines that commands write to stderr, and a stop by a signal that no library can swallow."""
 
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
-
-from ._signals import raise_if_stopped
+from typing import Any
 
 DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
+#: signals received so far
+_received: list[int] = []
 
 
 class Progress:
-    """Writes steps to stderr, each with the time since the beginning.
-
-    Parameters
-    ----------
-    quiet : bool
-        Whether nothing is written.
-    """
+    """Writes steps to stderr, each with the time since the beginning; nothing if ``quiet``."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet
@@ -30,7 +26,8 @@ class Progress:
 
     def note(self, text: str) -> None:
         """Write a line."""
-        raise_if_stopped()
+        if _received:  # a compiler's callback may have swallowed the KeyboardInterrupt
+            raise KeyboardInterrupt
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
@@ -48,3 +45,14 @@ def report_error(text: str) -> None:
 def one_line(text: object) -> str:
     """A message without its line breaks."""
     return " ".join(str(text).split())
+
+
+def stop_on_signals() -> None:
+    """Let SIGINT and SIGTERM raise KeyboardInterrupt."""
+    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGINT, _stop)
+
+
+def _stop(number: int, frame: Any) -> None:
+    _received.append(number)
+    raise KeyboardInterrupt

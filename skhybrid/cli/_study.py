@@ -14,27 +14,9 @@ from ._output import DONE, Progress, one_line
 def study_to_folder(
     settings: Settings, data: StudyData, out: Path, progress: Progress, heat_gain: pd.Series | None = None
 ) -> int:
-    """Run a study, write its files to a folder and print the comparison.
+    """Run a study, write its files to a folder, print the comparison, and return the exit code.
 
-    Parameters
-    ----------
-    settings : Settings
-    data : StudyData
-    out : Path
-        Created if it does not exist.
-    progress : Progress
-    heat_gain : Series, optional
-        True internal gains [kW], shown in the report where they are known.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    ValueError
-        If the folder cannot be written to, or the study fails.
+    The report shows the true internal gains ``heat_gain`` [kW] where they are known.
     """
     _refuse_unwritable(out)
     result = run_study(settings, data, progress)

@@ -11,10 +11,7 @@ from ._output import Progress, add_quiet
 _NAME = "Small office, Chicago (EnergyPlus)"
 #: last day of the log that is used, the day after the tested weeks
 _END = "2018-11-12"
-_SPANS = {
-    "train": {"start": "2018-09-03", "end": "2018-10-14"},
-    "test": {"start": "2018-10-22", "end": "2018-11-11"},
-}
+_SPANS = {"train": {"start": "2018-09-03", "end": "2018-10-14"}, "test": {"start": "2018-10-22", "end": "2018-11-11"}}
 _QUICK_SPANS = {
     "train": {"start": "2018-09-24", "end": "2018-10-14"},
     "test": {"start": "2018-10-15", "end": "2018-10-21"},

@@ -29,16 +29,15 @@ class Assessment:
 
 
 def assess(
-    estimator: Any,
-    X: Any,
-    y: Any,
-    splits: list[tuple[np.ndarray, np.ndarray]],
-    horizon: Any,
-    origin_step: Any,
+    estimator: Any, X: Any, y: Any, splits: list[tuple[np.ndarray, np.ndarray]], horizon: Any, origin_step: Any
 ) -> Assessment:
     """Fit and diagnose a candidate, and forecast held-out rows; errors are recorded."""
     try:
-        table = _with_target(estimator, X, y)
+        table = X
+        if isinstance(X, pd.DataFrame) and not (
+            "T_za" in X or "T_za" in dict(estimator.columns or {}) or np.ndim(y) != 1
+        ):
+            table = X.assign(T_za=np.asarray(y, dtype=np.float64))
         begin = time.perf_counter()
         model = clone(estimator).fit(table, y)
         seconds = time.perf_counter() - begin
@@ -59,12 +58,6 @@ def assess(
     if not splits:
         return Assessment(row, model, density, diagnostics=found)
     return Assessment(row, model, density, pd.concat(scores), pd.concat(frames), found)
-
-
-def _with_target(estimator: Any, X: Any, y: Any) -> Any:
-    if not isinstance(X, pd.DataFrame) or "T_za" in X or "T_za" in dict(estimator.columns or {}) or np.ndim(y) != 1:
-        return X
-    return X.assign(T_za=np.asarray(y, dtype=np.float64))
 
 
 def log_density(innovations: pd.DataFrame) -> pd.Series:

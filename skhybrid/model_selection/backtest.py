@@ -60,8 +60,6 @@ def backtest(
 
     Raises
     ------
-    sklearn.exceptions.NotFittedError
-        If the estimator is not fitted.
     ValueError
         If the lengths of X and y differ, a duration is not a multiple of the sampling time, no origin fits, or the
         estimator forecasts no quantiles.
@@ -70,7 +68,8 @@ def backtest(
     truth, n_rows = np.asarray(y, dtype=np.float64), _n_rows(X)
     if truth.shape != (n_rows,):
         raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
-    stamps, wall, sampling = _clock(estimator, X)
+    forecaster, table = _unwrap(estimator, X)
+    stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = origins[origins + n_leads < len(wall)]
@@ -80,10 +79,12 @@ def backtest(
             "follow the first origin; pass a longer X."
         )
     rows = origins[:, None] + np.arange(1, n_leads + 1)
-    forecaster, table = _unwrap(estimator, X)
     if quantiles is not None and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
-    paths = _paths(forecaster, table, origins, rows, pd.Timedelta(horizon))
+    if hasattr(forecaster, "predict_from"):
+        paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
+    else:
+        paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
     columns = (
         stamps[np.repeat(origins, n_leads)],
         pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
@@ -94,7 +95,10 @@ def backtest(
     frame = pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
     if quantiles is None:
         return frame
-    return frame.assign(**_quantiles(forecaster, table, origins, quantiles, pd.Timedelta(horizon)))
+    if not hasattr(forecaster, "predict_quantiles_from"):
+        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
+    bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
+    return frame.assign(**dict(zip(quantile_columns(quantiles), bands.reshape(-1, bands.shape[-1]).T, strict=True)))
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -144,11 +148,6 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
         ``nominal``, the probability [-] between the lowest and the highest quantile; ``coverage``, the share of
         measurements between them [-]; ``width``, their distance [K]; ``pinball``, the mean loss over all quantiles [K]
         (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
-
-    Raises
-    ------
-    ValueError
-        If the frame has fewer than two columns ``q_...``.
     """
     levels = {c: float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_")}
     if len(levels) < 2:
@@ -179,24 +178,6 @@ def _errors(error: np.ndarray) -> dict[str, float]:
     return {"rmse": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error)))}
 
 
-# --------------------------------------------------------------------------------------------------------- forecasts
-def _paths(forecaster: Any, table: Any, origins: np.ndarray, rows: np.ndarray, horizon: pd.Timedelta) -> np.ndarray:
-    """(n_origins, n_leads) forecasts of the given rows."""
-    if hasattr(forecaster, "predict_from"):
-        return forecaster.predict_from(table, origins, horizon=horizon)
-    return np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
-
-
-def _quantiles(
-    forecaster: Any, table: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: pd.Timedelta
-) -> dict[str, np.ndarray]:
-    """Columns ``q_...`` of the forecasts, by their names."""
-    if not hasattr(forecaster, "predict_quantiles_from"):
-        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
-    bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
-    return dict(zip(quantile_columns(quantiles), bands.reshape(-1, bands.shape[-1]).T, strict=True))
-
-
 def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
     """The estimator inside searches and pipelines, and X as it sees it."""
     while True:
@@ -210,21 +191,14 @@ def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
             return estimator, X
 
 
-def _innermost(estimator: Any) -> Any:
-    estimator = getattr(estimator, "best_estimator_", estimator)
-    return _innermost(estimator.steps[-1][1]) if isinstance(estimator, Pipeline) else estimator
-
-
-# ------------------------------------------------------------------------------------------------------------- clock
-def _clock(estimator: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:
+def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:
     """Names of the rows, their local wall-clock time, and the sampling time."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
         wall = index.tz_localize(None) if index.tz is not None else index
         utc = index.tz_convert("UTC") if index.tz is not None else index
         return index, wall, even_step(utc, index)
-    last = _innermost(estimator)
-    given = getattr(last, "sampling_time_", None) or getattr(last, "sampling_time", None) or "15min"
+    given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None) or "15min"
     sampling = pd.Timedelta(given)
     n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling

@@ -121,9 +121,8 @@ def compare_models(
     -----
     *Likelihood.*  The log density of the errors of each model's own predictor, ``innovations``, as independent normal
     with the model's own standard deviations, over the rows that all models predict.  CONV does not predict one step
-    ahead: its errors are those of a simulation, and its density assumes white noise around it, as its least squares do.
-    Unmeasured heat violates that assumption, and lowers the density accordingly.  The densities of several measured
-    temperatures are added as if they were independent.
+    ahead: its density assumes white noise around its simulation, which unmeasured heat violates and so lowers.  The
+    densities of several measured temperatures are added as if they were independent.
 
     *Parameters.*  All parameters of the network and of the disturbance that are not known, the variance of the errors,
     and every cell of a weekly profile.  Since a profile is smooth, AIC and BIC penalise it too much; the held-out

@@ -10,13 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class MeasuredRmse:
-    """Root-mean-square error of ``predict`` over the measured rows, in the unit of y.
-
-    Parameters
-    ----------
-    sign : float, default 1.0
-        -1 turns the error into a score, of which more is better.
-    """
+    """Root-mean-square error of ``predict`` over the measured rows, in the unit of y; with ``sign=-1`` a score."""
 
     sign: float = 1.0
 

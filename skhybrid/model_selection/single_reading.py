@@ -14,21 +14,10 @@ from .._table import read_table
 
 
 def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time: Any = None, fits: bool = True) -> Any:
-    """Read a frame by the data contract, for all estimators that take its columns in the same way.
+    """A frame with time stamps as read by the data contract, for all estimators that take its columns in the same way.
 
-    Parameters
-    ----------
-    X : object
-        Only a DataFrame with time stamps is read.
-    columns : mapping of role to column, optional
-    sampling_time : timedelta-like, optional
-    fits : bool, default True
-        Whether an estimator is fitted on these rows, so that unlikely units are worth a warning.
-
-    Returns
-    -------
-    ZoneTable or object
-        X itself where it cannot be read: the estimator may need less of it, or says what is wrong with it.
+    X itself where it cannot be read: the estimator may need less of it, or says what is wrong with it.  Unlikely units
+    are worth a warning only where an estimator ``fits`` on these rows.
     """
     if not isinstance(X, pd.DataFrame) or not isinstance(X.index, pd.DatetimeIndex):
         return X

@@ -69,7 +69,6 @@ class RollingOriginSplit(BaseCrossValidator):
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; its ``DatetimeIndex`` gives the sampling time where it has one.
         y, groups : ignored
-            Present for scikit-learn.
 
         Yields
         ------
@@ -88,14 +87,12 @@ class RollingOriginSplit(BaseCrossValidator):
             yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """The number of splits.
+        """The number of splits; it needs X unless ``n_splits`` was given.
 
         Parameters
         ----------
         X : DataFrame or array-like, optional
-            Needed unless ``n_splits`` was given.
         y, groups : ignored
-            Present for scikit-learn.
 
         Returns
         -------

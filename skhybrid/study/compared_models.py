@@ -39,8 +39,7 @@ class StudyModel(NamedTuple):
     ----------
     label : str
         Its name in tables and pictures.
-    estimator : estimator
-        Not fitted.
+    estimator : estimator, not fitted
     note : str
         What it is, in a few words.
     """
@@ -62,9 +61,8 @@ class Yesterday(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame of shape (n_samples, n_features)
-            Consecutive rows.
         y : array-like of shape (n_samples,)
-            Measured zone temperature [degC].
+            Measured zone temperature [degC]; by default ``T_za`` of X.
 
         Returns
         -------
@@ -82,12 +80,12 @@ class Yesterday(RegressorMixin, BaseEstimator):
             Consecutive rows with a DatetimeIndex and ``T_za``, which is read up to each origin.
         origins : sequence of int
             Row numbers of X.
-        horizon : timedelta-like
-            How far ahead.
+        horizon : timedelta-like, default="1D"
 
         Returns
         -------
         ndarray of shape (n_origins, n_leads)
+            Temperatures [degC].
         """
         check_is_fitted(self)
         step = X.index[1] - X.index[0]
@@ -103,7 +101,6 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     Parameters
     ----------
     settings : Settings
-        Network, estimator and forecaster settings.
     memory : str or joblib.Memory, optional
         Where the identification that the two-stage models share is kept, so that it is run once.
 
@@ -113,7 +110,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     """
     given = make_forecaster(settings)
     made = [
-        _default_hybrid(settings) if given is None else _two_stage_hybrid(settings, given, memory),
+        StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
         StudyModel("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, not forecast"),
         StudyModel("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
         StudyModel("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
@@ -121,8 +118,8 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
-            baseline = _two_stage(settings, DisturbanceForecaster(name), memory).set_params(intervals=False)
-            made.append(StudyModel(label, baseline, note))
+            baseline, _ = _two_stage(settings, DisturbanceForecaster(name), memory)
+            made.append(StudyModel(label, baseline.set_params(intervals=False), note))
     return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
 
 
@@ -130,59 +127,30 @@ def identified_by(settings: Settings) -> str:
     """Label of the model whose identification describes the building.
 
     It is the hybrid, or, since the schedule model identifies no building, the two-stage model with ridge.
-
-    Parameters
-    ----------
-    settings : Settings
-        Forecaster settings.
-
-    Returns
-    -------
-    str
     """
     return _TWO_STAGE["ridge"][0] if make_forecaster(settings) is None else HYBRID
 
 
-def _default_hybrid(settings: Settings) -> StudyModel:
-    """The schedule model, with what the settings say of its network and capacities."""
+def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
+    """The schedule model, with what the settings say of its network and capacities, and a note on it."""
     network = make_network(settings.network) if settings.network else None
     capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
         network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
     )
-    return StudyModel(HYBRID, made, "network with learned schedules, blended with ARX, updated at every origin")
+    return made, "network with learned schedules, blended with ARX, updated at every origin"
 
 
-def _two_stage_hybrid(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> StudyModel:
+def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> tuple[HybridPredictor, str]:
+    """The two-stage scheme with the identification of the settings, and a note on it."""
+    common = {"horizon": settings.horizon, "random_state": settings.random_state}
     own = settings.estimator.get("name", "periodic")
-    note = f"{own} identification, {forecaster.model} disturbance forecast"
-    return StudyModel(HYBRID, _two_stage(settings, forecaster, memory), note)
-
-
-def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> HybridPredictor:
-    return HybridPredictor(
-        make_gray_box(settings),
-        forecaster,
-        horizon=settings.horizon,
-        memory=memory,
-        random_state=settings.random_state,
-    )
+    made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
+    return made, f"{own} identification, {forecaster.model} disturbance forecast"
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:
-    """The identification of the settings, or another one with those of the settings that hold for it too.
-
-    Parameters
-    ----------
-    settings : Settings
-        Network and estimator settings.
-    name : str, optional
-        One of conventional, input, output, periodic; default is that of the settings.
-
-    Returns
-    -------
-    estimator
-    """
+    """The identification of the settings, or another one with those of the settings that hold for it too."""
     own = str(settings.estimator.get("name", "periodic"))
     chosen = name or own
     made = getattr(identification, ESTIMATORS[chosen])()
@@ -202,22 +170,7 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
 
 
 def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
-    """The disturbance forecaster of the settings; None for the schedule model, which needs none.
-
-    Parameters
-    ----------
-    settings : Settings
-        Forecaster settings.
-
-    Returns
-    -------
-    DisturbanceForecaster or None
-
-    Raises
-    ------
-    ValueError
-        If a key is unknown, or has no effect on the schedule model.
-    """
+    """The disturbance forecaster of the settings; None for the schedule model, which needs none."""
     given = {"model": SCHEDULE} | dict(settings.forecaster)
     made = DisturbanceForecaster("ridge")
     _refuse_unknown("forecaster", given, made.get_params(deep=False))
@@ -230,17 +183,9 @@ def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
 
 
 def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
-    """A network of the catalogue by its name, or one that is declared.
+    """The network of the ``[network]`` table: one of the catalogue, or a declared one.
 
-    Parameters
-    ----------
-    given : mapping
-        The ``[network]`` table; in its ``solar`` and ``heated``, ``"rest"`` marks the node that gets the remaining
-        share.
-
-    Returns
-    -------
-    str or RCNetwork
+    In ``solar`` and ``heated``, ``"rest"`` marks the node that gets the remaining share.
     """
     if "capacitances" not in given:
         if set(given) - {"name"}:

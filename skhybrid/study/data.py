@@ -38,10 +38,8 @@ class StudyData(NamedTuple):
         Rows after the training rows, to the end of the test rows.
     test_start : Timestamp
         First stamp of the test rows in ``later``.
-    history : DataFrame
-        Rows before the next day.
-    future : DataFrame
-        The next day, with ``T_za`` as far as it was measured.
+    history, future : DataFrame
+        Rows before the next day, and the next day, with ``T_za`` as far as it was measured.
     setpoint : Series
         Temperature to hold [degC], over history and future.
     held_out : bool
@@ -65,7 +63,6 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     path : path-like
         CSV file.
     settings : Settings
-        Columns, units, factors, time zone, label and step.
 
     Returns
     -------
@@ -110,7 +107,6 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     frame : DataFrame
         One column per role, at an even step, and ``setpoint`` where the log has it.
     settings : Settings
-        Spans, horizon and set-point.
 
     Returns
     -------
@@ -160,17 +156,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 
 
 def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest time without any change in a measured temperature, if no room could do that.
-
-    Parameters
-    ----------
-    temperature : Series
-        ``T_za`` [degC] at even stamps.
-
-    Returns
-    -------
-    str or None
-    """
+    """A remark on the longest time without any change in ``T_za`` [degC], at even stamps, if no room could do that."""
     known = temperature.dropna()
     spell = (known != known.shift()).cumsum()
     longest = known[spell == spell.mode().iloc[0]]

@@ -23,17 +23,14 @@ def format_table(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        Index = model; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``.
+        As in :class:`StudyResult`.
 
     Returns
     -------
     str
     """
     width = max(len(str(name)) for name in table.index) + 2
-    lines = [
-        f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]",
-        "-" * (width + 46),
-    ]
+    lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]", "-" * (width + 46)]
     for place, (name, row) in enumerate(table.iterrows()):
         load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"
         mark = "* " if place == 0 else "  "
@@ -49,7 +46,6 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
     Parameters
     ----------
     result : StudyResult
-        From :func:`skhybrid.study.run_study`.
     folder : path-like
         Created if it does not exist.
     truth : Series, optional
@@ -58,8 +54,7 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
     Returns
     -------
     list of Path
-        ``forecast.csv``, ``backtest.csv``, ``parameters.csv``, ``metrics.json``, ``model.skops``, ``report.html`` and
-        ``forecast.png``.
+        Tables of the forecast, the back-tests and the parameters, metrics, the model, the report and its picture.
     """
     out = Path(folder)
     _write_csv(result.forecast, out / "forecast.csv")

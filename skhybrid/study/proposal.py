@@ -83,7 +83,9 @@ def _guess_separators(file: Path) -> tuple[str, str]:
 
 
 def _guess_columns(table: pd.DataFrame) -> dict[str, str]:
-    numeric = [c for c in table.columns if _is_numeric(table[c]) and not _NEVER.search(c)]
+    numbers = table.apply(pd.to_numeric, errors="coerce")
+    mostly = numbers.notna().sum() >= 0.5 * table.notna().sum()  # other cells, such as a logger's "ERR", come later
+    numeric = [c for c in table.columns[mostly] if not _NEVER.search(c)]
     chosen: dict[str, str] = {}
     for role, pattern in _HINTS:
         for column in numeric:
@@ -94,11 +96,6 @@ def _guess_columns(table: pd.DataFrame) -> dict[str, str]:
         chosen.pop("u_heat", None)
         chosen.pop("u_cool", None)
     return chosen
-
-
-def _is_numeric(cells: pd.Series) -> bool:
-    """Whether most cells are numbers; the others, such as a logger's "ERR", are refused later."""
-    return bool(pd.to_numeric(cells, errors="coerce").notna().sum() >= 0.5 * cells.notna().sum())
 
 
 def _guess_units(frame: pd.DataFrame, chosen: Mapping[str, str]) -> dict[str, str]:

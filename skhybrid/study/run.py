@@ -33,9 +33,7 @@ class StudyResult:
     Parameters
     ----------
     settings : Settings
-        The settings it was run with.
     data : StudyData
-        The rows it was run on.
     model : fitted HybridPredictor
         The model whose forecast is shown.
     identification : fitted estimator
@@ -54,7 +52,6 @@ class StudyResult:
     warnings : list of str
         All warnings, each once.
     seconds : float
-        How long it took.
     """
 
     settings: Settings
@@ -109,9 +106,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     Parameters
     ----------
     settings : Settings
-        What to fit and how to test.
     data : StudyData
-        The rows to do it on.
     progress : callable, optional
         Called with (number, total, text) before every step.
 
@@ -165,7 +160,6 @@ def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     return say
 
 
-# ------------------------------------------------------------------------------------------------------- back-tests
 def _test_all(
     models: Sequence[StudyModel],
     settings: Settings,
@@ -247,7 +241,6 @@ def _compared(
     return table.loc[list(tested)].sort_values("rmse").rename_axis("model")
 
 
-# ------------------------------------------------------------------------------------------------------------- loads
 def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
     """RMSE [kW] between the load that would have held the measured temperature and the heat that was delivered."""
     rows = data.later
@@ -275,26 +268,13 @@ def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -
 
 
 def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
-    """Measured heat, or the stages times their identified capacities [kW]; None where nothing heats or cools.
-
-    Parameters
-    ----------
-    identification : fitted estimator
-        With ``network_`` and ``theta_``.
-    rows : DataFrame
-        One column per role.
-
-    Returns
-    -------
-    Series or None
-    """
+    """Measured heat, or the stages times their identified capacities [kW]; None where nothing heats or cools."""
     theta = identification.theta_
     plant = [s for s in identification.network_.sources(rows.columns) if s.role.startswith(("Q_", "u_"))]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
 
 
-# ------------------------------------------------------------------------------------- the next day, and the building
 def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
     """Temperature under the known control, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)

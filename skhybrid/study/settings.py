@@ -125,7 +125,6 @@ def read_settings(path: str | PathLike[str]) -> Settings:
     Parameters
     ----------
     path : path-like
-        The file.
 
     Returns
     -------

@@ -12,13 +12,15 @@ import pandas as pd
 from ...forecasting import ModelCase
 from .pattern_expressiveness import PatternExpressiveness
 from .regression_terms import framework_label
-from .results_table import case_of, finished, has_case, ingredients
+from .results_table import case_of, finished, ingredients
 from .robustness_comparison import RobustnessComparison
 
 _BY = ("name", "disturbance")
 _IDENTITY = ("framework", "case", "disturbance", "name")
 #: ingredients that a case has or has not
 _INGREDIENTS = {"time": "time features", "past-w": "past weather", "future-w": "future weather"}
+#: columns that are no size, besides those that end with _rmse, _time or _score
+_NO_SIZE = (*_IDENTITY, "rmse", "error", "n_epochs", "stopped_at")
 _KIND = {"input": "ID", "output": "OD"}
 
 
@@ -79,7 +81,7 @@ def select_case(
     chains: int = 4,
     random_state: int | None = None,
 ) -> CaseChoice:
-    """Choose a disturbance model by the paper's rules, and compare it with the baselines.
+    """Choose a disturbance model by the paper's rules (3.3, 4.2), and compare it with the baselines.
 
     1. *Ingredients*: cases are dropped if they lack an ingredient that reduces the error with probability ``level``, or
        have the kind of disturbance (ID, OD) that is worse with that probability (:class:`PatternExpressiveness`).
@@ -102,10 +104,8 @@ def select_case(
         Use only this many sizes of each case in the regression, the best ones; None uses all.
     group : str or sequence of str, optional
         As in :class:`PatternExpressiveness`; None is the paper's regression, which counts each size as an observation.
-    draws, tune, chains : int
+    draws, tune, chains, random_state : int
         Of both samplers.
-    random_state : int, optional
-        Seed of both.
 
     Returns
     -------
@@ -120,20 +120,12 @@ def select_case(
         If a column is missing, no row has a case, or no case has two sizes.
     RuntimeError
         If chains are bad.
-
-    References
-    ----------
-    Paper, 3.3 and 4.2.
-
-    Examples
-    --------
-    >>> from skhybrid.model_selection import select_case
-    >>> print(select_case(results, random_state=0))  # doctest: +SKIP
     """
     if not 0.5 < level < 1.0:
         raise ValueError(f"level={level!r} is not between 0.5 and 1.")
     table = finished(results, _IDENTITY).reset_index(drop=True)
-    candidates = table[has_case(table)]
+    is_case = table["case"].notna()
+    candidates = table[is_case]
     if candidates.empty:
         raise ValueError("no row of results has a case; there is nothing but baselines to choose from.")
     overview = _overview(candidates, tuple(cases))
@@ -144,7 +136,7 @@ def select_case(
     kept, demanded, reasons = _with_helpful_ingredients(overview, regression, level)
     robust = RobustnessComparison(by=_BY, level=level, **sampler).fit(candidates[_keys(candidates).isin(kept)])
     chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
-    baselines = _baselines(table[~has_case(table)], robust, chosen, level)
+    baselines = _baselines(table[~is_case], robust, chosen, level)
     sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
     shown = _table(overview, baselines, robust, demanded, chosen)
     picked = overview.loc[chosen]
@@ -163,7 +155,6 @@ def select_case(
     )
 
 
-# --------------------------------------------------------------------------------------------------------- the table
 def _keys(table: pd.DataFrame) -> pd.Series:
     """Name and kind of disturbance of each row; a baseline of the temperature itself has no such kind."""
     kind = table["disturbance"].map(lambda value: f" {value}" if isinstance(value, str) else "")
@@ -183,7 +174,7 @@ def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.Data
 def _size(candidates: pd.DataFrame) -> dict[str, Any]:
     """Size of the best candidate: the columns that are neither identity nor result."""
     best = candidates.sort_values("rmse", kind="stable").iloc[0]
-    known = [c for c in candidates if c not in _IDENTITY and not _is_result(str(c))]
+    known = [c for c in candidates if c not in _NO_SIZE and not str(c).endswith(("_rmse", "_time", "_score"))]
     return {str(c): _plain(best[str(c)]) for c in known if pd.notna(best[str(c)])}
 
 
@@ -193,15 +184,6 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _is_result(column: str) -> bool:
-    return (
-        column == "rmse"
-        or column.endswith(("_rmse", "_time", "_score"))
-        or column in ("error", "n_epochs", "stopped_at")
-    )
-
-
-# --------------------------------------------------------------------------------------------------------- the rules
 def _regression(
     candidates: pd.DataFrame,
     overview: pd.DataFrame,
@@ -230,7 +212,12 @@ def _with_helpful_ingredients(
     if "ID" in probability and probability["ID"] <= 1.0 - level:
         wanted["ID"] = 0
     certainty = probability.where(probability >= 0.5, 1.0 - probability)
-    reasons = [_sentence(wanted, certainty, level)]
+    shown = [f"{_ingredient(name, value)} ({certainty[name]:.3f})" for name, value in wanted.items()]
+    reasons = [
+        f"These reduce the error (with their probabilities): {', '.join(shown)}; cases without them are dropped."
+        if wanted
+        else f"No ingredient reduces the error with a probability of {level:g} or more, so all cases stay."
+    ]
     reasons += [f"The effect of {name} cannot be estimated: {why}" for name, why in regression.left_out_.items()]
     while wanted:
         has_all = (overview[list(wanted)] == pd.Series(wanted)).all(axis=1)
@@ -243,16 +230,7 @@ def _with_helpful_ingredients(
 
 
 def _ingredient(name: str, value: int) -> str:
-    if name == "ID":
-        return "ID" if value else "OD"
-    return _INGREDIENTS[name]
-
-
-def _sentence(wanted: dict[str, int], certainty: pd.Series, level: float) -> str:
-    if not wanted:
-        return f"No ingredient reduces the error with a probability of {level:g} or more, so all cases stay."
-    shown = [f"{_ingredient(name, value)} ({certainty[name]:.3f})" for name, value in wanted.items()]
-    return f"These reduce the error (with their probabilities): {', '.join(shown)}; cases without them are dropped."
+    return _INGREDIENTS.get(name, "ID" if value else "OD")
 
 
 def _framework_effects(overview: pd.DataFrame, regression: PatternExpressiveness | None) -> dict[str, float]:
@@ -273,7 +251,8 @@ def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dic
     if len(left) > 1:
         least = left["history"].min()
         left = left[left["history"] == least]
-        reasons.append(f"The shortest history among these is {least} d; {_count(left)} no more.")
+        count = "one case needs" if len(left) == 1 else f"{len(left)} cases need"
+        reasons.append(f"The shortest history among these is {least} d; {count} no more.")
     if left["ID"].any() and not left["ID"].all():
         left = left[left["ID"] == 1]
         reasons.append("ID is as good as OD and is preferred, since its output is heat and easier to interpret.")
@@ -289,11 +268,6 @@ def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dic
     return str(left.index[0]), reasons
 
 
-def _count(left: pd.DataFrame) -> str:
-    return "one case needs" if len(left) == 1 else f"{len(left)} cases need"
-
-
-# ----------------------------------------------------------------------------------------------------- the baselines
 def _baselines(rows: pd.DataFrame, robust: RobustnessComparison, chosen: str, level: float) -> pd.DataFrame:
     """One row per baseline in order of error: identity, median, n_sizes, ``probability`` that the choice is better."""
     errors = rows["rmse"].groupby(_keys(rows))

@@ -25,7 +25,7 @@ _ADVICE = "or leave out terms that the table hardly separates"
 
 
 class PatternExpressiveness(BaseEstimator):
-    """Regress the error of candidates on their ingredients or sizes.
+    """Regress the error of candidates on their ingredients or sizes (paper 3.3, Figs. regression and model_size).
 
     ``rmse = level + sum(effect * term) + noise``, sampled with PyMC.  The share of an effect's draws below zero is the
     probability that the term reduces the error.
@@ -34,9 +34,9 @@ class PatternExpressiveness(BaseEstimator):
     ----------
     terms : "ingredients", "sizes" or sequence of str, default="ingredients"
         ``"ingredients"`` is Eq. regression: ``framework`` (one term for each but the reference), ``time``,
-        ``pattern``, ``past-w``, ``future-w`` and ``ID``.  ``"sizes"`` takes the size hyper-parameters in the table, as
-        paper Fig. model_size.  A list names ingredients or columns of the table; a column of categories has one term
-        for each category but the first.
+        ``pattern``, ``past-w``, ``future-w`` and ``ID``.  ``"sizes"`` takes the size hyper-parameters in the table.
+        A list names ingredients or columns of the table; a column of categories has one term for each category but
+        the first.
     interactions : "all" or sequence of (str, str), default=()
         Pairs of entries of ``terms`` with a joint effect, such as ``[("framework", "time")]``.
     cases : iterable of ModelCase, default=()
@@ -46,17 +46,16 @@ class PatternExpressiveness(BaseEstimator):
         the errors of models too small for their task are not blamed on their ingredients.  By default all.
     group : str or sequence of str, optional
         Columns whose rows share an unexplained part of their error, such as ``("name", "disturbance")``.  By default
-        none, as in the paper: each size of a case counts as a separate observation.
+        none, as in the paper: each size of a case counts as a separate observation.  The sizes of a case have the same
+        ingredients, so 36 sizes are not 36 experiments on these: without ``group`` the intervals are too narrow.
     log : bool, default=False
         Regress log(rmse): ``exp(effect)`` is then the factor by which a term changes the error.
     prior_scale : float, default=10.0
         Width of the priors; see Notes.
     level : float, default=0.9
         Probability of the interval from ``lower`` to ``upper``.
-    draws, tune : int, default=1000 and 500
-        Draws kept from each chain, and draws before them that tune the sampler.
-    chains : int, default=4
-        At least 2.
+    draws, tune, chains : int, default=1000, 500 and 4
+        Draws kept from each chain, draws before them that tune the sampler, and chains (at least 2).
     random_state : int, optional
         Seed; global random states are neither read nor changed.
 
@@ -66,7 +65,7 @@ class PatternExpressiveness(BaseEstimator):
         One row per term: ``mean``, ``std``, ``median``, ``lower``, ``upper`` of its effect [K per unit of the term],
         ``probability_reduces``, ``r_hat``, ``ess``.
     draws_ : DataFrame
-        Effects, ``intercept`` (the error where every term is at its average) and ``sigma`` (of the noise), and
+        Effects, ``intercept`` (the error where every term is at its average), ``sigma`` (of the noise), and
         ``sigma_group`` where there are groups; index (``chain``, ``draw``).
     reference_ : dict of str to str
         Category that the terms of a column are compared with, such as ``{"framework": "mlp"}``.
@@ -86,18 +85,6 @@ class PatternExpressiveness(BaseEstimator):
 
     *Limits.*  Without ``interactions`` each effect is an average over all else in the table.  With them, a main effect
     is the effect where the other term is at its average.
-
-    *Groups.*  The sizes of a case have the same ingredients, so 36 sizes are not 36 experiments on these: without
-    ``group`` the intervals are too narrow.
-
-    References
-    ----------
-    Paper, 3.3 and Figs. regression and model_size.
-
-    Examples
-    --------
-    >>> from skhybrid.model_selection import PatternExpressiveness
-    >>> PatternExpressiveness(random_state=0).fit(results).summary_  # doctest: +SKIP
     """
 
     def __init__(
@@ -226,27 +213,10 @@ def regression_model(
 ) -> tuple[Any, dict[str, Any]]:
     """The PyMC model of Eq. regression, and the start of its chains.
 
-    Likelihoods use sufficient statistics, so that an evaluation costs the same for 100 candidates as for 13 000.  The
-    unexplained part of each group is integrated out: deviations from the group means have the variance ``variance``,
-    the means themselves ``sigma_group^2 + variance / n``.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_candidates, 1 + n_terms)
-        A column of ones, and the standardised terms.
-    y : ndarray of shape (n_candidates,)
-        Errors less their mean.
-    y_scale : float
-        Their standard deviation.
-    prior_scale : float
-    groups : ndarray of shape (n_candidates,), optional
-        Number of the group of each row.
-
-    Returns
-    -------
-    model : pymc.Model
-        With ``coefficients`` and ``variance``, and ``sigma_group`` where there are groups.
-    start : dict
+    X (n_candidates, 1 + n_terms) is a column of ones and the standardised terms, y (n_candidates,) the errors less
+    their mean, and ``y_scale`` their standard deviation.  Likelihoods use sufficient statistics, so that an evaluation
+    costs the same for 100 candidates as for 13 000.  The unexplained part of each group is integrated out: deviations
+    from the group means have the variance ``variance``, the means themselves ``sigma_group^2 + variance / n``.
     """
     pm = import_pymc()
     with pm.Model() as model:

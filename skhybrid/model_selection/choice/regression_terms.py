@@ -13,7 +13,7 @@ from pandas.api.types import is_bool_dtype, is_numeric_dtype
 from ...exceptions import SkhybridWarning, warn_user
 from ...forecasting import ModelCase
 from ...forecasting.cases import NETWORKS, SIZES
-from .results_table import has_case, ingredients
+from .results_table import ingredients
 
 INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
 _SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
@@ -38,24 +38,7 @@ def build_terms(
     cases: Sequence[ModelCase],
     best_sizes: int | None,
 ) -> RegressionTerms:
-    """Make the terms of a regression.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Finished candidates.
-    terms, interactions, cases, best_sizes
-        As in :class:`~skhybrid.model_selection.PatternExpressiveness`.
-
-    Returns
-    -------
-    RegressionTerms
-
-    Raises
-    ------
-    ValueError
-        If a named column, ingredient or pair does not exist, or there are fewer candidates than terms.
-    """
+    """Terms of the finished candidates in a table; the arguments are those of :class:`PatternExpressiveness`."""
     names = _names(table, terms)
     wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
     if wants_ingredients or best_sizes is not None:
@@ -63,7 +46,7 @@ def build_terms(
             if column not in table:
                 raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, table.columns))}.")
     if wants_ingredients:
-        table = table[has_case(table)]
+        table = table[table["case"].notna()]  # baselines have none
         if table.empty:
             raise ValueError("no row of results has a case; baselines alone have no ingredients to compare.")
         table = table.drop(columns=[c for c in INGREDIENTS[1:] if c in table]).join(ingredients(table, cases))
@@ -119,17 +102,13 @@ def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
     if column.map(lambda value: isinstance(value, int | float)).all():  # numbers in a column of objects
         return column.astype(float).to_frame(name)
     as_text = column.astype(str)
-    made = {_label(name, category): (as_text == category).astype(float) for category in _categories(column)[1:]}
-    return pd.DataFrame(made, index=table.index)
+    others = {one: framework_label(one) if name == "framework" else f"{name}={one}" for one in _categories(column)[1:]}
+    return pd.DataFrame({label: (as_text == one).astype(float) for one, label in others.items()}, index=table.index)
 
 
 def framework_label(framework: str) -> str:
     """Name of a framework's term: a network in the paper's spelling."""
     return framework.upper() if framework in NETWORKS else framework
-
-
-def _label(name: str, category: str) -> str:
-    return framework_label(category) if name == "framework" else f"{name}={category}"
 
 
 def _pairs(interactions: str | Sequence[tuple[str, str]], names: list[str]) -> list[tuple[str, str]]:

@@ -13,27 +13,9 @@ from ...forecasting.cases import NETWORKS, resolve_case
 
 
 def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """The candidates that were trained to the end; a warning counts the others.
+    """The candidates that were trained to the end, with a positive ``rmse`` [K]; a warning counts the others.
 
-    Parameters
-    ----------
-    results : DataFrame
-        With ``rmse`` [K], NaN for a candidate that failed; in a column ``stopped_at``, any number marks one that the
-        search stopped early.
-    columns : iterable of str
-        Further required columns.
-
-    Returns
-    -------
-    DataFrame
-        Without failed and stopped candidates; ``rmse`` as float.
-
-    Raises
-    ------
-    TypeError
-        If the table is not a DataFrame.
-    ValueError
-        If a column is missing, an error is not a positive number, or no candidate is left.
+    ``rmse`` is NaN for a candidate that failed; any number in ``stopped_at`` marks one that the search stopped early.
     """
     if not isinstance(results, pd.DataFrame):
         raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row per candidate.")
@@ -66,24 +48,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
 
 
 def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:
-    """The case of a row: one of the caller's own, or the paper's case of that name and framework.
-
-    Parameters
-    ----------
-    framework, case : str
-        As in the table.
-    cases : iterable of ModelCase
-        The caller's own cases.
-
-    Returns
-    -------
-    ModelCase
-
-    Raises
-    ------
-    ValueError
-        If it is neither.
-    """
+    """The case of a row: one of the caller's own, or the paper's case of that name and framework."""
     own = {one.name: one for one in cases}
     if case in own:
         return own[case]
@@ -94,30 +59,10 @@ def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> Model
     return resolve_case(case, framework)
 
 
-def has_case(results: pd.DataFrame) -> pd.Series:
-    """Whether a row has a case; baselines such as ridge and the weekly profile have none."""
-    return results["case"].notna()
-
-
 def ingredients(results: pd.DataFrame, cases: Iterable[ModelCase] = ()) -> pd.DataFrame:
-    """Ingredients of each row's case, as the regression of paper 3.3 uses them.
+    """``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID`` of each row, for the regression of paper 3.3.
 
-    Parameters
-    ----------
-    results : DataFrame
-        With ``framework``, ``case`` and ``disturbance``; every row must have a case.
-    cases : iterable of ModelCase
-        The caller's own cases.
-
-    Returns
-    -------
-    DataFrame
-        ``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID``, with the index of ``results``.
-
-    Raises
-    ------
-    ValueError
-        If a case or a kind of disturbance is unknown.
+    Every row must have a ``framework``, a ``case`` and a kind of ``disturbance``.
     """
     unknown = sorted(set(results["disturbance"].astype(str)) - {"input", "output"})
     if unknown:

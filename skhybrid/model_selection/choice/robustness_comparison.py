@@ -29,7 +29,7 @@ _IDENTITY = ("framework", "disturbance")
 
 
 class RobustnessComparison(BaseEstimator):
-    """Compare the errors of each case over its sizes with those of the best case.
+    """Compare the errors of each case over its sizes with those of the best case (paper 3.3, Fig. robustness).
 
     The errors of a case over its sizes are log-normal, ``log(rmse) ~ Normal(mu, sigma)``, with the paper's priors
     ``mu ~ Normal(0, 10)`` and ``sigma ~ HalfNormal(1)`` (Eq. robustness).  The best case is the one with the lowest
@@ -42,10 +42,8 @@ class RobustnessComparison(BaseEstimator):
         Columns that name the case of a row; ``("name", "disturbance")`` for the table of a search.
     level : float, default=0.95
         A case is indistinguishable from the best if the probability is below this.
-    draws, tune : int, default=500
-        Draws kept from each chain, and draws before them that tune the sampler.
-    chains : int, default=4
-        At least 2.
+    draws, tune, chains : int, default=500, 500 and 4
+        Draws kept from each chain, draws before them that tune the sampler, and chains (at least 2).
     random_state : int, optional
         Seed; global random states are neither read nor changed.
 
@@ -71,12 +69,7 @@ class RobustnessComparison(BaseEstimator):
     Notes
     -----
     The probability compares two *new* errors, each of a size not yet tried, not two medians: cases that overlap much
-    stay indistinguishable for any number of sizes.  It is averaged over the draws in closed form, so that no noise is
-    added by drawing the errors themselves.
-
-    References
-    ----------
-    Paper, 3.3 and Fig. robustness.
+    stay indistinguishable for any number of sizes.  It is averaged over the draws in closed form.
 
     Examples
     --------

@@ -27,13 +27,7 @@ def last_step(estimator: Any) -> Any:
 
 
 def forecaster_prefix(estimator: Any) -> str:
-    """Prefix of a forecaster's parameters in an estimator, such as ``"forecaster__"``.
-
-    Raises
-    ------
-    ValueError
-        If the estimator has no forecaster of the disturbance.
-    """
+    """Prefix of a forecaster's parameters, such as ``"forecaster__"``; an estimator without one is refused."""
     if isinstance(estimator, DisturbanceForecaster):
         return ""
     if isinstance(estimator, HybridPredictor | TwoStagePredictor):

@@ -110,7 +110,7 @@ class DesignMatrix:
         Returns
         -------
         list of dict
-            One per row of ``table``, parameter -> value; with an empty prefix, rows that differ only in their
+            Parameter -> value, one per row of ``table``; with an empty prefix, rows that differ only in their
             ``disturbance`` are one candidate.
         """
         return list(ParameterGrid(self.param_grid(prefix)))
@@ -160,7 +160,6 @@ def design_matrix(
     Returns
     -------
     DesignMatrix
-        With ``table``, :meth:`~DesignMatrix.param_grid` and :meth:`~DesignMatrix.candidates`.
 
     Raises
     ------
@@ -170,9 +169,8 @@ def design_matrix(
     Examples
     --------
     >>> from skhybrid.model_selection import design_matrix
-    >>> design_matrix()
-    DesignMatrix(13032 candidates: mlp input 756, mlp output 756, cnn input 4536, cnn output 4536, rnn input 612, \
-rnn output 612, lstm input 612, lstm output 612)
+    >>> design_matrix(["mlp", "ridge"])
+    DesignMatrix(1514 candidates: mlp input 756, mlp output 756, ridge input 1, ridge output 1)
     """
     models = _models(frameworks)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
@@ -191,20 +189,9 @@ rnn output 612, lstm input 612, lstm output 612)
 
 
 def long_name(framework: str, case: str | None) -> str:
-    """A candidate's name in the paper's spelling.
+    """A candidate's name in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``.
 
-    Parameters
-    ----------
-    framework : str
-        Such as ``"lstm"``.
-    case : str or None
-        Such as ``"case01"``; None for a framework without cases.
-
-    Returns
-    -------
-    str
-        Such as ``"DEEP_AR_LSTM_FORECAST-case01"`` ("AR" where the network feeds its own output back); the caller's own
-        frameworks keep their name, with the case if there is one.
+    "AR" is where the network feeds its own output back; the caller's own frameworks keep their name.
     """
     name = framework
     if framework in NETWORKS:
@@ -212,7 +199,6 @@ def long_name(framework: str, case: str | None) -> str:
     return name if case is None else f"{name}-{case}"
 
 
-# ------------------------------------------------------------------------------------------------------------ choices
 def _network(model: Any) -> str | None:
     """The model if it is a network, else None."""
     return model if isinstance(model, str) and model in NETWORKS else None

@@ -16,13 +16,14 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
+from ...forecasting.extras import require_networks
+from ...forecasting.named_models import is_network
 from ..scorers import MeasuredRmse
 from ..splitters import RollingOriginSplit, default_blocks
 from .candidates import BASELINE, forecaster_prefix, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
-from .halving import Halving, Outcome, run_all
-from .networks import need_networks
+from .halving import Outcome, check_halving, run_all, run_halving
 from .store import ResultStore
 from .tasks import Problem
 from .workers import Runner, Workers
@@ -60,12 +61,12 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search.
     halving : int or tuple of (int, int), optional
         Stop hopeless networks early: all are trained for this many epochs, the best third by RMSE (or 1 / the second
-        number) for three times as many, and so on up to ``max_epochs``.  See ``halving_``; a warning says how many were
-        stopped, and none of those can be the best.
+        number) for three times as many, and so on up to ``max_epochs``.  See ``halving_``; none of those that were
+        stopped, whose number is in a warning, can be the best.
     baselines : mapping of str to regressor, optional
-        Further estimators to compare with, such as ``{"arx": ARXRegressor()}``: fitted and scored on the same splits,
-        they are rows of ``results_`` without a case, which :func:`select_case` ranks with the others.  They are not
-        candidates: they are not in ``cv_results_``, and none can be the best.
+        Further estimators, such as ``{"arx": ARXRegressor()}``, fitted and scored on the same splits.  They are rows of
+        ``results_`` without a case, which :func:`select_case` ranks with the others, but no candidates: they are not in
+        ``cv_results_``, and none can be the best.
     retry_failed : bool, default False
         Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12
@@ -157,8 +158,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
         candidates = self._candidates()
-        has_networks = need_networks(model_of(self.estimator, params) for params in candidates)
-        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, has_networks)
+        networks = {one for params in candidates if is_network(one := model_of(self.estimator, params))}
+        for name in sorted(networks):
+            require_networks(name)
+        problem = Problem(clone(self.estimator), X, y, self._splits(X, y), scorer, bool(networks))
         outcome, baselines = self._run(problem, candidates)
         self._assemble(candidates, outcome, baselines)
         if callable(self.scoring) and self.multimetric_:
@@ -170,11 +173,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
             self._refit(problem)
         self.scorer_ = getattr(scorer, "_scorers", scorer)
         return self
-
-    @property
-    def n_features_in_(self) -> int:
-        """Number of columns of X; only with ``refit``."""
-        return super().n_features_in_
 
     def _get_scorers(self) -> tuple[Any, Any]:
         return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()
@@ -201,7 +199,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
         """Results of the candidates, and of the baselines."""
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
-        halving = None if self.halving is None else Halving(*np.atleast_1d(self.halving).tolist())
+        rule = None if self.halving is None else check_halving(*np.atleast_1d(self.halving).tolist())
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
             if self.retry_failed:
                 store.forget_failed()
@@ -210,11 +208,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
             baselines = None
             if self.baselines:
                 baselines = run_all(runner.run, [{BASELINE: one} for one in self.baselines.values()])
-            if halving is None:
+            if rule is None:
                 return run_all(runner.run, candidates), baselines
-            return halving.run(runner.run, problem.estimator, candidates), baselines
+            return run_halving(runner.run, problem.estimator, candidates, *rule), baselines
 
-    # ------------------------------------------------------------------------------------------------------ results
     @staticmethod
     def _metrics(outcome: Outcome) -> list[str]:
         """Names of the scores."""

@@ -21,22 +21,7 @@ _WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")
 
 
 def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]], scoring: Any) -> dict[str, str]:
-    """Data and settings by name, for a store to compare with its own.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Without a candidate's parameters.
-    X, y : table and target
-    splits : sequence of (train, test)
-        Row numbers.
-    scoring : object
-        As given to the search.
-
-    Returns
-    -------
-    dict of str to str
-    """
+    """Data, splits, scoring and parameters of the estimator by name, for a store to compare with its own."""
     found = {**_data("X", X), **_data("y", y)}
     found["cv"] = f"{len(splits)} splits ({_digest(*(np.asarray(rows) for split in splits for rows in split))})"
     found["scoring"] = as_plain(scoring)
@@ -51,32 +36,14 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
 
 
 def candidate_id(params: Mapping[str, Any]) -> str:
-    """A short id of a candidate's parameters.
-
-    Parameters
-    ----------
-    params : Mapping of str to object
-
-    Returns
-    -------
-    str
-        The same in every process.
-    """
+    """A short id of a candidate's parameters, the same in every process."""
     return hashlib.sha256(as_plain(dict(sorted(params.items()))).encode()).hexdigest()[:32]
 
 
 def as_plain(value: Any) -> str:
-    """The value of a parameter as text.
+    """The value of a parameter as text, the same for equal values in every process.
 
-    Parameters
-    ----------
-    value : object
-        A plain value, an estimator, an array, a table, a function, a container of these, or any object that pickles.
-
-    Returns
-    -------
-    str
-        The same for equal values in every process.
+    The value is plain, an estimator, an array, a table, a function, a container of these, or an object that pickles.
     """
     if _is_estimator(value):
         params = sorted(value.get_params(deep=False).items())

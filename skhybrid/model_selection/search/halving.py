@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,83 +25,43 @@ class Outcome(NamedTuple):
     rungs: pd.DataFrame
 
 
-class Halving:
-    """Trains networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
+def check_halving(first: Any, factor: Any = 3) -> tuple[int, int]:
+    """Epochs of the first rung and the factor, as whole numbers."""
+    if any(not isinstance(n, int | np.integer) or n < least for n, least in ((first, 1), (factor, 2))):
+        raise ValueError(f"halving=({first!r}, {factor!r}) must be whole numbers, from 1 epoch and a factor of 2.")
+    return int(first), int(factor)
 
-    Parameters
-    ----------
-    first : int
-        Epochs of the first rung.
-    factor : int
+
+def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]], first: int, factor: int) -> Outcome:
+    """Train networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
+
+    ``run`` takes candidates and a note for the progress bar, and returns their results.  Candidates without a network
+    are fitted to the end.
     """
-
-    def __init__(self, first: int, factor: int = 3) -> None:
-        if (
-            not (isinstance(first, int | np.integer) and isinstance(factor, int | np.integer))
-            or first < 1
-            or factor < 2
-        ):
-            raise ValueError(f"halving=({first!r}, {factor!r}) must be whole numbers, from 1 epoch and a factor of 2.")
-        self.first = int(first)
-        self.factor = int(factor)
-
-    def run(self, run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
-        """Run all candidates; those without a network are fitted to the end.
-
-        Parameters
-        ----------
-        run : callable
-            Takes candidates and a note for the progress bar, and returns their results.
-        estimator : estimator
-            With a forecaster of the disturbance.
-        candidates : sequence of Mapping
-            Their parameters.
-
-        Returns
-        -------
-        Outcome
-        """
-        results: list[list[Result]] = [[] for _ in candidates]
-        stopped_at = np.full(len(candidates), np.nan)
-        prefix = forecaster_prefix(estimator)
-        left, limits = _networks(estimator, candidates, prefix)
-        rungs = []
-        for epochs in self._epochs(limits):
-            found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in left], f"{epochs} epochs")
-            rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN of a failed one sorts last
-            order = np.argsort(rmse, kind="stable")
-            n_kept = min(-(-len(left) // self.factor), int(np.isfinite(rmse).sum()))
-            for i in order[n_kept:]:
-                results[left[i]], stopped_at[left[i]] = found[i], epochs
-            worst = float(rmse[order[n_kept - 1]]) if n_kept else np.nan
-            rungs.append((epochs, len(left), len(left) - n_kept, worst))
-            left = left[np.sort(order[:n_kept])]
-        kept = [i for i, epochs in enumerate(stopped_at) if np.isnan(epochs)]
-        for i, row in zip(kept, run([candidates[i] for i in kept], ""), strict=True):
-            results[i] = row
-        return Outcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
-
-    def _epochs(self, limits: np.ndarray) -> Iterator[int]:
-        """Epochs of the rungs, fewer than the shortest training of any candidate."""
-        epochs = self.first
-        while len(limits) and epochs < limits.min():
-            yield epochs
-            epochs *= self.factor
+    results: list[list[Result]] = [[] for _ in candidates]
+    stopped_at = np.full(len(candidates), np.nan)
+    prefix = forecaster_prefix(estimator)
+    left, limits = _networks(estimator, candidates, prefix)
+    rungs, epochs = [], first
+    while len(limits) and epochs < limits.min():  # fewer than the shortest training of any candidate
+        found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in left], f"{epochs} epochs")
+        rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN of a failed one sorts last
+        order = np.argsort(rmse, kind="stable")
+        n_kept = min(-(-len(left) // factor), int(np.isfinite(rmse).sum()))
+        for i in order[n_kept:]:
+            results[left[i]], stopped_at[left[i]] = found[i], epochs
+        worst = float(rmse[order[n_kept - 1]]) if n_kept else np.nan
+        rungs.append((epochs, len(left), len(left) - n_kept, worst))
+        left = left[np.sort(order[:n_kept])]
+        epochs *= factor
+    kept = [i for i, stopped in enumerate(stopped_at) if np.isnan(stopped)]
+    for i, row in zip(kept, run([candidates[i] for i in kept], ""), strict=True):
+        results[i] = row
+    return Outcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
 
 
 def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
-    """Run all candidates to the end.
-
-    Parameters
-    ----------
-    run : callable
-        As in :meth:`Halving.run`.
-    candidates : sequence of Mapping
-
-    Returns
-    -------
-    Outcome
-    """
+    """Run all candidates to the end."""
     return Outcome(run(candidates, ""), np.full(len(candidates), np.nan), pd.DataFrame(columns=_COLUMNS))
 
 

@@ -19,15 +19,10 @@ _unpacked: OrderedDict[str, Any] = OrderedDict()
 
 
 class Shared:
-    """An object that is packed once, sent to a worker once and unpacked there once.
+    """An object, which must not change any more, that is packed once, sent to a worker once and unpacked there once.
 
     It is packed into one array, which joblib's own workers map from disk.  The size of that array tells Dask and Ray to
     keep the object where it has been sent.  Pass the same ``Shared`` to every task.
-
-    Parameters
-    ----------
-    value : object
-        Must not change any more.
     """
 
     def __init__(self, value: Any) -> None:

@@ -55,7 +55,7 @@ class ResultStore:
 
     Every change is one transaction, so that a process may be killed at any moment.  A task is *claimed* before it is
     computed.  A claim is valid while its owner is alive: its process runs (if it is on this machine) and has renewed
-    its heartbeat within the last ``lease`` seconds.
+    its heartbeat within the last ``lease`` seconds.  A file that holds results for other data or settings is refused.
 
     Parameters
     ----------
@@ -64,13 +64,7 @@ class ResultStore:
         write-ahead log, which lets one process read while another writes, needs shared memory.
     settings : Mapping of str to str
         Data and settings that the results belong to.
-    lease : float, default=60.0
-        [s].
-
-    Raises
-    ------
-    ValueError
-        If the file holds results for other data or settings, or is not a store.
+    lease : float, default=60.0 [s]
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, settings: Mapping[str, str], lease: float = 60.0) -> None:
@@ -147,16 +141,12 @@ class ResultStore:
                 self._db.execute("ROLLBACK")
                 raise
 
-    # ------------------------------------------------------------------------------------------------------ heartbeat
     def _renew(self, db: sqlite3.Connection) -> None:
         db.execute("INSERT OR REPLACE INTO owner VALUES (?, ?, ?, ?)", (self.owner, _host(), os.getpid(), time.time()))
 
     def _beat(self) -> None:
         while not self._closed.wait(self.lease / 4.0):
-            with (
-                suppress(sqlite3.OperationalError),
-                self._transaction() as db,
-            ):  # busy: try at the next beat
+            with suppress(sqlite3.OperationalError), self._transaction() as db:  # busy: try at the next beat
                 self._renew(db)
 
     def _drop_dead_owners(self, db: sqlite3.Connection) -> None:
@@ -167,31 +157,13 @@ class ResultStore:
                 db.execute("DELETE FROM owner WHERE id = ?", (owner,))
         db.execute("DELETE FROM claim WHERE owner NOT IN (SELECT id FROM owner)")
 
-    # --------------------------------------------------------------------------------------------------------- tasks
     def describe(self, candidates: Mapping[str, str]) -> None:
-        """Store the parameters of candidates, for people who read the file.
-
-        Parameters
-        ----------
-        candidates : Mapping of str to str
-            Id -> parameters as text.
-        """
+        """Store the parameters of candidates (id -> text), for people who read the file."""
         with self._transaction() as db:
             db.executemany("INSERT OR IGNORE INTO candidate VALUES (?, ?)", candidates.items())
 
     def claim(self, tasks: Sequence[Task]) -> list[Task]:
-        """Claim tasks that are neither finished nor claimed.
-
-        Parameters
-        ----------
-        tasks : sequence of Task
-            Tasks to claim.
-
-        Returns
-        -------
-        list of Task
-            Those that are claimed by this store now.
-        """
+        """Claim tasks that are neither finished nor claimed; return those that are now claimed by this store."""
         with self._transaction() as db:
             self._drop_dead_owners(db)
             taken = []
@@ -202,12 +174,7 @@ class ResultStore:
             return taken
 
     def finish(self, results: Mapping[Task, Result]) -> None:
-        """Store results, except for tasks that another process has finished first.
-
-        Parameters
-        ----------
-        results : Mapping of Task to Result
-        """
+        """Store results, except for tasks that another process has finished first."""
         now = time.time()
         rows = [(*task, json.dumps(one.scores), *one[1:], now) for task, one in results.items()]
         with self._transaction() as db:
@@ -215,17 +182,7 @@ class ResultStore:
             db.executemany("DELETE FROM claim WHERE candidate = ? AND split = ?", list(results))
 
     def results(self, candidates: Iterable[str] | None = None) -> dict[Task, Result]:
-        """Finished results.
-
-        Parameters
-        ----------
-        candidates : iterable of str, optional
-            Only of these; default is all.
-
-        Returns
-        -------
-        dict of Task to Result
-        """
+        """Finished results, of all candidates or of those with the given ids."""
         wanted = None if candidates is None else set(candidates)
         query = "SELECT candidate, split, scores, rmse, fit_time, score_time, n_epochs, error FROM result"
         with self._lock:
@@ -237,32 +194,13 @@ class ResultStore:
         }
 
     def forget_failed(self) -> int:
-        """Delete results that are errors, so that they are computed again.
-
-        Returns
-        -------
-        int
-            How many there were.
-        """
+        """Delete results that are errors, so that they are computed again; return how many there were."""
         with self._transaction() as db:
             return db.execute("DELETE FROM result WHERE error IS NOT NULL").rowcount
 
 
 def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Refuse a store that was made with other data or settings; warn of one made by other versions.
-
-    Parameters
-    ----------
-    path : str
-        Path of the store.
-    known, given : Mapping of str to str
-        Settings in the store (none in a new one), and those of the search.
-
-    Raises
-    ------
-    ValueError
-        If settings differ; the message names them.
-    """
+    """Refuse a store that was made with other data or settings, and name them; warn of one made by other versions."""
     names = [name for name in {**known, **given} if known.get(name) != given.get(name)] if known else []
     shown = {n: f"{n} is {known.get(n, 'absent')} there and {given.get(n, 'absent')} here" for n in names}
     versions = [shown.pop(name) for name in names if name.startswith(VERSION)]
@@ -274,8 +212,7 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
         )
     if versions:
         warnings.warn(
-            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.",
-            stacklevel=2,
+            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.", stacklevel=2
         )
 
 

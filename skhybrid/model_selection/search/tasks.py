@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,15 +17,17 @@ from sklearn.utils import _safe_indexing
 
 from ..._table import ZoneTable
 from ...forecasting import DisturbanceForecaster
+from ...forecasting.joint_fit import fit_each
 from ..scorers import MeasuredRmse
 from ..single_reading import read_alike, read_once, reading_of, takes_tables
 from .candidates import BASELINE, forecaster_prefix, last_step
-from .networks import fit_together, preload_networks
 from .shared import Shared
 from .store import Result, Task
 
 #: scorers that only pass X on to ``predict``
 _PASS_ON = (MeasuredRmse, type(get_scorer("r2")))
+#: loads torch and skorch before the first task: joblib restarts a worker whose memory has grown by 300 MB after a task
+_TRAINING = "skhybrid.forecasting.networks.jobs"
 
 
 class _SplitTable(NamedTuple):
@@ -99,28 +102,10 @@ class IdentifiedNetwork(NamedTuple):
 def identify(
     problem: Shared, name: str, params: Mapping[str, Any], split: int, catch_errors: bool = True
 ) -> dict[tuple[str, int], IdentifiedNetwork]:
-    """Identify the network of a split.
-
-    Parameters
-    ----------
-    problem : Shared
-        A Problem.
-    name : str
-        Key of the network in the result.
-    params : Mapping of str to object
-        As :func:`identification_params` gives them.
-    split : int
-    catch_errors : bool, default True
-        Whether an error becomes part of the result; else it is raised.
-
-    Returns
-    -------
-    dict of (str, int) to IdentifiedNetwork
-        By name and split.
-    """
+    """``{(name, split): network}``, identified on a split by the parameters of :func:`identification_params`."""
     given: Problem = problem.get()
     if given.has_networks:
-        preload_networks()
+        import_module(_TRAINING)
     try:
         estimator = given.candidate(params)
         prefix = forecaster_prefix(estimator)
@@ -142,23 +127,9 @@ def evaluate(
     split: int,
     catch_errors: bool = True,
 ) -> dict[Task, Result]:
-    """Fit and score candidates on a split.
+    """Fit and score candidates on a split; those that share a ``network`` differ in their forecasters only.
 
-    Parameters
-    ----------
-    problem : Shared
-        A Problem.
-    network : Shared or None
-        The IdentifiedNetwork that the candidates share; None where each is fitted as a whole.
-    tasks : Mapping of Task to parameters
-        Candidates that share a network differ in their forecasters only.
-    split : int
-    catch_errors : bool, default True
-        Whether an error becomes part of the result; else it is raised.
-
-    Returns
-    -------
-    dict of Task to Result
+    Without a network each candidate is fitted as a whole.
     """
     given: Problem = problem.get()
     shared: IdentifiedNetwork | None = None if network is None else network.get()
@@ -181,7 +152,7 @@ def evaluate(
 def _fit(given: Problem, fitted: Any, candidates: Sequence[Mapping[str, Any]], split: int) -> list[Any]:
     made = [given.candidate(params) for params in candidates]
     if fitted is None:
-        return fit_together(made, *given.training_rows(split, made))
+        return fit_each(made, *given.training_rows(split, made))
     inner = [last_step(one) for one in made]
     models = last_step(fitted).with_forecasters([one.forecaster for one in inner], inner[0].disturbance)
     if not isinstance(fitted, Pipeline):
@@ -205,16 +176,11 @@ def _score(given: Problem, model: Any, split: int, fit_time: float, catch_errors
             raise
         return failed(traceback.format_exc(), fit_time)
     scores = {name: float(value) for name, value in scores.items()}
-    return Result(scores, rmse, fit_time, time.perf_counter() - started, _n_epochs(model), None)
+    inner = last_step(model)
+    n_epochs = getattr(getattr(inner, "forecaster_", inner), "n_epochs_", None) or None
+    return Result(scores, rmse, fit_time, time.perf_counter() - started, n_epochs, None)
 
 
 def failed(error: str, fit_time: float = 0.0) -> Result:
     """The result of a candidate that raised an error, given with its traceback."""
     return Result({}, float("nan"), fit_time, 0.0, None, error)
-
-
-def _n_epochs(model: Any) -> int | None:
-    """Epochs of a network; None of other models."""
-    inner = last_step(model)
-    forecaster = getattr(inner, "forecaster_", inner)
-    return getattr(forecaster, "n_epochs_", None) or None

@@ -30,13 +30,7 @@ class Chunk(NamedTuple):
 
 
 class Workers:
-    """One pool of joblib workers, here or on a cluster, kept from the beginning of a search to its end.
-
-    Parameters
-    ----------
-    n_jobs : int or None
-        As joblib counts them.
-    """
+    """One pool of joblib workers, here or on a cluster, kept from the beginning of a search to its end."""
 
     def __init__(self, n_jobs: int | None) -> None:
         settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT}
@@ -64,20 +58,7 @@ class Workers:
 
 
 class Runner:
-    """Runs candidates on all splits, except for what the store already holds.
-
-    Parameters
-    ----------
-    problem : Problem
-    store : ResultStore
-    workers : Workers
-    chunk_size : int
-        Most candidates in a chunk.
-    catch_errors : bool
-        Whether an error becomes part of the result; else it is raised.
-    verbose : bool
-        Whether to show a progress bar.
-    """
+    """Runs candidates on all splits, except for what the store already holds; ``chunk_size`` is the largest chunk."""
 
     def __init__(
         self, problem: Problem, store: ResultStore, workers: Workers, chunk_size: int, catch_errors: bool, verbose: bool
@@ -94,20 +75,7 @@ class Runner:
         self._networks: dict[tuple[str, int], Shared] = {}
 
     def run(self, candidates: Sequence[Mapping[str, Any]], note: str = "") -> list[list[Result]]:
-        """Run candidates on all splits.
-
-        Parameters
-        ----------
-        candidates : sequence of Mapping
-            Their parameters.
-        note : str, default ""
-            Shown before the progress bar.
-
-        Returns
-        -------
-        list of list of Result
-            By candidate and split.
-        """
+        """Results by candidate and split; the note is shown before the progress bar."""
         named = {candidate_id(params): dict(params) for params in candidates}
         self._store.describe({name: as_plain(params) for name, params in named.items()})
         chunks, n_splits = self._chunks(named), len(self._problem.splits)

@@ -28,35 +28,14 @@ _MOST_LEADS = 5
 
 
 def as_image(figure: Any, dpi: int = 130) -> str:
-    """A figure as a ``data:`` address, to be put into an HTML page.
-
-    Parameters
-    ----------
-    figure : matplotlib Figure
-    dpi : int
-        Dots per inch.
-
-    Returns
-    -------
-    str
-    """
+    """A figure as a ``data:`` address, to be put into an HTML page."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def day_figure(forecast: pd.DataFrame) -> Any:
-    """The next day: temperature and, where there is a plant, load.
-
-    Parameters
-    ----------
-    forecast : DataFrame
-        As in ``forecast.csv``.
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """The next day: temperature and, where there is a plant, load."""
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(n_axes, (9.0, 2.5 * n_axes + 0.7))
     _draw_day(axes if n_axes == 2 else axes[0], forecast)
@@ -81,19 +60,7 @@ def _own_setpoint(forecast: pd.DataFrame) -> pd.Series | None:
 
 
 def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN) -> Any:
-    """Measured and forecast temperature over the last days of a back-test.
-
-    Parameters
-    ----------
-    frames : mapping of label to DataFrame
-        Back-tests, the most important first.
-    shown : Timedelta
-        Length of the last part, which is drawn.
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Measured and forecast temperature over the last days of back-tests, the most important first."""
     figure, axes = blank_axes(1, (9.0, 3.6))
     _draw_backtest(axes[0], frames, shown)
     return figure
@@ -106,53 +73,21 @@ def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timede
 
 
 def lead_figure(frames: Mapping[str, pd.DataFrame]) -> Any:
-    """Error by lead.
-
-    Parameters
-    ----------
-    frames : mapping of label to DataFrame
-        Back-tests, the most important first.
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Error by lead of back-tests, the most important first."""
     figure, axes = blank_axes(1, (9.0, 3.4))
     LeadErrorDisplay.from_predictions(dict(list(frames.items())[:_MOST_LEADS]), ax=axes[0])
     return figure
 
 
 def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
-    """Unmeasured heat by hour of the week.
-
-    Parameters
-    ----------
-    zeta : Series
-        Estimated disturbance [kW].
-    truth : Series, optional
-        The true heat [kW], at the same stamps.
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Estimated disturbance and, where it is known, the true heat [kW] by hour of the week."""
     figure, axes = blank_axes(1, (9.0, 3.2))
     DisturbanceWeekDisplay.from_predictions(zeta, truth=truth, ax=axes[0])
     return figure
 
 
 def schedule_figure(schedule: pd.DataFrame) -> Any:
-    """Learned schedules by hour.
-
-    Parameters
-    ----------
-    schedule : DataFrame
-        Index = (day, hour); ``gain`` [kW] and ``ua`` [kW/K].
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Learned ``gain`` [kW] and ``ua`` [kW/K] by hour; the index of the schedule is (day, hour)."""
     figure, axes = blank_axes(2, (9.0, 4.4))
     ScheduleDisplay.from_predictions(schedule, ax=axes)
     return figure
@@ -172,7 +107,6 @@ def study_picture(
     forecast : DataFrame
         As in ``forecast.csv``.
     title : str, optional
-        Title above the picture.
     """
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(1 + n_axes, (9.0, 3.2 + 2.3 * n_axes), share=False)

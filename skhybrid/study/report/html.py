@@ -1,8 +1,8 @@
-"""The report as one HTML file with everything inside."""
+"""The report as one HTML file with everything inside, and the verdict on a comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from os import PathLike
 from typing import Any
@@ -13,8 +13,9 @@ import pandas as pd
 from ... import __version__
 from ...persistence import atomic_path
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
-from .verdict import verdict
 
+#: relative differences below this are noise with a few dozen origins
+_NOISE = 0.05
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --page: #ffffff; --card: #f6f8fa;
   --line: #d0d7de; --mark: #0072b2; --good: #e6f3ec; }
@@ -41,6 +42,35 @@ ul { padding-left: 1.2rem; } li { margin: 0.25rem 0; overflow-wrap: anywhere; }
 code { font-size: 0.9em; overflow-wrap: anywhere; }
 @media print { body { max-width: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 """
+
+
+def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
+    """Say in one sentence how one model compares with the best of the others.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Index = model; column ``rmse`` [K].
+    label : str
+        The model that is compared with the others.
+
+    Returns
+    -------
+    str
+    """
+    own = float(table["rmse"][label])
+    others = table["rmse"].drop(label).dropna()
+    if others.empty:
+        return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
+    other, best = str(others.idxmin()), float(others.min())
+    if own < best * (1 - _NOISE):
+        less = f"{1 - own / best:.0%} less than the next best, {other} ({best:.2f} K)"
+        return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
+    if own <= best * (1 + _NOISE):
+        return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."
+    return (
+        f"Another model forecasts better here: the error of {other} is {best:.2f} K, of the {label} model {own:.2f} K."
+    )
 
 
 def write_report(
@@ -90,13 +120,12 @@ def write_report(
         Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
     coverage : float, optional
         Share of the test measurements inside the intervals.
-    spans : mapping, optional
-        Training and test spans, to be listed.
-    settings : mapping, optional
-        Settings of the study, to be listed.
+    spans, settings : mapping, optional
+        Training and test spans, and settings of the study, to be listed.
     notes : iterable of str
         Warnings.
     """
+    listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
         _head(title, table, frames, forecast, label),
         _tomorrow(forecast),
@@ -104,8 +133,8 @@ def write_report(
         _learned(schedule, weights, label),
         _week(zeta, truth),
         _building(parameters, identification, label),
-        _remarks(notes),
-        _settings(spans, settings),
+        _list("Warnings", map(escape, notes)),
+        _list("Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items())),
     ]
     page = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -118,7 +147,6 @@ def write_report(
         made.write_text(page, encoding="utf-8")
 
 
-# ----------------------------------------------------------------------------------------------------------- sections
 def _head(
     title: str, table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, label: str
 ) -> str:
@@ -183,31 +211,31 @@ def _accuracy(
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
         + _results(table)
-        + ("" if coverage is None else _held(coverage, label))
+        + (
+            ""
+            if coverage is None
+            else f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
+            f"{coverage:.0%} of the measurements of the test days.</p>\n"
+        )
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), leads)
     )
 
 
-def _held(coverage: float, label: str) -> str:
-    return (
-        f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
-        f"{coverage:.0%} of the measurements of the test days.</p>\n"
-    )
-
-
 def _results(table: pd.DataFrame) -> str:
-    heads = ("model", "RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]")
-    rows = []
-    for place, (name, row) in enumerate(table.iterrows()):
-        cells = [str(name), *(_number(row[c], 2) for c in ("rmse", "mae", "load_rmse")), f"{row['seconds']:.1f}"]
-        note = f'<td class="text soft">{escape(str(row.get("note", "")))}</td>'
-        opening = '<tr class="best">' if place == 0 else "<tr>"
-        rows.append(opening + "".join(f"<td>{escape(c)}</td>" for c in cells) + note + "</tr>")
-    head = "".join(f"<th>{h}</th>" for h in heads) + '<th class="text">description</th>'
+    heads = ("model", "RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]", "description")
+    rows = [
+        (
+            str(name),
+            *(_number(row[c], 2) for c in ("rmse", "mae", "load_rmse")),
+            f"{row['seconds']:.1f}",
+            str(row.get("note", "")),
+        )
+        for name, row in table.iterrows()
+    ]
     return (
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>\n'
-        '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
+        _table(heads, rows, n_texts=1, of_models=True)
+        + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
         "measured temperature with the heat that was delivered; stages are converted to heat with the identified "
         "capacities. The time is that of fit and back-test, for the hybrid with its intervals. The two-stage models "
         "share one identification, whose time is counted for the first of them.</p>\n"
@@ -227,14 +255,10 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
 
 
 def _shares(weights: pd.DataFrame) -> str:
-    head = "<th>share in the forecast</th>" + "".join(f"<th>{escape(str(name))}</th>" for name in weights)
-    rows = "".join(
-        f"<tr><td>{escape(str(name))}</td>" + "".join(f"<td>{share:.0%}</td>" for share in row) + "</tr>"
-        for name, row in zip(weights.index, weights.to_numpy(), strict=True)
-    )
+    rows = [(str(name), *(f"{share:.0%}" for share in row)) for name, *row in weights.itertuples()]
     return (
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n'
-        '<p class="soft">Weights by part of the horizon, after training.</p>'
+        _table(["share in the forecast", *map(str, weights)], rows)
+        + '<p class="soft">Weights by part of the horizon, after training.</p>'
     )
 
 
@@ -257,40 +281,28 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
 
 
 def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
-    rows = []
-    for name, row in parameters.iterrows():
-        cells = f"<td>{escape(str(name))}</td><td>{_number(row['value'], 3)}</td><td>{_number(row['std'], 2)}</td>"
-        texts = "".join(
-            f'<td class="text">{escape(str(row.get(c, "")))}</td>' for c in ("unit", "description", "remark")
-        )
-        rows.append(f"<tr>{cells}{texts}</tr>")
-    head = "<th>parameter</th><th>value</th><th>± std. error</th>" + "".join(
-        f'<th class="text">{h}</th>' for h in ("unit", "description", "remark")
+    texts = ("unit", "description", "remark")
+    rows = [
+        (str(name), _number(row["value"], 3), _number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
+        for name, row in parameters.iterrows()
+    ]
+    separate = (
+        ""
+        if identification is None
+        else " These parameters and the unmeasured heat above come from a separate identification "
+        f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
+        "its parameters do not describe the building."
     )
     return (
         "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
-        "error shows how well the data determine a value."
-        + (
-            ""
-            if identification is None
-            else " These parameters and the unmeasured heat above come from a separate identification "
-            f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
-            "its parameters do not describe the building."
-        )
-        + "</p>\n"
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+        f"error shows how well the data determine a value.{separate}</p>\n"
+        + _table(("parameter", "value", "± std. error", *texts), rows, n_texts=len(texts))
     )
 
 
-def _remarks(notes: Iterable[str]) -> str:
-    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    return f"<h2>Warnings</h2>\n<ul>{items}</ul>" if items else ""
-
-
-def _settings(spans: Mapping[str, Any] | None, settings: Mapping[str, Any] | None) -> str:
-    listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
-    items = "".join(f"<li>{escape(str(k))}: <code>{escape(str(v))}</code></li>" for k, v in listed.items())
-    return f"<h2>Settings</h2>\n<ul>{items}</ul>"
+def _list(title: str, items: Iterable[str]) -> str:
+    items = "".join(f"<li>{item}</li>" for item in items)
+    return f"<h2>{title}</h2>\n<ul>{items}</ul>" if items else ""
 
 
 def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
@@ -304,7 +316,17 @@ def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return out
 
 
-# -------------------------------------------------------------------------------------------------------------- parts
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0, of_models: bool = False) -> str:
+    """A table whose last ``n_texts`` columns are prose; of models, the first is marked as the best."""
+    kinds = [""] * (len(heads) - n_texts) + [f' class="text{" soft" if of_models else ""}"'] * n_texts
+    head = "".join(f"<th{kind}>{escape(text)}</th>" for kind, text in zip(kinds, heads, strict=True))
+    lines = ["".join(f"<td{k}>{escape(text)}</td>" for k, text in zip(kinds, row, strict=True)) for row in rows]
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    if of_models:
+        body = body.replace("<tr>", '<tr class="best">', 1)
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+
+
 def _figure(image: str, caption: str) -> str:
     text = escape(caption, quote=True)
     return f'<figure><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
