@@ -15,7 +15,7 @@ import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
-BASE = {"_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
+BASE = {"_docs", "_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"filtering"},
@@ -42,6 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 STRICT = {
     "filtering": set(),
     "exceptions": set(),
+    "_docs": set(),
     "_time": set(),
     "_threads": set(),
     "_transaction": set(),

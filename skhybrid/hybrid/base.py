@@ -42,7 +42,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Columns and sampling time by which tables are read."""
         return self.columns, self.sampling_time
 
-    # --------------------------------------------------------------------------------------------------------- fit
     @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any) -> Self:
@@ -55,15 +54,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
 
-        Returns
-        -------
-        self
-
         Raises
         ------
         ValueError
-            If a parameter is unknown or does nothing in the scheme, if the table or the target is refused, and if the
-            network has several measured nodes.
+            If a parameter is unknown or does nothing in the scheme, the table or the target is refused, or the network
+            has several measured nodes.
         """
         if self.adapt not in (None, "linear", "full"):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
@@ -166,7 +161,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _cold_value(self, table: ZoneTable) -> float:
         return self._mean if table.T_za is None or not np.isfinite(table.T_za[0]) else float(table.T_za[0])
 
-    # ----------------------------------------------------------------------------------------------------- forecast
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
@@ -203,10 +197,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        DataFrame
-            Index of ``future``; ``T_za`` [degC] at each stamp and ``zeta`` [kW, or K for an output disturbance] over
-            the step that begins there; with ``quantiles`` a column ``q_0.1`` [degC] for each of them.  With the
-            schedule model ``zeta`` is that of its network; the temperature is that of the blend.
+        DataFrame with the index of ``future``
+            ``T_za`` [degC] at each stamp; ``zeta`` [kW, or K for an output disturbance] over the step that begins
+            there, of the schedule model's network; a column such as ``q_0.1`` [degC] for each quantile.
 
         Raises
         ------
@@ -258,7 +251,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Columns of the measured temperature, which is known up to an origin only."""
         return {"T_za", (self._reading()[0] or {}).get("T_za", "T_za")}
 
-    # ---------------------------------------------------------------------------------------------------------- load
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
@@ -268,15 +260,14 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Heating and cooling columns are read up to each origin only; after it they are what is sought.
+            Heating and cooling columns are read up to each origin only.
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
             there is no load, and None as one of a pair leaves that side free.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
-            the plant is off.  The capacity of its stages holds beside them; where only its heat is measured there is no
-            other limit.
+            the plant is off.  The capacity of its stages is a limit too.
 
         Returns
         -------
@@ -298,7 +289,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
         return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
 
-    # ---------------------------------------------------------------------------------------------- online updating
     @unchanged_on_failure
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
@@ -309,14 +299,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Rows that follow the last known one, of the training table or of the last call, with ``T_za`` as measured,
-            NaN where missing.
+            Rows that follow the last known one, with ``T_za`` as measured, NaN where missing.
         y : array-like of shape (n_samples,), optional
             The measured temperature, where X has no ``T_za``.
-
-        Returns
-        -------
-        self
 
         Raises
         ------
@@ -344,8 +329,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         The schedule model is fitted anew on the last eight weeks, or on as many rows as its first training had where
         those are more.  In the two-stage scheme, baselines of the disturbance (``model="ridge"`` among them) are fitted
         again on training and new rows, or on the last weeks alone where those forecast the latest one clearly better;
-        networks keep their weights and the gray box stays as identified, unless ``adapt="full"``.  Intervals stay those
-        of the first training.
+        networks and the gray box stay as they are, unless ``adapt="full"``.  The intervals stay.
 
         Parameters
         ----------
@@ -354,10 +338,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             known already is not taken in twice.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
-
-        Returns
-        -------
-        self
 
         Raises
         ------

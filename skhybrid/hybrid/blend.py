@@ -22,19 +22,9 @@ def lead_groups(leads: np.ndarray, n_leads: int) -> np.ndarray:
 
 
 def moments(errors: np.ndarray, groups: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Sums of products of the models' errors by group of leads.
+    """(n_groups, K, K) sums of products of the models' errors (O, L, K), each weighed by its ``share`` (O, L).
 
-    Parameters
-    ----------
-    errors : ndarray of shape (O, L, K)
-        NaN where any is not known.
-    groups : ndarray of int, shape (L,)
-    share : ndarray of shape (O, L)
-        How much each counts.
-
-    Returns
-    -------
-    ndarray of shape (n_groups, K, K)
+    Left out is where the error of any model is NaN.
     """
     K = errors.shape[2]
     out = np.zeros((len(_ENDS), K, K))

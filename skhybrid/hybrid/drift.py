@@ -26,27 +26,24 @@ _MOST_CORRELATION = 0.8
 _QUIET = 0.4
 #: least error of a day, as a share of the reference's median, before its logarithm is taken
 _SMALLEST = 0.05
-KINDS = ("", "level", "schedule", "quiet")
 
 
 class DriftMonitor:
     """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
-    (weekday or weekend), in standard deviations of a sum of such days, so that days that resemble their neighbours
-    raise no more alarms than independent ones.  What exceeds an allowance is summed up, never below zero; an alarm is
-    a sum above the threshold.  The allowance is larger by 1.65 standard errors of the reference mean.
+    (weekday or weekend), in long-run standard deviations, so that days that resemble their neighbours raise no more
+    alarms than independent ones.  What exceeds an allowance, which is larger by 1.65 standard errors of the reference
+    mean, is summed up, never below zero; an alarm is a sum above the threshold.
 
-    A schedule that moves makes errors that need not be larger than the worst of before, but that are alike on all days
-    of a kind.  A second sum therefore takes the product of each day's hourly errors with the fading mean of those of
-    earlier days of its kind, in units of the reference's mean square, less its mean on the reference days and in their
-    standard deviations.  The larger sum counts.
+    A schedule that moves makes errors that need not be larger, but are alike on all days of a kind.  A second sum
+    therefore takes the product of each day's hourly errors with the fading mean of those of earlier days of its kind,
+    standardised by the reference days.  The larger sum counts.
 
     Parameters
     ----------
     false_alarms_per_year : float, default=1.0
-        How often a building that stays as it was may raise an alarm, by Siegmund's approximation of the run length;
-        from it follows the threshold.
+        How often a building that stays as it was may raise an alarm (Siegmund's approximation of the run length).
 
     Attributes
     ----------
@@ -78,10 +75,6 @@ class DriftMonitor:
         ----------
         measured, forecast : DataFrame of shape (n_days, n_steps)
             One row per day, stamped by it; NaN where missing.  Forecasts of days that the model was not fitted on.
-
-        Returns
-        -------
-        self
 
         Raises
         ------
@@ -223,14 +216,6 @@ def threshold(run_length: float) -> float:
     """Threshold of a one-sided sum of standard normal steps less the allowance, whose mean run length is given [steps].
 
     Siegmund's approximation: with b = h + 1.166 the run length is (exp(2 k b) - 2 k b - 1) / (2 k^2).
-
-    Parameters
-    ----------
-    run_length : float
-
-    Returns
-    -------
-    float
     """
     k = _ALLOWANCE
 

@@ -31,18 +31,8 @@ class _Sums(NamedTuple):
 class HourlyAggregation:
     """Complete steps of the disturbance and the inputs, and the step that is still open.
 
-    Adding rows takes a time that does not depend on how many were added before.
-
-    Parameters
-    ----------
-    names : list of str
-        Roles of the columns of the rows; the last one is the disturbance.
-    step : Timedelta
-        Step of the forecaster.
-    fine : bool
-        Whether rows are shorter than that, so that stamps are rounded down to it.
-    zone : tzinfo or None
-        Of the stamps.
+    Columns are those of ``names``, the last of which is the disturbance.  Stamps are rounded down to the step where
+    rows are shorter (``fine``).  Adding rows takes a time that does not depend on how many were added before.
     """
 
     def __init__(self, names: list[str], step: pd.Timedelta, fine: bool, zone: object) -> None:
@@ -57,7 +47,7 @@ class HourlyAggregation:
 
     @property
     def labels(self) -> np.ndarray:
-        """(n,) begins of the complete steps [ns]."""
+        """(n,) beginnings of the complete steps [ns]."""
         return self._labels[: self._n]
 
     def added(self, stamps: np.ndarray, rows: np.ndarray) -> HourlyAggregation:

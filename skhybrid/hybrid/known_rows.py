@@ -88,7 +88,6 @@ class KnownRows:
     def _n_recent(self) -> int:
         return sum(table.n_rows for table in self.recent)
 
-    # ------------------------------------------------------------------------------------------- tables that follow
     def in_own_zone(self, data: Any) -> Any:
         """A table or a target in the time zone of these rows."""
         if not isinstance(data, pd.DataFrame | pd.Series):

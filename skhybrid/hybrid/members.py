@@ -14,13 +14,7 @@ from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import (
-    ErrorHistory,
-    LeadFit,
-    NumberedSegment,
-    RollingNetwork,
-    fit_leads,
-)
+from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads
 from ..thermal import RCNetwork
 
 
@@ -40,10 +34,9 @@ class RollingMember(Protocol):
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors (n, L, k) [K] of hourly forecasts from the first new row on, in the member's k ways.
+        """Errors (n, L, k) [K] of hourly forecasts from the first new row on, NaN where unknown; only with adaptation.
 
-        Each is that of a forecast by what was known at the start of its day.  NaN where unknown, and where forecasts
-        have not ended.  Only with adaptation.
+        Each of the member's k ways forecasts by what was known at the start of the origin's day.
         """
 
     def advance(self, view: Any, origin: int) -> None:
@@ -63,10 +56,7 @@ class Member(Protocol):
         """Learn from a training table, whose history ``T_za`` is the target."""
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
-        """Errors (O, L) [K] of training forecasts, each by what has not learned from its block of days.
-
-        The same in all the ways of a member.
-        """
+        """(O, L) errors [K] of training forecasts, each by a fit without its block of days, alike in all the ways."""
 
     def view(self, rows: NumberedTable) -> Any:
         """Rows as the member takes them."""
@@ -76,29 +66,17 @@ class Member(Protocol):
 
 
 class ScheduleMember:
-    """A network with schedules, fitted on the errors of forecasts at all leads.
-
-    Parameters
-    ----------
-    network : RCNetwork
-    known : dict
-        Capacities that are given [kW].
-    calendar : bool
-    """
+    """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW."""
 
     names: tuple[str, ...] = ("network", "network, short memory")
     is_rule = False
     fit_: LeadFit
 
-    def __init__(self, network: RCNetwork, known: dict[str, float], calendar: bool) -> None:
-        self.network = network
-        self.known = known
-        self.calendar = calendar
+    def __init__(self, network: RCNetwork, known: dict[str, float]) -> None:
+        self.network, self.known = network, known
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        """Fit network, schedules and filter."""
-        T = training.history["T_za"]
-        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, self.calendar)
+        self.fit_ = fit_leads(self.network, training, training.history["T_za"], n_leads, self.known, calendar=True)
         return self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -114,15 +92,9 @@ class ScheduleMember:
         return self.fit_.left_out
 
     def view(self, rows: NumberedTable) -> NumberedSegment:
-        """Rows as the fit takes them."""
-        whole = rows.whole
-        return NumberedSegment(
-            self.fit_.make_segment(rows.table, rows.T),
-            rows.begin,
-            rows.joined,
-            rows.first,
-            None if whole is None else cache(lambda: self.fit_.make_segment(*whole())),
-        )
+        segment, whole = self.fit_.make_segment(rows.table, rows.T), rows.whole
+        whole_segment = None if whole is None else cache(lambda: self.fit_.make_segment(*whole()))
+        return NumberedSegment(segment, rows.begin, rows.joined, rows.first, whole_segment)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
@@ -133,19 +105,12 @@ class RollingSchedule(RollingNetwork):
     """The network as it goes through rows, in degC."""
 
     def forecast(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """From the last row."""
         path, heat = super().forecast(view, n_leads)
         return path + self.fit.reference, heat
 
 
 class ARXMember:
-    """ARX on all inputs.
-
-    Parameters
-    ----------
-    n_lags : int
-        Temperatures that it regresses on.
-    """
+    """ARX on all inputs and the last ``n_lags`` temperatures."""
 
     names: tuple[str, ...] = ("ARX",)
     is_rule = False
@@ -154,7 +119,6 @@ class ARXMember:
         self.n_lags = n_lags
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        """Fit the regression."""
         self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
         self.arx_.fit(training.replace(history={}), training.history["T_za"])
         return self
@@ -167,7 +131,6 @@ class ARXMember:
         return np.where(inside, T[rows] - paths[:, sample.leads - 1], np.nan)
 
     def view(self, rows: NumberedTable) -> ARXData:
-        """Rows as the regression takes them."""
         return self.arx_.view(rows.table, rows.T, rows.first)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
@@ -175,45 +138,49 @@ class ARXMember:
         return RollingARX(self.arx_, rows.begin, sample.leads, adapt)
 
 
-class RollingARX:
-    """A regression that goes through rows.
+class _RollingErrors:
+    """Base of members that record the errors of hourly forecasts from row ``begin`` on at ``leads`` (L,)."""
 
-    Parameters
-    ----------
-    arx : ARXRegressor
-        Fitted.
-    begin : int
-        The first row that its training has not seen.
-    leads : ndarray of int, shape (L,)
-        At which errors are wanted.
-    adapt : {None, "linear", "full"}
-    """
-
-    def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
-        self.arx, self.begin, self.leads, self.adapt = arx, begin, leads, adapt
-        self._per_day, self._every = rows_per_day(arx.sampling_time_), rows_per_hour(arx.sampling_time_)
-        self._recursive = arx.recursive(begin)
+    def __init__(self, begin: int, leads: np.ndarray, adapt: str | None, every: int) -> None:
+        self.begin, self.leads, self.adapt, self._every = begin, leads, adapt, every
         self._row = -1
-        self._coefs: list[np.ndarray] = []  # of the days so far
         self._errors = ErrorHistory(len(leads), 1)
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors of forecasts of the history, by the coefficients that were known at the start of their days."""
+        """(n, L, 1) errors of forecasts of the history [K]."""
         return self._errors.values
+
+    def _going_on(self, origin: int) -> int | None:
+        """Go on to a row; the row before, where errors are recorded."""
+        before, self._row = self._row, origin
+        return None if self.adapt is None or origin < self.begin else before
+
+    def _unfinished(self, before: int) -> np.ndarray:
+        """Numbers of the forecasts up to the present row that had not ended at the row ``before``."""
+        self._errors.extend((self._row - self.begin) // self._every + 1)
+        return np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), len(self.errors))
+
+
+class RollingARX(_RollingErrors):
+    """A fitted regression that goes through rows."""
+
+    def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
+        super().__init__(begin, leads, adapt, rows_per_hour(arx.sampling_time_))
+        self.arx, self._per_day = arx, rows_per_day(arx.sampling_time_)
+        self._recursive = arx.recursive(begin)
+        self._coefs: list[np.ndarray] = []  # of the days so far
 
     def advance(self, view: ARXData, origin: int) -> None:
         """Take in the pairs of rows up to ``origin``."""
-        before, self._row = self._row, origin
-        if self.adapt is None or origin < self.begin:
+        before = self._going_on(origin)
+        if before is None:
             return
         while (mark := self.begin + len(self._coefs) * self._per_day) <= origin:
             self._recursive.advance(view, mark)
             self._coefs.append(self._recursive.coef())
         self._recursive.advance(view, origin)
-        self._errors.extend((origin - self.begin) // self._every + 1)
-        longest = int(self.leads[-1])
-        place = np.arange(max(0, (before - longest - self.begin) // self._every), len(self.errors))
+        place, longest = self._unfinished(before), int(self.leads[-1])
         rows = self.begin + place * self._every
         day = (rows - self.begin) // self._per_day
         coefs = np.array(self._coefs[day[0] :])[day - day[0]]
@@ -223,7 +190,6 @@ class RollingARX:
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        """From the last row."""
         coef = self.arx.coef_ if self.adapt is None else self._recursive.coef()
         return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
 
@@ -279,40 +245,19 @@ class NumberedTemperatures(NamedTuple):
     first: int
 
 
-class RollingDayBefore:
-    """The rule as it goes through rows.
-
-    Parameters
-    ----------
-    rule : DayBeforeMember
-    begin : int
-        The first row that the training has not seen.
-    leads : ndarray of int, shape (L,)
-        At which errors are wanted.
-    adapt : {None, "linear", "full"}
-    """
+class RollingDayBefore(_RollingErrors):
+    """The rule as it goes through rows."""
 
     def __init__(self, rule: DayBeforeMember, begin: int, leads: np.ndarray, adapt: str | None) -> None:
-        self._rule, self._begin, self._leads, self._adapt = rule, begin, leads, adapt
-        self._row = -1
-        self._errors = ErrorHistory(len(leads), 1)
-
-    @property
-    def errors(self) -> np.ndarray:
-        """Errors of forecasts of the history."""
-        return self._errors.values
+        super().__init__(begin, leads, adapt, rule.every)
+        self._rule = rule
 
     def advance(self, view: NumberedTemperatures, origin: int) -> None:
-        """Go on to a row."""
-        before, self._row = self._row, origin
-        if self._adapt is None or origin < self._begin:
-            return
-        every = self._rule.every
-        self._errors.extend((origin - self._begin) // every + 1)
-        first = max(0, (before - int(self._leads[-1]) - self._begin) // every)
-        origins = self._begin + every * np.arange(first, len(self.errors))
-        self.errors[first:, :, 0] = self._rule.errors(view, origins, self._leads, origin)
+        before = self._going_on(origin)
+        if before is not None:
+            place = self._unfinished(before)
+            origins = self.begin + self._every * place
+            self.errors[place, :, 0] = self._rule.errors(view, origins, self.leads, origin)
 
     def forecast(self, view: NumberedTemperatures, n_leads: int) -> tuple[np.ndarray, None]:
-        """From the last row."""
         return self._rule.paths(view, np.array([self._row]), np.arange(1, n_leads + 1)), None

@@ -16,23 +16,9 @@ DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 def residual_correction(
     errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
 ) -> np.ndarray:
-    """Expected error of a forecast from a row.
+    """(L,) expected error of a forecast from ``row``, 0 where nothing is known.
 
-    Parameters
-    ----------
-    errors : ndarray of shape (O, L)
-        Of forecasts from earlier origins; NaN where not known.
-    origins : ndarray of int, shape (O,)
-        Their rows, increasing.
-    leads : ndarray of int, shape (L,)
-    row : int
-        The origin; errors of rows after it are not read.
-    rows_per_day : int
-
-    Returns
-    -------
-    ndarray of shape (L,)
-        0 where nothing is known.
+    ``errors`` (O, L) are of forecasts from increasing ``origins`` (O,); those of rows after ``row`` are not read.
     """
     if len(origins) < 2:
         return np.zeros(len(leads))

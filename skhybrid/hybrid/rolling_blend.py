@@ -39,30 +39,14 @@ class BlendRecord:
 
 
 class RollingBlend:
-    """A blend that goes through new rows and forecasts from them.
-
-    Parameters
-    ----------
-    members : sequence of Member
-        Fitted.  One of them gives the unmeasured heat.
-    record : BlendRecord
-    rows : NumberedTable
-        Where it begins, at row 0.
-    adapt : {None, "linear", "full"}
-
-    Attributes
-    ----------
-    adapt : {None, "linear", "full"}
-    row : int
-        The last row that it went through; -1 before the first.
-    """
+    """A blend of fitted members, one of which gives the unmeasured heat, that goes through new rows from row 0 on."""
 
     def __init__(self, members: Sequence[Member], record: BlendRecord, rows: NumberedTable, adapt: str | None) -> None:
         self._members, self._record, self.adapt = members, record, adapt
         self._begin, self._joined = rows.begin, rows.joined
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
-        self.row = -1
+        self.row = -1  # the last row that it went through
 
     def views(self, rows: NumberedTable) -> list[Any]:
         """Rows as the members take them."""

@@ -9,12 +9,14 @@ import numpy as np
 
 from ..thermal import RCNetwork, get_network
 from .base import BaseHybrid
+from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
 
 #: network of the schedule model
 DEFAULT_NETWORK = "4R3C"
 
 
+@shared_docs
 class SchedulePredictor(BaseHybrid):
     """Day-ahead forecast of temperature and load by the schedule model.
 
@@ -28,21 +30,13 @@ class SchedulePredictor(BaseHybrid):
     known : dict of str to float, optional
         Capacities that are given [kW], such as ``{"Q_h": 6.0}``.  Without one, and without measured heat, all heat is
         relative: the first stage that runs is taken to have 6 kW.
-    horizon : timedelta-like, default="1D"
-        How far ahead ``predict`` looks; None forecasts from the first row on.
+    %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also schedules,
         other linear coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what
         was missed one and two weeks ago.  ``"full"``: the network and its filter too are fitted again every ten days
         of history.
-    columns : dict of role to column, optional
-        Columns whose names are not their roles.
-    sampling_time : timedelta-like, optional
-        Step of tables without time stamps.
-    origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
-    max_missing : float, default=0.5
-        Highest share of missing measurements.
+    %(data)s
 
     Attributes
     ----------
@@ -55,12 +49,7 @@ class SchedulePredictor(BaseHybrid):
         The same: its schedules forecast the disturbance.
     weights_ : DataFrame
         Shares of network, ARX and the rule of the day before by group of leads, as the training has them.
-    zeta_ : Series
-        The training disturbance by the schedules [kW].
-    sampling_time_, disturbance_step_ : Timedelta
-        Steps of the table and of the disturbance, which are the same.
-    intervals_ : LeadIntervals
-        Errors on left-out days of the training, from which quantiles are made.
+    %(fitted)s
 
     Examples
     --------
@@ -100,13 +89,7 @@ class SchedulePredictor(BaseHybrid):
 def make_schedule_scheme(
     network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None
 ) -> ScheduleScheme:
-    """The scheme of the schedule model, unfitted; its network is the 4R3C where none is given.
-
-    Raises
-    ------
-    ValueError
-        If ``known`` gives what is not a capacity, or one that is not a number of the right sign.
-    """
+    """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
     found = get_network(DEFAULT_NETWORK if network is None else network)
     return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt)
 

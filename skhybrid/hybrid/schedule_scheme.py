@@ -40,23 +40,7 @@ _EVERY = 3
 class ScheduleScheme(Scheme):
     """Forecasts that are linear in what they learn: schedules of gains and conductance through the network, and ARX.
 
-    Parameters
-    ----------
-    network : RCNetwork
-    known : dict
-        Capacities that are given [kW].
-    horizon : timedelta-like or None
-    adapt : {None, "linear", "full"}
-
-    Attributes
-    ----------
-    rows : KnownRows
-    gray_box_ : ScheduledNetwork
-        The network and its schedules, as fitted.
-    weights_ : DataFrame
-        Share of each way to forecast by group of leads, as the training has it.
-    zeta_ : Series
-        The training's unmeasured heat by its schedules [kW].
+    ``known`` gives capacities [kW].
     """
 
     name = "schedule"
@@ -80,7 +64,6 @@ class ScheduleScheme(Scheme):
     def _members(self) -> list[Member]:
         return [self._physics, *self._others]
 
-    # ---------------------------------------------------------------------------------------------------------- fit
     def fit(self, measured: ZoneTable) -> Self:
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured)
@@ -92,7 +75,7 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        self._physics = ScheduleMember(self.network, self.known, calendar=True)
+        self._physics = ScheduleMember(self.network, self.known)
         self._others: list[Member] = [ARXMember(_LAGS), DayBeforeMember()]
         for member in self._members:
             member.fit(training, n_leads)
@@ -142,7 +125,6 @@ class ScheduleScheme(Scheme):
         """The training's unmeasured heat by its schedules [kW]."""
         return self.gray_box_.heat_at(self.rows.training)
 
-    # ----------------------------------------------------------------------------------------------------- forecast
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast each member from each origin, and blend them by what is known of their errors there."""
         rows, moved = self._numbered(table)
@@ -182,7 +164,6 @@ class ScheduleScheme(Scheme):
             states.append(rolling.state())
         return loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
 
-    # ------------------------------------------------------------------------------------------------- its own errors
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
         return self._left_out(n_leads, every=_EVERY)
@@ -197,7 +178,6 @@ class ScheduleScheme(Scheme):
         out = np.array([np.interp(leads, sample.leads, e) for e in errors[known]]).reshape(-1, n_leads)
         return LeftOut(out, sample.origins[::every][known])
 
-    # ---------------------------------------------------------------------------------------------- rows as they come
     def advanced(self, measured: ZoneTable) -> Self:
         """The scheme after new rows; what they teach is computed when a forecast is wanted."""
         return self._with(rows=self.rows.appended(measured), _ahead=self.__dict__.pop("_ahead", None))

@@ -28,21 +28,11 @@ class Scheme(ABC):
     A fitted scheme never changes, but for what it caches: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` give
     another one.  Measured temperatures come as history ``T_za`` of a table.  A table that follows the known rows begins
     with the end of them: those are its first ``n_history`` rows, and origins count from the first of them.
-
-    Attributes
-    ----------
-    name : str
-        ``"schedule"`` or ``"two-stage"``.
-    network : RCNetwork
-    adapt : {None, "linear", "full"}
-        What a forecast takes in from the history up to its origin.
-    rows : KnownRows
-    disturbance_step_ : Timedelta
     """
 
-    name: str
+    name: str  # "schedule" or "two-stage"
     network: RCNetwork
-    adapt: str | None
+    adapt: str | None  # what a forecast takes in from the history up to its origin: None, "linear" or "full"
     rows: KnownRows
     disturbance_step_: pd.Timedelta
     gray_box_: Any

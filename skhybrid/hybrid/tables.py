@@ -36,13 +36,7 @@ def with_stamps(table: ZoneTable, start: pd.Timestamp) -> ZoneTable:
 
 
 def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
-    """The stamps of ``future`` in the time zone of ``history``.
-
-    Raises
-    ------
-    ValueError
-        If only one of the two has a zone; it calls them by ``names``.
-    """
+    """The stamps of ``future`` in the time zone of ``history``; refused where only one of the two has a zone."""
     if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
         return future
     if (future.tz is None) != (history.tz is None):
@@ -54,10 +48,7 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
 def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: set[str]) -> pd.DataFrame:
     """History and future as one frame, in which the ``past`` columns of the future are missing.
 
-    Raises
-    ------
-    ValueError
-        If the future lacks one of the columns ``names``, or only one of the two has a time zone.
+    Refused where the future lacks another one of the columns ``names``, or only one of the two has a time zone.
     """
     stamps = in_zone_of(future.index, history.index)
     refuse_absent([name for name in names if name in history.columns], future, past, "history")
@@ -68,13 +59,7 @@ def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any
 
 
 def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> ZoneTable:
-    """History and future as one table, in which nothing of the future is measured.
-
-    Raises
-    ------
-    ValueError
-        If the future does not follow the history, or lacks an input of the training table.
-    """
+    """History and future, which must follow it, as one table in which nothing of the future is measured."""
     if not future.follows(history):
         raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; join them.")
     return concatenate_tables([history, unmeasured(future, training)])
@@ -88,13 +73,7 @@ def refuse_absent(names: Sequence[Any], future: pd.DataFrame, past: set[str], wh
 
 
 def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
-    """The rows to forecast, of which nothing is measured.
-
-    Raises
-    ------
-    ValueError
-        If an input of the training table is missing.
-    """
+    """The rows to forecast, of which nothing is measured; refused where an input of the training table is missing."""
     absent = [role for role in training.inputs if role not in future.inputs]
     if absent:
         raise ValueError(f"future has no role {absent[0]!r}, which the training table has.")
@@ -112,7 +91,6 @@ def stamps_ns(table: ZoneTable) -> np.ndarray:
     return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
 
 
-# -------------------------------------------------------------------------------------------- steps of the disturbance
 def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
     """An hour where the table's step divides it, else the table's own step."""
     return _HOUR if step < _HOUR and _HOUR % step == pd.Timedelta(0) else step
@@ -184,7 +162,6 @@ def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
     return steps_table(labels, zone_of(new), inputs, zeta, step)
 
 
-# ------------------------------------------------------------------------------------ forecasters of the disturbance
 def fit_forecaster(forecaster: Any, steps: ZoneTable, target: np.ndarray | None = None) -> Any:
     """Fit a forecaster of the disturbance to a table of steps; ``target`` may hide parts that stay known as past."""
     zeta = steps.history["zeta"] if target is None else target

@@ -12,6 +12,8 @@ from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..identification import PeriodicDisturbanceID
 from .base import BaseHybrid
+from .parameter_docs import shared_docs
+from .scheme import Scheme
 from .two_stage_scheme import TwoStageScheme, refits_fast
 
 
@@ -56,29 +58,27 @@ class BaseTwoStage(BaseHybrid):
         self.max_missing = max_missing
 
     def set_params(self, **params: Any) -> Self:
-        """Set parameters, also those of parts (``forecaster__hidden_size``).
-
-        Parameters of a part that was not given are those of the default part.
+        """Set parameters, also those of parts, given or default (``forecaster__hidden_size``).
 
         Parameters
         ----------
         **params : dict
-
-        Returns
-        -------
-        self
         """
         nested = {name: value for name, value in params.items() if "__" in name}
         super().set_params(**{name: value for name, value in params.items() if name not in nested})
         for part, make in (("gray_box", self._default_gray_box), ("forecaster", self._default_forecaster)):
             names = [name for name in nested if name.startswith(f"{part}__")]
             if names and getattr(self, part) is None:
-                self._refuse_nested(part, names[0])
+                if not self._takes_two_stages():
+                    raise ValueError(
+                        f"{names[0]} does nothing with the schedule model, which has no {part}; give a {part} for the "
+                        "two-stage scheme."
+                    )
                 setattr(self, part, make())
         return super().set_params(**nested)
 
-    def _refuse_nested(self, part: str, name: str) -> None:
-        """Raise a ValueError where there is no default part to set a parameter of."""
+    def _takes_two_stages(self) -> bool:
+        return True
 
     def _default_gray_box(self) -> PeriodicDisturbanceID:
         return PeriodicDisturbanceID()
@@ -93,7 +93,7 @@ class BaseTwoStage(BaseHybrid):
             sampling_time if sampling_time is not None else getattr(self.gray_box, "sampling_time", None),
         )
 
-    def _two_stage_scheme(self) -> TwoStageScheme:
+    def _make_scheme(self) -> Scheme:
         if self.disturbance not in ("input", "output"):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         return TwoStageScheme(
@@ -105,7 +105,6 @@ class BaseTwoStage(BaseHybrid):
         )
 
     def _gray_box_part(self) -> Any:
-        """The gray box, unfitted, with the network and the known parameters of this estimator."""
         if self.gray_box is None:
             given = {"network": self.network, "known": self.known}
             return self._part(self._default_gray_box().set_params(**{k: v for k, v in given.items() if v is not None}))
@@ -119,7 +118,6 @@ class BaseTwoStage(BaseHybrid):
         return gray_box
 
     def _forecaster_part(self) -> Any:
-        """The forecaster, unfitted."""
         if self.forecaster is None:
             return self._part(self._default_forecaster())
         part = self._part(self.forecaster)
@@ -151,12 +149,12 @@ class BaseTwoStage(BaseHybrid):
         forecasters : sequence of estimator
             Regressors of the disturbance, unfitted; they are cloned.
         disturbance : {"input", "output"}, optional
-            Of which kind; default is this estimator's own.
+            Default is this estimator's own.
 
         Returns
         -------
         list of estimators
-            Fitted, one per forecaster, that share nothing that changes with this estimator or each other.
+            One per forecaster, fitted; they share nothing that changes.
 
         Raises
         ------
@@ -178,6 +176,7 @@ class BaseTwoStage(BaseHybrid):
         return made
 
 
+@shared_docs
 class TwoStagePredictor(BaseTwoStage):
     """Day-ahead forecast of temperature and load by the paper's scheme.
 
@@ -189,16 +188,15 @@ class TwoStagePredictor(BaseTwoStage):
     ----------
     gray_box : estimator, optional
         An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
+        Its ``columns`` and ``sampling_time`` are read where none are given here.
     forecaster : estimator, optional
         A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
     network : str or RCNetwork, optional
         Network of the default gray box, "2R2C"; refused beside a ``gray_box``, which has its own.
     known : dict of str to float, optional
         Parameters of the gray box that are given, where it has none of its own.
-    disturbance : {"input", "output"}, default="input"
-        Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].
-    horizon : timedelta-like, default="1D"
-        How far ahead ``predict`` looks; None forecasts from the first row on.
+    %(disturbance)s
+    %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
         ``"linear"``: also, a baseline such as ``"ridge"`` is fitted again on training and history for every full week
@@ -209,37 +207,16 @@ class TwoStagePredictor(BaseTwoStage):
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles`, from forecasters that are fitted without a
         part of the training: of a baseline without each week, of a network or a regressor without the last quarter,
         so that False saves the second of its two trainings.
-    memory : str or joblib.Memory, optional
-        Where identifications are kept, so that candidates of a search that share one identify it once.
-    n_jobs : int, optional
-        Passed to a gray box that has none.
-    random_state : int, RandomState or None
-        Passed to parts that have none.
-    verbose : int, default=0
-        1 shows progress.
-    columns : dict of role to column, optional
-        Columns whose names are not their roles; default is the gray box's own ``columns``.
-    sampling_time : timedelta-like, optional
-        Step of tables without time stamps; default is the gray box's own.
-    origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
-    max_missing : float, default=0.5
-        Highest share of missing measurements.
+    %(parts)s
+    %(data)s
 
     Attributes
     ----------
     scheme_ : str
         ``"two-stage"``.
-    gray_box_ : estimator
-        The identified network.
-    forecaster_ : estimator
-        The fitted forecaster of the disturbance.
-    zeta_ : Series
-        The training disturbance by steps of the forecaster [kW or K].
-    sampling_time_, disturbance_step_ : Timedelta
-        Steps of the table and of the disturbance.
-    intervals_ : LeadIntervals
-        Errors on left-out weeks of the training, from which quantiles are made.
+    gray_box_, forecaster_ : estimator
+        The identified network and the fitted forecaster of its disturbance.
+    %(fitted)s
 
     Examples
     --------
@@ -250,6 +227,3 @@ class TwoStagePredictor(BaseTwoStage):
     >>> model.fit(office.X[:-96], office.y[:-96]).predict(office.X[-96:]).shape
     (96,)
     """
-
-    def _make_scheme(self) -> TwoStageScheme:
-        return self._two_stage_scheme()

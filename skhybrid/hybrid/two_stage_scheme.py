@@ -20,7 +20,6 @@ from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
-from .daily_errors import by_days, reference_days
 from .drift import DriftMonitor
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
@@ -42,31 +41,14 @@ from .tables import (
     with_step_before,
     zone_of,
 )
-from .weekly_refit import WeeklyRefit
+from .weekly_refit import WeeklyRefit, by_days, reference_days
 
 
 class TwoStageScheme(Scheme):
-    """A gray box, and a forecaster of the disturbance that it leaves, averaged over hours.
-
-    Parameters
-    ----------
-    gray_box, forecaster : estimator
-        Unfitted; they become ``gray_box_`` and ``forecaster_``.
-    disturbance : {"input", "output"}
-    adapt : {None, "linear", "full"}
-    memory : str, joblib.Memory or None
-
-    Attributes
-    ----------
-    rows : KnownRows
-    gray_box_, forecaster_ : estimator
-    disturbance_step_ : Timedelta
-    steps : ZoneTable
-        The disturbance that the forecaster was fitted on, and the inputs, by steps.
-    """
+    """A gray box, and a forecaster of the disturbance that it leaves, averaged over hours."""
 
     name = "two-stage"
-    steps: ZoneTable
+    steps: ZoneTable  # the disturbance that the forecaster was fitted on, and the inputs
 
     def __init__(self, gray_box: Any, forecaster: Any, *, disturbance: str, adapt: str | None, memory: Any) -> None:
         self.gray_box = gray_box
@@ -81,7 +63,6 @@ class TwoStageScheme(Scheme):
         """The disturbance that the forecaster was fitted on [kW or K]."""
         return pd.Series(self.steps.history["zeta"], self.steps.index, name="zeta")
 
-    # ---------------------------------------------------------------------------------------------------------- fit
     def fit(self, measured: ZoneTable) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
         dark = {"q_sol": None} if "q_sol" not in measured.inputs else None
@@ -118,22 +99,17 @@ class TwoStageScheme(Scheme):
         training, step = self.rows.training, self.disturbance_step_
         empty = HourlyAggregation([*self.steps.inputs, "zeta"], step, training.step < step, zone_of(training))
         stamps = stamps_ns(training)
-        added = empty.added(stamps, self._columns(training, zeta, empty.names))
+        added = empty.added(stamps, self._rows_of(training, zeta))
         self._aggregation = added.since(int(stamps[-1] - KEPT.value))
         self._learned_to = int(stamps_ns(self.steps)[-1])
         self._seen_since = False  # whether a temperature was measured after the training
         self._refit = WeeklyRefit(self.forecaster_)
         return self
 
-    @staticmethod
-    def _columns(table: ZoneTable, zeta: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """(n_rows, n_columns) inputs in the order of ``names``, and the disturbance, which is the last name."""
-        return np.column_stack([*(table.inputs[role] for role in names[:-1]), zeta])
-
     def _rows_of(self, table: ZoneTable, zeta: np.ndarray) -> np.ndarray:
-        return self._columns(table, zeta, self._aggregation.names)
+        """(n_rows, n_inputs + 1) inputs in the order of ``steps``, and the disturbance."""
+        return np.column_stack([*(table.inputs[role] for role in self.steps.inputs), zeta])
 
-    # ---------------------------------------------------------------------------------------------- rows as they come
     def advanced(self, measured: ZoneTable) -> Self:
         """The scheme after new rows: the filter follows them, and their disturbance is averaged."""
         gray_box, target = copy(self.gray_box_), measured.history["T_za"]
@@ -210,7 +186,6 @@ class TwoStageScheme(Scheme):
         later = measured.index >= begin[0] if len(begin) else np.zeros(len(measured), dtype=bool)
         return monitor.watch(measured[later], forecast[later])
 
-    # ----------------------------------------------------------------------------------------------------- forecast
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid)."""
         here = _after_history(table)

@@ -1,4 +1,4 @@
-"""Weekly refit of a forecaster: on all of the past, or on recent weeks where they forecast the last week better."""
+"""Fits of a forecaster on parts of the past: refits after each week, and halves whose days the other half forecasts."""
 
 from __future__ import annotations
 
@@ -22,12 +22,7 @@ class WeeklyRefit:
     """New fits of a forecaster at the ends of weeks.
 
     A fit at the end of a week takes the span whose fit a week earlier forecast that week best, a day ahead: a choice
-    made on days that it had not seen.
-
-    Parameters
-    ----------
-    forecaster : estimator
-        Cloned for every fit.
+    made on days that it had not seen.  The forecaster is cloned for every fit.
     """
 
     def __init__(self, forecaster: Any) -> None:
@@ -78,3 +73,30 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
     truth = recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]
     error = (paths - truth) ** 2
     return float(np.sqrt(np.nanmean(error))) if np.isfinite(error).any() else np.inf
+
+
+def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Estimated and forecast disturbance (n_days, n_steps_per_day) of every whole local day but the first.
+
+    Each day is forecast from the last step before its midnight and stamped by the day.
+    """
+    day = steps.time.normalize()
+    per_day = round(_DAY / steps.step)
+    begins = np.flatnonzero(day[1:] != day[:-1]) + 1
+    begins = begins[begins + per_day <= steps.n_rows]
+    at = begins[:, None] + np.arange(per_day)
+    measured = pd.DataFrame(steps.history["zeta"][at], index=day[begins])
+    paths = forecast_steps(forecaster, steps, begins - 1, per_day)
+    return measured, pd.DataFrame(paths, index=measured.index)
+
+
+def reference_days(steps: ZoneTable, forecaster: Any, refit: bool) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Days of the training, as ``by_days``: where ``refit``, each half is forecast by a fit to the other half."""
+    if not refit:
+        return by_days(steps, forecaster)
+    half = steps.n_rows // 2
+    halves = [steps.rows(slice(0, half)), steps.rows(slice(half, None))]
+    fits = [fit_forecaster(clone(forecaster), other) for other in reversed(halves)]
+    parts = [by_days(part, fit) for part, fit in zip(halves, fits, strict=True)]
+    measured, forecast = (pd.concat(tables) for tables in zip(*parts, strict=True))
+    return measured, forecast

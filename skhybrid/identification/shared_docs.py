@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from inspect import cleandoc
-from textwrap import indent
-from typing import TypeVar
-
-_Class = TypeVar("_Class", bound=type)
+from .._docs import docs_from
 
 _BLOCKS = {
     "network": """
@@ -78,11 +73,6 @@ _BLOCKS = {
     network_ : RCNetwork
     """,
 }
-_PLACE = re.compile(r"^( *)%\((\w+)\)s$", re.MULTILINE)
 
-
-def shared_docs(cls: _Class) -> _Class:
-    """Put the shared blocks into a class docstring, where a line ``%(name)s`` asks for one."""
-    if cls.__doc__:  # absent under python -OO
-        cls.__doc__ = _PLACE.sub(lambda place: indent(cleandoc(_BLOCKS[place[2]]), place[1]), cls.__doc__)
-    return cls
+#: puts these blocks into a class docstring
+shared_docs = docs_from(_BLOCKS)

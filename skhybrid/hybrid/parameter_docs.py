@@ -1,0 +1,47 @@
+"""Documentation of parameters and attributes that the hybrid predictors share."""
+
+from __future__ import annotations
+
+from .._docs import docs_from
+
+#: puts these blocks into a class docstring
+shared_docs = docs_from(
+    {
+        "disturbance": """
+        disturbance : {"input", "output"}, default="input"
+            Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].
+        """,
+        "horizon": """
+        horizon : timedelta-like, default="1D"
+            How far ahead ``predict`` looks; None forecasts from the first row on.
+        """,
+        "parts": """
+        memory : str or joblib.Memory, optional
+            Where identifications are kept, so that candidates of a search that share one identify it once.
+        n_jobs : int, optional
+            Passed to a gray box that has none.
+        random_state : int, RandomState or None
+            Passed to parts that have none.
+        verbose : int, default=0
+            1 shows progress.
+        """,
+        "data": """
+        columns : dict of role to column, optional
+            Columns whose names are not their roles.
+        sampling_time : timedelta-like, optional
+            Step of tables without time stamps.
+        origin_step : timedelta-like, optional
+            Distance of forecast origins; default = ``horizon``.
+        max_missing : float, default=0.5
+            Highest share of missing measurements.
+        """,
+        "fitted": """
+        zeta_ : Series
+            The training disturbance by steps of the forecaster [kW, or K for an output disturbance].
+        sampling_time_, disturbance_step_ : Timedelta
+            Steps of the table and of the disturbance.
+        intervals_ : LeadIntervals
+            Errors on left-out days of the training, from which quantiles are made.
+        """,
+    }
+)
