@@ -91,7 +91,7 @@ class ResidualDisplay(Display):
             part = found.cross_correlation[name]
             _draw_correlation(panel, part["ccf"], part["band"], f"correlation with {name}")
             panel.axvline(0.0, color="#999999", linewidth=0.8)
-            panel.set_xlabel("lag of the error behind the input [h]")
+            panel.set_xlabel("lag of the error after the input [h]")
         if ax is None:
             axes[0].figure.suptitle(title or found.name, x=0.01, ha="left", fontsize="medium", fontweight="bold")
         return self._drawn_on(axes)

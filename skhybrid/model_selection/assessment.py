@@ -62,7 +62,7 @@ def assess(
 
 def log_density(innovations: pd.DataFrame) -> pd.Series:
     """Log density of every row's errors, as independent normal with the model's own standard deviations."""
-    half = innovations.shape[1] // 2  # a column an output, then their standard deviations
+    half = innovations.shape[1] // 2  # one column per output, then their standard deviations
     error, std = innovations.to_numpy()[:, :half], innovations.to_numpy()[:, half:]
     each = stats.norm.logpdf(error, scale=std)
     total = np.where(np.isfinite(each).any(axis=1), np.nansum(each, axis=1), np.nan)
