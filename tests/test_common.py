@@ -13,6 +13,8 @@ from skhybrid import (
     InputDisturbanceID,
     OutputDisturbanceID,
     PeriodicDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
 )
 
 ESTIMATORS = [
@@ -24,7 +26,8 @@ ESTIMATORS = [
     OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step"),
     PeriodicDisturbanceID(n_starts=1, random_state=0),
     HybridPredictor(),
-    HybridPredictor(
+    SchedulePredictor(),
+    TwoStagePredictor(
         InputDisturbanceID(n_starts=1, random_state=0), DisturbanceForecaster(Ridge(), random_state=0), random_state=0
     ),
 ]
