@@ -30,7 +30,7 @@ from skhybrid.forecasting import DisturbanceForecaster, list_sizes
 from skhybrid.forecasting.cases import resolve_case
 from skhybrid.forecasting.networks.spec import NetworkSpec
 from skhybrid.forecasting.networks.windows import columns_of
-from skhybrid.forecasting.tables import read_weather
+from skhybrid.forecasting.reading import read_weather
 from skhybrid.forecasting.training_job import chronological_split
 from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
 from skhybrid.model_selection.search.design_matrix import DesignMatrix
