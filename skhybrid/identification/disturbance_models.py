@@ -60,11 +60,10 @@ def _outputs(network: RCNetwork, appended: int, on_output: bool) -> np.ndarray:
 
 
 def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Model:
-    """Model with states appended to the nodes, (S,) of their own transitions, gain and noise still zero.
+    """Model with appended states of transitions ``decay`` (S, a); gain and noise are still zero.
 
-    ``decay``: (S, a) transition of the a appended states.  The last ``feed`` columns of B are heat gains [kW] that the
-    appended states feed; with 0 they act on the output only.  ``n_own``: parameters of the disturbance, after the
-    network's.
+    The appended states feed the last ``feed`` columns of B (heat gains [kW]); with 0 they act on the output only.  The
+    ``n_own`` parameters of the disturbance follow the network's.
     """
     (S, n, m), p, a = d.B.shape, d.dA.shape[1], decay.shape[1]
     s, q = n + a, p + n_own
@@ -161,9 +160,8 @@ class InputRandomWalk:
 class OutputARMA:
     """OD (paper 2.2.3): ARMA(1,1) on the output; the network itself is never corrected.
 
-    The search is over ``rho_1`` and ``rho_gap = rho_1 - rho_2``, the two roots whose size decides stability (ruling 1);
-    with ``paper_box`` over ``rho_1`` and ``rho_2`` as the paper prints.  Temperatures of hidden nodes at the first row
-    of every segment of rows are parameters too.
+    Parameters are ``rho_1``, ``rho_gap = rho_1 - rho_2`` (the two roots that decide stability, ruling 1; the paper's
+    ``rho_2`` with ``paper_box``), and the temperatures of hidden nodes at the first row of every segment.
     """
 
     hidden: tuple[str, ...]  # nodes that are not measured

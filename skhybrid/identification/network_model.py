@@ -34,7 +34,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def _tail(self) -> ZoneTable:  # type: ignore[override]
         return self.filtered_network_.rolling.tail
 
-    # ------------------------------------------------------------------------------------------------------- hooks
     def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The states at each origin, and the disturbance that the model expects over the next ``n`` rows."""
         return self.filtered_network_.expected(table, origins, n)
@@ -74,13 +73,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples,)
-            Temperature of the measured node at every row's stamp [degC], one column per node where several are
-            measured.
-
-        Raises
-        ------
-        ValueError
-            If ``heat_gain`` or ``initial_state`` has another length or a NaN, or ``heat_gain`` other stamps.
+            Temperature of the measured node at every row's stamp [degC]; a column per node where several are measured.
         """
         check_is_fitted(self)
         states = self.simulate_states(X, heat_gain, initial_state).to_numpy(copy=True)
@@ -122,23 +115,17 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame of shape (n_samples, n_features)
-            With the measured temperature as column ``T_za``.
+            With the measured temperature as column ``T_za``, else ValueError.
         kind : {"input", "output"}
             ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
             temperature has beyond the simulated one [K] (paper Eq. od_pred).
         smooth : bool
-            False: from rows up to each row, as a forecast may use it; True: from all rows.  No difference for
-            ``"output"``.
+            False: from rows up to each row, as a forecast may use it; True: from all rows, for ``"input"`` only.
 
         Returns
         -------
         Series of length n_samples, named ``zeta``
             Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
-
-        Raises
-        ------
-        ValueError
-            If X has no ``T_za``.
         """
         check_is_fitted(self)
         table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
@@ -196,25 +183,20 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def innovations(self, X: Any) -> pd.DataFrame:
         """Errors of the model's own predictor, one step ahead.
 
-        CONV predicts by simulation, OD by its ARMA model, ID and the periodic model by their Kalman filters.  The
-        standardised errors ``innovation / std`` of a right model are white and N(0, 1).
+        CONV predicts by simulation, OD by its ARMA model, ID and the periodic model by their Kalman filters; a right
+        model has white ``innovation / std`` of N(0, 1).
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            With the measured temperature as column ``T_za``.  Where X begins as the training table did (by its time
-            stamps) the predictor starts as in ``fit``; where X follows it, from its end; else cold.
+            With column ``T_za``, else ValueError.  Where X begins as the training table did (by its time stamps) the
+            predictor starts as in ``fit``; where X follows it, from its end; else cold.
 
         Returns
         -------
         DataFrame of length n_samples
             ``innovation`` and ``std`` [K] (``innovation_<node>`` and ``std_<node>`` where several nodes are measured);
             NaN where ``T_za`` is missing, and in the warm-up from which CONV takes its first state.
-
-        Raises
-        ------
-        ValueError
-            If X has no ``T_za``.
 
         Notes
         -----
@@ -284,17 +266,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.  Of
             stages that heat (or cool) alike, each takes its share of the capacity.
 
-        Raises
-        ------
-        ValueError
-            If a set-point or limit has another length or stamps than X or a NaN, or the lower of two is above the
-            higher.
-
         Notes
         -----
-        In a network whose plant heats another node than the measured one, the set-point at every step would need a load
-        that swings from step to step.  There the load is sought as if held for the next few steps, so that the
-        temperature comes near the set-point instead of meeting it at each row.
+        Where the plant heats another node than the measured one, meeting the set-point at every step needs a load that
+        swings.  There the load is sought as if held for the next few steps, and the temperature only comes near it.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
@@ -319,10 +294,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
         limits : tuple of (lowest, highest), optional
-
-        Returns
-        -------
-        DataFrame of length n_samples
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)

@@ -48,21 +48,19 @@ def rolling_state(model: Any) -> RollingState:
 
 
 def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
-    """Let a fitted identification follow new rows, in a time that does not depend on how many came before.
+    """Let a fitted identification follow new rows after the last known one, with what was measured as history.
 
-    The rows follow the last known one and bear what was measured as history.  Returns the causal disturbance (n_rows,
-    d) of each, [kW] or [K] by ``kind``, as ``estimate_disturbance`` gives it.
+    Returns the causal disturbance (n_rows, d) of each, [kW] or [K] by ``kind``.
     """
     heat, beyond = model.take_rows(table)
     return heat if checked_kind(kind) == "input" else beyond
 
 
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:
-    """(n_rows,) temperature [degC] after the last known row under a given disturbance.
+    """(n_rows,) temperature [degC] after the last known row, of one measured node under a disturbance (n_rows,).
 
-    The network has one measured and one disturbed node.  ``disturbance`` (n_rows,) is the heat [kW] of the last known
-    row, then of all rows but the last (``kind="input"``), or the temperature [K] added to each row (``"output"``).  The
-    rows of ``future`` bear their known inputs.
+    It is the heat [kW] of the last known row, then of all rows but the last (``kind="input"``), or the temperature [K]
+    added to each row (``"output"``).
     """
     network = model.filtered_network_
     now, kalman, experiment = network.rolling, network.kalman, network.experiment(future)

@@ -33,15 +33,6 @@ def make_state_space(
     sampling_time : timedelta-like, default="15min"
         Step of the exact zero-order hold.
 
-    Returns
-    -------
-    StateSpace
-
-    Raises
-    ------
-    ValueError
-        If a parameter has no value.
-
     Examples
     --------
     >>> from skhybrid.identification import make_state_space
@@ -73,20 +64,15 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     ----------
     model : StateSpace or fitted identification
     periods : sequence of timedelta-like, optional
-        By default 200 between 10 minutes (or two steps) and 30 days, evenly spaced in their logarithm.
+        Two steps of the model or longer; by default 200 from 10 minutes (or two steps) to 30 days, log-spaced.
     output : int, default=0
         Which measured temperature, for a model with several.
 
     Returns
     -------
     DataFrame of complex of shape (n_periods, n_inputs)
-        Index ``period`` (Timedelta), columns the inputs.  The magnitude is in K per unit of the input (K/K, K per
-        kW/m2, K per stage, K/kW), the angle is the phase [rad], negative where the temperature lags.
-
-    Raises
-    ------
-    ValueError
-        If a period is shorter than two steps of the model, which knows nothing faster.
+        Index ``period`` (Timedelta), columns the inputs: magnitude in K per unit of the input, phase [rad], negative
+        where the temperature lags.
 
     Notes
     -----

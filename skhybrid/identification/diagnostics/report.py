@@ -94,23 +94,13 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     estimator : fitted identification
         With ``innovations(X)``.
     X : DataFrame or array-like of shape (n_samples, n_features)
-        With the measured temperature as column ``T_za``: the training table, or new rows.
+        The training table or new rows, with column ``T_za``.
     output : int, default=0
         Which measured temperature, for a network with several.
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
         Of every test.
-
-    Returns
-    -------
-    Diagnostics
-        Print it: one screen.
-
-    Raises
-    ------
-    ValueError
-        If X has no ``T_za``, or too few rows were measured.
 
     Examples
     --------
@@ -161,15 +151,6 @@ def diagnose_residuals(
         As in :func:`diagnose`.
     name : str
         Of the model.
-
-    Returns
-    -------
-    Diagnostics
-
-    Raises
-    ------
-    ValueError
-        If there is no step, or too few rows were measured.
     """
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

@@ -107,10 +107,9 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
 
 
 def prewhiten(series: Any) -> np.ndarray:
-    """(n,) residuals of an autoregression of the order that AIC chooses; NaN where a row that it reads is missing.
+    """(n,) residuals of an autoregression of the order by AIC; NaN where a row that it reads is missing.
 
-    Two smooth series look correlated at many lags by chance.  Once each is white, the correlation at every lag has the
-    standard error of white noise (Haugh, 1976).
+    Once each of two series is white, their correlation has the standard error of white noise (Haugh, 1976).
     """
     x, seen = _centred(series)
     n, highest = int(seen.sum()), min(_MAX_ORDER, max(len(x) // 10, 1))

@@ -18,11 +18,7 @@ from ...thermal import get_network
 
 @dataclass(frozen=True)
 class ConstrainedProblem:
-    """A fitted identification and the table that it was fitted on.
-
-    Where a parameter is held, all else stays as in the fit: bounds, the other priors and, in the periodic model, the
-    unit of heat, so that losses can be compared.
-    """
+    """A fitted identification and its training table; with a parameter held, all else stays as in the fit."""
 
     estimator: Any
     table: ZoneTable
@@ -71,10 +67,6 @@ class ConstrainedProblem:
             warnings.simplefilter("ignore")  # the fit has warned of it
             problem, _ = probe._make_problem(*probe._prepare(self.table, self.y))
         return fitted._as_fitted(problem)
-
-    def values(self) -> dict[str, float]:
-        """Everything that the fit found, in the units that are searched."""
-        return self.estimator._searched_values()
 
 
 def free_point(problem: Any, values: Mapping[str, float]) -> np.ndarray:

@@ -29,9 +29,8 @@ _MOST_WEAK, _MOST_MEMBERS = 4, 4
 class Identifiability:
     """Information of the data about each direction in the space of the network's parameters.
 
-    A direction is a combination of parameters on the logarithmic scale.  The sensitivities of the predictions to it are
-    in units of the noise, with the parameters of the disturbance model free to follow; ``1 / singular value`` is the
-    relative standard error along the direction.
+    A direction is a combination of parameters on the logarithmic scale; ``1 / singular value`` is the relative standard
+    error along it, with the parameters of the disturbance model free to follow.
 
     Attributes
     ----------
@@ -126,11 +125,9 @@ def assess(
     at_bound: tuple[str, ...],
     not_excited: tuple[str, ...],
 ) -> Identifiability:
-    """Find the flat and weak directions of a scaled sensitivity to k parameters.
+    """Flat and weak directions of the ``sensitivity`` (n, k) to k parameters, all as in ParameterUncertainty.
 
-    ``sensitivity`` (n, k) is that of the predictions by the logarithms of the parameters, in units of the noise;
-    ``model`` (k, k) the covariance of these logarithms if the disturbance model were true, and ``growth`` (k,) the
-    factor by which every standard error exceeds that of the model.
+    ``model`` is (k, k), and ``growth`` (k,) the factor by which every standard error exceeds that of the model.
     """
     names = [p.name for p in parameters]
     if not names:

@@ -67,7 +67,7 @@ class _Search:
     def deviance(self, x: float) -> float:
         """Minus twice the log-likelihood with the parameter held at ``x``, up to a constant."""
         if x not in self.tried:
-            warm = self.constrained.values()
+            warm = self.constrained.estimator._searched_values()
             if self.tried:
                 warm |= self.tried[min(self.tried, key=lambda known: abs(known - x))][1]
             problem = self.constrained.problem({self.parameter.name: self.parameter.from_free(x)})
@@ -110,26 +110,16 @@ def profile_likelihood(
     X, y : array-like
         As in ``fit``.
     parameter : str
-        Such as ``"C_w"``.
+        Such as ``"C_w"``; one that was not identified is refused.
     values : sequence of float, optional
         Further values to try [the parameter's unit], such as for a picture.
     level : float, default=0.9
         Of the interval, between 0 and 1.
 
-    Returns
-    -------
-    ProfileLikelihood
-
-    Raises
-    ------
-    ValueError
-        If the parameter was not identified, a value has the wrong sign, or ``level`` is not between 0 and 1.
-
     Notes
     -----
-    Every search starts from the nearest value already tried.  The deviance is ``n log(SSE / SSE_min)`` for the sums of
-    squares (the noise is profiled too) and twice the difference of the negative log-likelihood for the periodic model.
-    A prior on the parameter itself is left out.  Unlike ``theta_interval``, the interval need not be symmetric.
+    The deviance is ``n log(SSE / SSE_min)`` for the sums of squares (the noise is profiled too) and twice the
+    difference of the negative log-likelihood for the periodic model, without a prior on the parameter itself.
 
     Examples
     --------
