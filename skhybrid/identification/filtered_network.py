@@ -111,10 +111,10 @@ class FilteredNetwork:
         heat = g[:, None] * decay[:, None] + kalman.profile[cells[rows]]
         return ForecastStart(states.nodes[origins], heat, np.zeros((len(origins), n, len(kalman.measured))))
 
-    def under(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> ForecastStart:
+    def under(self, table: ZoneTable, origins: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
         """The start of forecasts under a given disturbance, (n_origins, H) or (n_origins, H, d)."""
-        kalman, size = self.kalman, disturbance.shape[:2]
-        wanted = kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
+        kalman, disturbance = self.kalman, np.asarray(disturbance, dtype=np.float64)
+        size, wanted = disturbance.shape[:2], kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
         if given.shape[2:] != (wanted,):
             raise ValueError(

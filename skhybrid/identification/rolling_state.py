@@ -42,11 +42,6 @@ def kept_end(
     return RollingState(tail, begin, opened, now, states.end, path[-2].copy(), path[-1].copy(), last)
 
 
-def rolling_state(model: Any) -> RollingState:
-    """State of a fitted identification after its training table, or after the rows that it was advanced by."""
-    return model.filtered_network_.rolling
-
-
 def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
     """Let a fitted identification follow new rows after the last known one, with what was measured as history.
 
@@ -57,10 +52,9 @@ def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
 
 
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:
-    """(n_rows,) temperature [degC] after the last known row, of one measured node under a disturbance (n_rows,).
+    """(n_rows,) temperature [degC] of one measured node after the last known row, under a disturbance (n_rows,).
 
-    It is the heat [kW] of the last known row, then of all rows but the last (``kind="input"``), or the temperature [K]
-    added to each row (``"output"``).
+    ``kind="input"``: heat [kW] of the last known row and all others but the last; ``"output"``: [K] added to each row.
     """
     network = model.filtered_network_
     now, kalman, experiment = network.rolling, network.kalman, network.experiment(future)

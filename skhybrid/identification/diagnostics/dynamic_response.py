@@ -35,10 +35,14 @@ def make_state_space(
 
     Examples
     --------
-    >>> from skhybrid.identification import make_state_space
+    >>> from skhybrid.identification import frequency_response, make_state_space, step_response
     >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
     >>> shed.input_names
     ('T_oa', 'q_sol', 'heat_gain')
+    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
+    5.0
+    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
+    0.632
     """
     network, roles, step = get_network(network), tuple(roles), pd.Timedelta(sampling_time)
     absent = [p.name for p in network.parameters(roles) if p.name not in theta]
@@ -77,13 +81,6 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     Notes
     -----
     ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
-
-    Examples
-    --------
-    >>> from skhybrid.identification import frequency_response, make_state_space
-    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
-    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
-    5.0
     """
     model = as_state_space(model)
     chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
@@ -125,13 +122,6 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
     -------
     DataFrame of shape (n_steps + 1, n_inputs)
         Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
-
-    Examples
-    --------
-    >>> from skhybrid.identification import make_state_space, step_response
-    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
-    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
-    0.632
     """
     model = as_state_space(model)
     n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))

@@ -23,7 +23,6 @@ class Diagnostics:
     Attributes
     ----------
     name : str
-        Of the model.
     innovations : DataFrame
         ``innovation`` and ``std`` [K] of every row; all else is about their ratio.
     sampling_time : Timedelta
@@ -34,14 +33,12 @@ class Diagnostics:
     cumulative_periodogram : DataFrame
         Index ``frequency`` [1/h]; ``cumulative``, ``expected``, ``band`` (Kolmogorov-Smirnov, 95 %).
     cross_correlation : DataFrame
-        Index ``lag`` (Timedelta; positive where the input is earlier), columns (input, ``ccf``/``band``/``t``);
-        errors and inputs prewhitened.
+        Index ``lag`` (Timedelta, input first), columns (input, ``ccf``/``band``/``t``), prewhitened.
     tests : DataFrame
         One row per test: ``statistic``, ``p_value`` and ``passed`` at the level.
     findings : tuple of str
         What the patterns mean.
     level : float
-        Of every test.
     """
 
     name: str
@@ -100,7 +97,6 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
-        Of every test.
 
     Examples
     --------
@@ -150,7 +146,6 @@ def diagnose_residuals(
     max_lag, level : timedelta-like and float
         As in :func:`diagnose`.
     name : str
-        Of the model.
     """
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

@@ -29,12 +29,12 @@ class ExperimentPlan:
     Attributes
     ----------
     table : DataFrame
-        One row per candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
-        parameter [%], then ``worst`` (the parameter) and ``worst_error`` [%].
+        Relative standard errors [%] by candidate (index ``perturbation``, ``hours``) and free parameter; ``worst`` (the
+        parameter) and ``worst_error`` [%].
     target : float
         Relative standard error that every parameter is to reach [-].
     recommended : tuple of (str, float) or None
-        Perturbation and hours: the shortest that reaches the target; None where no candidate does.
+        Perturbation and hours: the shortest that reaches the target, if any does.
     best : tuple of (str, float)
         The recommended candidate, or else the one whose worst error is the smallest.
     obstacles : tuple of str
@@ -145,8 +145,8 @@ def plan_experiment(
 
     Notes
     -----
-    The errors are a lower bound for the network as given, for long logs; the bias of a network that is too simple is
-    not in them.  The perturbation of the paper (2.1) is a PRBS of order 4 and scale 2 h, 18-25 degC.
+    The errors are a lower bound, without the bias of too simple a network.  The perturbation of the paper (2.1) is a
+    PRBS of order 4 and scale 2 h, 18-25 degC.
 
     Examples
     --------

@@ -36,8 +36,7 @@ class GainStatistics:
     tau : float
         Time constant of the variation [h].
     weekday_day, weekday_night, weekend : float
-        Standard deviation around the profile on weekdays from 6 to 21 h, on the other weekday hours, and on weekends
-        [kW].
+        Standard deviation around the profile on weekdays from 6 to 21 h and otherwise, and on weekends [kW].
     profile : ndarray of shape (24, 2)
         Mean gain by hour on weekdays and on weekends [kW].
     profile_step, weekend_step : float

@@ -83,7 +83,6 @@ def solve_inner(errors: np.ndarray, S: np.ndarray, priors: GainPriors, signs: np
 def _signed_ridge(normal: np.ndarray, right: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ridge solution whose first coefficients have the given signs (0: either), and which are not held at 0."""
     free = np.ones(len(right), dtype=bool)
-    gamma = np.zeros(len(right))
     for _ in range(2 * len(signs) + 1):
         gamma = np.zeros(len(right))
         gamma[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free], rcond=1e-13)[0]

@@ -292,8 +292,7 @@ class PeriodicProblem:
         """Hessian of the objective and derivative of the inner coefficients, by central differences of exact ones."""
         p = len(free)
         H, dbeta = np.empty((p, p)), np.empty((len(self.layout.channels), p))
-        for q in range(p):
-            shift = step * np.eye(p)[q]
+        for q, shift in enumerate(step * np.eye(p)):
             _, up, above = self.evaluate(free + shift)
             _, down, below = self.evaluate(free - shift)
             H[:, q] = (up - down) / (2.0 * step)

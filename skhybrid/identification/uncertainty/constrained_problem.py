@@ -57,9 +57,8 @@ class ConstrainedProblem:
     def problem(self, held: Mapping[str, float] | None = None, *, search_all: bool = False) -> Any:
         """The problem with some parameters held; ``search_all`` leaves none to be solved inside."""
         held, fitted = dict(held or {}), self.estimator
-        probe = clone(fitted)
-        probe.set_params(known={**(fitted.known or {}), **held})
-        probe.set_params(priors={k: v for k, v in (fitted.priors or {}).items() if k not in held})
+        priors = {k: v for k, v in (fitted.priors or {}).items() if k not in held}
+        probe = clone(fitted).set_params(known={**(fitted.known or {}), **held}, priors=priors)
         if search_all:
             bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_ if p.name not in probe.known}
             probe.set_params(bounds={**bounds, **(fitted.bounds or {})})

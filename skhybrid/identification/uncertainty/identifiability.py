@@ -13,8 +13,7 @@ from scipy.stats import t as student
 
 from ...thermal import Parameter
 
-#: a direction is flat when its singular value is below this share of the largest, or when one standard deviation
-#: along it is a factor of e^5 or more, which more days of the same kind would not improve enough
+#: a direction is flat by a singular value below this share of the largest, or a standard deviation of e^5 or more
 FLAT, FLAT_SD = 1e-6, 5.0
 #: a direction is weak when its leading parameter may be off by more than this share at 90 %
 WEAK = 0.25
@@ -37,7 +36,7 @@ class Identifiability:
     singular_values : Series
         Of the scaled sensitivity, largest first [-].
     directions : DataFrame of shape (n_directions, n_parameters)
-        Exponent of every parameter in every direction [-], in the order of ``singular_values``, the leading one 1.
+        Exponents [-], the leading one 1, in the order of ``singular_values``.
     flat_directions : tuple of str
         Combinations of parameters that the data do not move, with their units and exponents.
     weak_directions : tuple of str
@@ -47,7 +46,7 @@ class Identifiability:
     not_excited : tuple of str
         Parameters that no row of the table moves; they stay at their default.
     n_days : int
-        Days of data on which the figures rest; quantiles are of Student's t with ``n_days - 1`` degrees of freedom.
+        Days of data; quantiles are of Student's t with ``n_days - 1`` degrees of freedom.
     """
 
     singular_values: pd.Series
@@ -207,9 +206,5 @@ def _percent(move: float) -> str:
 
 def at_bounds(free: np.ndarray, searched: Sequence[Parameter]) -> tuple[str, ...]:
     """Parameters within a thousandth of the searched range from a bound."""
-    out = []
-    for p, x in zip(searched, free, strict=True):
-        low, high = p.free_bounds
-        if min(x - low, high - x) < 1e-3 * (high - low):
-            out.append(p.name)
-    return tuple(out)
+    ends = [(p.name, x, *p.free_bounds) for p, x in zip(searched, free, strict=True)]
+    return tuple(name for name, x, low, high in ends if min(x - low, high - x) < 1e-3 * (high - low))

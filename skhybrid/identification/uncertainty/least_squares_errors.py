@@ -65,8 +65,7 @@ def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np
 def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, step: float = 1e-4) -> np.ndarray:
     """(D, p, p) half Hessian of every day's sum of squares, from differences of exact gradients."""
     out = np.empty((day[-1] + 1, len(free), len(free)))
-    for q in range(len(free)):
-        shift = step * np.eye(len(free))[q]
+    for q, shift in enumerate(step * np.eye(len(free))):
         above, below = problem.linearised(free + shift), problem.linearised(free - shift)
         up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
         out[:, :, q] = (up - down) / (2.0 * step)

@@ -124,10 +124,6 @@ def sample_posterior(
     density = _Density(problem, start)
     settings = {"draws": draws, "tune": tune, "chains": chains, "progressbar": progressbar}
     data = _run_nuts(density, random_state=random_state, **settings)
-    return _collected(density, data, chains, draws)
-
-
-def _collected(density: _Density, data: Any, chains: int, draws: int) -> Posterior:
     free = density.free(data.posterior["z"].to_numpy())
     columns = {
         p.name: (p.sign * np.exp(x) if p.transform == "log" else x).ravel()

@@ -27,14 +27,11 @@ class ProfileLikelihood:
     parameter, unit : str
     best : float
         Value at the least deviance [unit].
-    level : float
-        Of the interval.
-    lower, upper : float
-        Ends of the interval [unit]; 0 or infinite where the data set none.
-    threshold : float
-        Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
-    inflation : float
-        Squared ratio of the parameter's standard error to that of the disturbance model alone; 1 where the days agree.
+    level, lower, upper : float
+        The interval [unit]; its ends are 0 or infinite where the data set none.
+    threshold, inflation : float
+        Deviance at the ends, which is the squared quantile of Student's t times the inflation: the squared ratio of the
+        parameter's standard error to that of the disturbance model alone.
     curve : DataFrame
         One row per value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
     """
@@ -139,7 +136,9 @@ def profile_likelihood(
     inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
     quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
     search = _Search(constrained, known)
-    start = float(np.clip(_to_free(known, float(fitted.theta_[parameter])), *known.free_bounds))
+    theta = float(fitted.theta_[parameter])
+    usable = known.transform != "log" or theta * known.sign > 0
+    start = float(np.clip(known.to_free(theta) if usable else known.free_bounds[0], *known.free_bounds))
     search.deviance(start)
     step = quantile * _standard_error(fitted, known)
     threshold = inflation * quantile**2
@@ -160,10 +159,6 @@ def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[f
             side = "<" if found.sign < 0 else ">"
             raise ValueError(f"values= gives {parameter} the value {value}; it must be {side} 0.")
     return found
-
-
-def _to_free(p: Parameter, value: float) -> float:
-    return p.to_free(value) if p.transform != "log" or value * p.sign > 0 else p.free_bounds[0]
 
 
 def _standard_error(fitted: Any, p: Parameter) -> float:

@@ -15,8 +15,7 @@ from ...thermal import Parameter
 _MOST = 1e3
 #: an interval of more than this many e-foldings is that of all values
 _BEYOND = 50.0
-#: most parts that a periodic log is left without, one after another; a part of a longer log is two or more days, as
-#: the cost would otherwise be quadratic in the length
+#: most parts that a periodic log is left without; in a longer log each is two days or more, which saves time
 MOST_PARTS = 56
 #: fewer days than this give no useful scatter
 FEW_DAYS = 3
