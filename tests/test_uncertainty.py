@@ -136,7 +136,7 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     """One Newton step stands for a fit without some hours of a day."""
     constrained = ConstrainedProblem(periodic, office.X, office.y)
     problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.values())).free
+    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
     y = problem.experiment.y.copy()
     y[3 * 96 : 3 * 96 + 32] = np.nan
     without = replace(problem, experiment=problem.experiment._replace(y=y))
@@ -153,7 +153,7 @@ def test_long_logs_are_left_without_several_days_at_once(office, periodic, monke
     """So that a year costs as many evaluations as two months."""
     constrained = ConstrainedProblem(periodic, office.X, office.y)
     problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.values())).free
+    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
     theta, turn = problem.theta(free, problem.evaluate(free)[2])
     made, plain = [], periodic_errors._moves_without_days
     monkeypatch.setattr(periodic_errors, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
@@ -170,7 +170,7 @@ def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(offi
     """Two ways to the same: Schur complements of the joint information, and the chain rule of the covariance."""
     constrained = ConstrainedProblem(periodic, office.X, office.y)
     problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.values())).free
+    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
     theta, turn = problem.theta(free, problem.evaluate(free)[2])
     uncertainty = periodic_uncertainty(problem, free, theta, turn, periodic.parameters_)
     assert [p.name for p in uncertainty.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]
@@ -287,7 +287,7 @@ def test_the_fit_under_priors_is_the_mode_of_the_posterior(office):
     model = OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=10, random_state=0).fit(office.X, office.y)
     constrained = ConstrainedProblem(model, office.X, office.y)
     problem = constrained.problem()
-    best = free_point(problem, constrained.values())
+    best = free_point(problem, constrained.estimator._searched_values())
     names = [p.name for p in problem.searched]
 
     def objective(free):
@@ -324,7 +324,7 @@ def test_posterior_gradient_is_exact(office, periodic):
     constrained = ConstrainedProblem(periodic, office.X, office.y)
     problem = constrained.problem(search_all=True)
     assert {"A_win", "f", "Q_c"} <= {p.name for p in problem.searched}
-    density = posterior._Density(problem, free_point(problem, constrained.values()))
+    density = posterior._Density(problem, free_point(problem, constrained.estimator._searched_values()))
     z = 0.3 * np.random.default_rng(0).normal(size=len(problem.searched))
     _, gradient = density(z)
     for q in range(len(z)):

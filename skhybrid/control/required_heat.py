@@ -38,9 +38,8 @@ def required_heat(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Heat (N,) [kW] that brings the temperature into a band at the end of every row, and that temperature (N,) [degC].
 
-    ``forcing`` (N, n) is the effect of everything but the plant over each step, ``offset`` (N,) [K] is added to the
-    temperature at the end of each row.  The spans of rows begin at the rows ``begins`` (n_spans,), from 0, with the
-    node temperatures ``states`` (n_spans, n) [degC].
+    ``forcing`` (N, n) is the effect of all but the plant over each step; the temperature includes ``offset`` (N,) [K].
+    Spans begin at the rows ``begins`` (n_spans,), from 0, with node temperatures ``states`` (n_spans, n) [degC].
     """
     ahead = steps_ahead(zone.A, zone.heat, zone.output)
     low, high = band.heating - offset, band.cooling - offset
@@ -57,10 +56,9 @@ def required_heat(
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
     """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
 
-    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  A negative eigenvalue
-    (heat that reaches the sensor through another node) makes each load overshoot and the next take it back; one above 1
-    (heat that first moves the sensor the other way) makes the load run away.  The shortest hold that damps both is
-    taken.
+    The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  With a negative
+    eigenvalue each load overshoots and the next takes it back; with one above 1 the load runs away.  The shortest hold
+    that damps both is taken.
     """
     held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
     for ahead in range(1, MOST_AHEAD):
@@ -88,10 +86,7 @@ class Plant(NamedTuple):
 
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
-    """The plant of a training table, from the heat [kW] of each stage at 1, cooling negative.
-
-    Stages reach 1 or the highest seen; measured heat sets no limit.
-    """
+    """The plant of a training table, from the heat [kW] of each stage at 1; measured heat sets no limit."""
     most = {role: max(1.0, float(inputs[role].max())) for role in capacity}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
@@ -109,10 +104,7 @@ def is_plant(role: str) -> bool:
 def load_frame(
     plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray, temperature: np.ndarray
 ) -> pd.DataFrame:
-    """Heat [kW] and the stages [-] that deliver it, clipped to the plant and as the set-point would need.
-
-    ``temperature`` (N,) [degC] is that at every row's stamp under the clipped load.
-    """
+    """Heat [kW] and stages [-], clipped and not, and the ``temperature`` (N,) [degC] under the clipped load."""
     out: dict[str, np.ndarray] = {}
     for suffix, heat in (("", clipped), ("_unclipped", unclipped)):
         for side, stages in ((np.maximum, plant.heating), (np.minimum, plant.cooling)):

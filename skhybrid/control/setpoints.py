@@ -28,13 +28,9 @@ class Limits(NamedTuple):
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.
 
-    By the data contract a temperature is the value at a row's stamp, and an input acts over the row's step.  So one
-    set-point is a temperature wanted at the stamp, which the row before must reach; a band is a thermostat's setting,
-    which the row itself must reach by its end.
-
-    One value or column is the temperature that is held [degC].  Two are the heating and the cooling set-point, in this
-    order; columns of a DataFrame go by name where one holds "heat" and the other "cool". Each of a pair
-    ``(heat, cool)`` is a number, one value per row, or None where that side is not held.
+    One value or column is the temperature [degC] wanted at the stamp, which the row before must reach.  Two are a
+    thermostat's heating and cooling set-point, which the row itself must reach by its end; columns of a DataFrame go by
+    name where one holds "heat" and the other "cool", and None leaves a side free.
     """
     if isinstance(setpoint, Band):
         return setpoint
@@ -65,10 +61,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
 
 def read_limits(limits: Any, table: ZoneTable) -> Limits:
-    """The least and the most heat of a plant [kW], cooling negative, by the rows of a table.
-
-    ``limits`` is None or a pair, each a number, one value per row, or None where nothing is known.
-    """
+    """The least and the most heat of a plant [kW], by row; None, or a pair of numbers, values by row or None."""
     given = (None, None) if limits is None else limits
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value per row.")

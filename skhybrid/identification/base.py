@@ -66,7 +66,6 @@ class NetworkIdentifier(NetworkModel):
     theta_std_: pd.Series
     sampling_time_: pd.Timedelta
 
-    # ------------------------------------------------------------------------------------------------------- hooks
     def _make_problem(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
     ) -> tuple[Any, tuple[str, ...]]:
@@ -105,7 +104,6 @@ class NetworkIdentifier(NetworkModel):
         """Everything that the fit found, in the units that are searched."""
         return {name: float(value) for name, value in {**self.theta_, **self.disturbance_}.items()}
 
-    # --------------------------------------------------------------------------------------------------------- fit
     @unchanged_on_failure
     @one_blas_thread
     def fit(self, X: Any, y: Any, theta_init: Mapping[str, float] | None = None) -> NetworkIdentifier:
@@ -115,22 +113,16 @@ class NetworkIdentifier(NetworkModel):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Rows by the data contract: ``T_oa`` [degC], ``q_sol`` [kW/m2], stages ``u_*`` [-] and measured heat ``Q_*``
-            [kW]. Consecutive, or in segments with gaps of three hours or more between them: those are one experiment,
-            and each has an initial state of its own.
+            [kW]. Segments with gaps of three hours or more between them each have an initial state of their own.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.  One column per node where a network has several
             measured nodes, in its order.
         theta_init : mapping of parameter to value, optional
-            Values of an earlier fit, from which alone the search starts, instead of ``n_starts`` random starts.
+            Values of an earlier fit: the only start, instead of ``n_starts`` random ones.
 
         Returns
         -------
         self
-
-        Raises
-        ------
-        ValueError
-            If a role is missing, the rows are not evenly spaced, an input has NaN, or a setting names no parameter.
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
@@ -202,7 +194,6 @@ class NetworkIdentifier(NetworkModel):
     def _theta(self) -> dict[str, float]:
         return {p.name: float(self.theta_[p.name]) for p in self.parameters_}
 
-    # ------------------------------------------------------------------------------------------------- uncertainty
     def _store_uncertainty(self, found: ParameterUncertainty, at_bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
         names = [p.name for p in self.parameters_]
         self.theta_cov_ = theta_covariance(found, self.theta_, names, idle)
@@ -224,14 +215,13 @@ class NetworkIdentifier(NetworkModel):
         Returns
         -------
         DataFrame
-            One row per parameter, columns ``lower`` and ``upper`` [the parameter's unit].  A parameter that is searched
-            by its logarithm has the interval ``theta * exp(+- t * std / theta)``; t is the quantile of Student's
-            distribution with ``n_days_ - 1`` degrees of freedom.  A known parameter is its own interval.
+            One row per parameter, columns ``lower`` and ``upper`` [its unit]: ``theta * exp(+- t * std / theta)`` where
+            its logarithm is searched; t is Student's quantile with ``n_days_ - 1`` degrees of freedom.  A known
+            parameter is its own interval.
         """
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)
 
-    # ------------------------------------------------------------------------------------------------------ others
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
         """Take rows that follow the last known one into the state, from which the next forecast starts.
 
@@ -242,7 +232,7 @@ class NetworkIdentifier(NetworkModel):
 
         Returns
         -------
-        heat, beyond : ndarray of shape (n_rows, d) and (n_rows, o)
+        tuple of ndarray of shape (n_rows, d) and (n_rows, o)
             Causal input disturbance [kW] and output disturbance [K].
         """
         check_is_fitted(self)
@@ -250,12 +240,7 @@ class NetworkIdentifier(NetworkModel):
         return states.gain, beyond
 
     def to_state_space(self) -> StateSpace:
-        """The identified model as discrete state-space matrices, at the training's sampling time.
-
-        Returns
-        -------
-        StateSpace
-        """
+        """The identified model as discrete state-space matrices, at the training's sampling time."""
         check_is_fitted(self)
         return self.state_space_
 
@@ -267,10 +252,9 @@ def bounded_parameters(
     known: Mapping[str, Any],
     bounds: Mapping[str, Any],
 ) -> tuple[Parameter, ...]:
-    """The network's parameters with the bounds that the user gave; settings that name no parameter are refused.
+    """The network's parameters with the bounds that the user gave; refuses settings that name no parameter.
 
-    ``others`` are parameters that the network has under other inputs, and ``own`` those of the disturbance model, which
-    settings may name too.
+    Settings may also name ``others``, parameters of the network under other inputs, and ``own``, of the disturbance.
     """
     names = [p.name for p in (*parameters, *own)]
     for setting, given in (("known", known), ("bounds", bounds)):

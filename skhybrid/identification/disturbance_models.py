@@ -60,11 +60,10 @@ def _outputs(network: RCNetwork, appended: int, on_output: bool) -> np.ndarray:
 
 
 def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Model:
-    """Model with states appended to the nodes, (S,) of their own transitions, gain and noise still zero.
+    """Model with appended states of transitions ``decay`` (S, a); gain and noise are still zero.
 
-    ``decay``: (S, a) transition of the a appended states.  The last ``feed`` columns of B are heat gains [kW] that the
-    appended states feed; with 0 they act on the output only.  ``n_own``: parameters of the disturbance, after the
-    network's.
+    The appended states feed the last ``feed`` columns of B (heat gains [kW]); with 0 they act on the output only.  The
+    ``n_own`` parameters of the disturbance follow the network's.
     """
     (S, n, m), p, a = d.B.shape, d.dA.shape[1], decay.shape[1]
     s, q = n + a, p + n_own
@@ -89,8 +88,22 @@ def _complete(model: Model, C: np.ndarray, s0: np.ndarray, R: float, **rest: np.
     return model._replace(C=C, R=np.full(o, R), s0=np.ascontiguousarray(np.broadcast_to(s0, (S, s))), **given)
 
 
+class _Disturbance:
+    """Defaults: no Kalman filter runs, and all errors count."""
+
+    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
+
+    def filtered(self, n_rows: int) -> int:
+        """Rows over which a Kalman filter runs."""
+        return 0
+
+    def first_counted(self, n_rows: int) -> int:
+        """Errors count from this row on."""
+        return 0
+
+
 @dataclass(frozen=True)
-class Conventional:
+class Conventional(_Disturbance):
     """CONV (paper 2.2.1): no disturbance; a Kalman filter over the first rows sets the state, then pure simulation."""
 
     warmup_rows: int
@@ -99,7 +112,6 @@ class Conventional:
     weighted: ClassVar[bool] = False  # a simulation is no less certain after a missing row
 
     def filtered(self, n_rows: int) -> int:
-        """Rows over which the filter runs; errors count from there on."""
         return min(self.warmup_rows, n_rows // 2)
 
     first_counted = filtered
@@ -121,26 +133,17 @@ class Conventional:
 
 
 @dataclass(frozen=True)
-class InputRandomWalk:
-    """ID (paper 2.2.2): the disturbance is a heat gain that follows a random walk; the gain is Kalman's.
-
-    Where several nodes are disturbed each has a walk of its own, with the same standard deviation.
-    """
+class InputRandomWalk(_Disturbance):
+    """ID (paper 2.2.2): the heat gain of each disturbed node follows a random walk; the gain is Kalman's."""
 
     measurement_sd: float | None = None
     own: tuple[Parameter, ...] = (
         Parameter("sigma_x", "K", 1e-9, 1.0, "noise of each node over a step"),
         Parameter("sigma_zeta", "kW", 1e-9, 1.0, "noise of the disturbance over a step"),
     )
-    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     def filtered(self, n_rows: int) -> int:
-        """Rows over which the filter runs: all."""
         return n_rows
-
-    def first_counted(self, n_rows: int) -> int:
-        """Errors count from this row on."""
-        return 0
 
     def build(
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
@@ -158,19 +161,17 @@ class InputRandomWalk:
 
 
 @dataclass(frozen=True)
-class OutputARMA:
+class OutputARMA(_Disturbance):
     """OD (paper 2.2.3): ARMA(1,1) on the output; the network itself is never corrected.
 
-    The search is over ``rho_1`` and ``rho_gap = rho_1 - rho_2``, the two roots whose size decides stability (ruling 1);
-    with ``paper_box`` over ``rho_1`` and ``rho_2`` as the paper prints.  Temperatures of hidden nodes at the first row
-    of every segment of rows are parameters too.
+    Parameters are ``rho_1``, ``rho_gap = rho_1 - rho_2`` (the two roots that decide stability, ruling 1; the paper's
+    ``rho_2`` with ``paper_box``), and the temperatures of hidden nodes at the first row of every segment.
     """
 
     hidden: tuple[str, ...]  # nodes that are not measured
     firsts: tuple[float, ...]  # a temperature around which those of each segment are searched
     paper_box: bool = False
     hours: float = 0.25  # the step; the paper's bound of rho_1 at 15 minutes is a longest memory, the same at any step
-    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
 
     @cached_property
     def own(self) -> tuple[Parameter, ...]:
@@ -184,14 +185,6 @@ class OutputARMA:
             for node in self.hidden
         )
         return rho + start
-
-    def filtered(self, n_rows: int) -> int:
-        """Rows over which a Kalman filter runs: none."""
-        return 0
-
-    def first_counted(self, n_rows: int) -> int:
-        """Errors count from this row on."""
-        return 0
 
     def build(
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int

@@ -42,7 +42,6 @@ class FilteredNetwork:
     def network(self) -> RCNetwork:
         return self.kalman.network
 
-    # ------------------------------------------------------------------------------------------------------- tables
     def experiment(self, table: ZoneTable) -> Experiment:
         """The inputs and measurements of a table."""
         return make_experiment(self.network, self.roles, table, self.measurements(table))
@@ -67,7 +66,6 @@ class FilteredNetwork:
         """Whether a table begins where the training table did."""
         return table.utc is not None and self.training_first is not None and table.utc[0] == self.training_first
 
-    # ------------------------------------------------------------------------------------------------------- states
     def start(self, table: ZoneTable) -> FilterStart:
         """Start at the first row: that of the training, that of its kept end, or from the first temperature alone."""
         if self.is_tail(table):
@@ -103,7 +101,6 @@ class FilteredNetwork:
         rolling = kept_end(self.network, table, experiment, states, path, 1)
         return replace(self, rolling=rolling), states, experiment.outputs - path[:-1, self.kalman.measured]
 
-    # ---------------------------------------------------------------------------------------------------- forecasts
     def expected(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """Forecasts of the filter itself: the gain state decays towards the profile."""
         experiment, kalman = self.experiment(table), self.kalman
@@ -114,10 +111,10 @@ class FilteredNetwork:
         heat = g[:, None] * decay[:, None] + kalman.profile[cells[rows]]
         return ForecastStart(states.nodes[origins], heat, np.zeros((len(origins), n, len(kalman.measured))))
 
-    def under(self, table: ZoneTable, origins: np.ndarray, disturbance: np.ndarray, kind: str) -> ForecastStart:
+    def under(self, table: ZoneTable, origins: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
         """The start of forecasts under a given disturbance, (n_origins, H) or (n_origins, H, d)."""
-        kalman, size = self.kalman, disturbance.shape[:2]
-        wanted = kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
+        kalman, disturbance = self.kalman, np.asarray(disturbance, dtype=np.float64)
+        size, wanted = disturbance.shape[:2], kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
         if given.shape[2:] != (wanted,):
             raise ValueError(
@@ -147,10 +144,7 @@ def filter_training(
     first_state: Callable[[FilteredStates, int], np.ndarray],
     keep: int,
 ) -> FilteredNetwork:
-    """Run a filter over its training table, and keep the last rows.
-
-    ``first_state`` gives the (n,) node temperatures at the first row of a segment from its smoothed states and number.
-    """
+    """Run a filter over its training table; ``first_state`` gives (n,) nodes from smoothed states and segment."""
 
     def begin(number: int) -> FilterStart:
         rows = experiment.segments[number]

@@ -19,9 +19,8 @@ from .shared_docs import shared_docs
 class InputDisturbanceID(LeastSquaresIdentifier):
     """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
 
-    A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors is
-    minimised over the network's parameters and the two noise levels.  Where measurements are missing, each error is
-    weighted by what the missing rows add to its variance.
+    A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors,
+    weighted by what missing rows add to their variance, is minimised over parameters and the two noise levels.
 
     Parameters
     ----------

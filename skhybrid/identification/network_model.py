@@ -34,7 +34,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def _tail(self) -> ZoneTable:  # type: ignore[override]
         return self.filtered_network_.rolling.tail
 
-    # ------------------------------------------------------------------------------------------------------- hooks
     def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The states at each origin, and the disturbance that the model expects over the next ``n`` rows."""
         return self.filtered_network_.expected(table, origins, n)
@@ -57,7 +56,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
                 raise ValueError(f"role {role!r} is missing: {purpose}.")
         return table
 
-    # -------------------------------------------------------------------------------------------------- simulation
     def simulate(self, X: Any, heat_gain: Any = None, initial_state: Any = None) -> np.ndarray:
         """Simulate the temperature from the inputs alone.
 
@@ -67,20 +65,13 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         heat_gain : array-like of shape (n_samples,), optional
             Unmeasured heat on the disturbed node [kW], one column per node where there are several; 0 by default.
         initial_state : array-like of shape (n_states,), optional
-            Node temperatures at the first row [degC], in the order of ``network_.nodes``.  By default the fitted
-            initial state where X begins as the training table did, the filtered state where X follows it, else all
-            nodes at the first ``T_za`` (or the training mean).
+            Node temperatures at the first row [degC].  By default the fitted state where X begins as the training table
+            did, the filtered state where X follows it, else all nodes at the first ``T_za`` (or the training mean).
 
         Returns
         -------
         ndarray of shape (n_samples,)
-            Temperature of the measured node at every row's stamp [degC], one column per node where several are
-            measured.
-
-        Raises
-        ------
-        ValueError
-            If ``heat_gain`` or ``initial_state`` has another length or a NaN, or ``heat_gain`` other stamps.
+            Temperature of the measured node at every row's stamp [degC]; a column per node where several are measured.
         """
         check_is_fitted(self)
         states = self.simulate_states(X, heat_gain, initial_state).to_numpy(copy=True)
@@ -115,30 +106,23 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         path = simulate_path(known.kalman.A, forcing, state)
         return pd.DataFrame(path[: here.n_rows], index=here.index, columns=list(self.network_.states))
 
-    # ------------------------------------------------------------------------------------------------ disturbances
     def estimate_disturbance(self, X: Any, kind: str = "input", smooth: bool = False) -> Any:
         """Estimate the disturbance from the measured temperature.
 
         Parameters
         ----------
         X : DataFrame of shape (n_samples, n_features)
-            With the measured temperature as column ``T_za``.
+            With the measured temperature as column ``T_za``, else ValueError.
         kind : {"input", "output"}
             ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
             temperature has beyond the simulated one [K] (paper Eq. od_pred).
         smooth : bool
-            False: from rows up to each row, as a forecast may use it; True: from all rows.  No difference for
-            ``"output"``.
+            False: from rows up to each row, as a forecast may use it; True: from all rows, for ``"input"`` only.
 
         Returns
         -------
         Series of length n_samples, named ``zeta``
             Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
-
-        Raises
-        ------
-        ValueError
-            If X has no ``T_za``.
         """
         check_is_fitted(self)
         table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
@@ -165,10 +149,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Without ``T_za`` the disturbance is what the model expects without measurements.
-
-        Returns
-        -------
-        DataFrame or ndarray of shape (n_samples, n_features + 1)
         """
         check_is_fitted(self)
         zeta = self._zeta(self._read_X(X), "input")
@@ -184,10 +164,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         ----------
         input_features : array-like of str, optional
             Names of X's columns where it had none in ``fit``; ValueError if they are not those that ``fit`` saw.
-
-        Returns
-        -------
-        ndarray of str
         """
         names = OneToOneFeatureMixin.get_feature_names_out(self, input_features)
         return np.array([*names, *self._zeta_names()], dtype=object)
@@ -196,14 +172,14 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def innovations(self, X: Any) -> pd.DataFrame:
         """Errors of the model's own predictor, one step ahead.
 
-        CONV predicts by simulation, OD by its ARMA model, ID and the periodic model by their Kalman filters.  The
-        standardised errors ``innovation / std`` of a right model are white and N(0, 1).
+        CONV predicts by simulation, OD by its ARMA model, ID and the periodic model by their Kalman filters; a right
+        model has white ``innovation / std`` of N(0, 1).
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            With the measured temperature as column ``T_za``.  Where X begins as the training table did (by its time
-            stamps) the predictor starts as in ``fit``; where X follows it, from its end; else cold.
+            With column ``T_za``, else ValueError.  Where X begins as the training table did (by its time stamps) the
+            predictor starts as in ``fit``; where X follows it, from its end; else cold.
 
         Returns
         -------
@@ -211,16 +187,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             ``innovation`` and ``std`` [K] (``innovation_<node>`` and ``std_<node>`` where several nodes are measured);
             NaN where ``T_za`` is missing, and in the warm-up from which CONV takes its first state.
 
-        Raises
-        ------
-        ValueError
-            If X has no ``T_za``.
-
         Notes
         -----
-        CONV, ID and OD minimise squares, so that ``std`` is scaled to the training errors (``noise_std_``); the gain of
-        a Kalman filter does not change with that scale.  After missing rows ``std`` is larger; a fit of ID or OD weighs
-        its errors by it.
+        CONV, ID and OD minimise squares, so that ``std`` is scaled to the training errors (``noise_std_``).  After
+        missing rows ``std`` is larger; a fit of ID or OD weighs its errors by it.
         """
         check_is_fitted(self)
         table = self._measured_table(X, "innovations compare predictions with the measurements")
@@ -231,7 +201,6 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             parts.append(Innovations(found.error[n_tail:], found.std[n_tail:]))
         return innovations_table(self.filtered_network_, table, parts)
 
-    # --------------------------------------------------------------------------------------- forecasts and loads
     def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
         """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
 
@@ -249,52 +218,38 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_origins, n_leads)
-            Temperature of the rows origin + 1, ... [degC], with a third axis where several nodes are measured; a row
-            beyond X repeats the last one.
+            Temperature of the rows origin + 1, ... [degC], of each measured node; rows beyond X repeat the last one.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self.filtered_network_.drive(table, rows, self._under(table, rows, disturbance, kind))
-
-    def _under(self, table: ZoneTable, rows: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
-        return self.filtered_network_.under(table, rows, np.asarray(disturbance, dtype=np.float64), kind)
+        return self.filtered_network_.drive(table, rows, self.filtered_network_.under(table, rows, disturbance, kind))
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
 
-        Heating and cooling columns of X are not read; the state is taken from the measurements at each origin, as in
-        :meth:`predict`.
+        Heating and cooling columns of X are not read; states are taken at each origin, as in :meth:`predict`.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
-            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
-            there is no load, and None as one of a pair leaves that side free.
+            row's step, a pair ``(heat, cool)`` of numbers or values by row, None to leave a side free, or two columns.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 when the plant
-            is off.  The capacity of its stages holds too; where only its heat is measured there is no other limit.
+            is off.  The capacity of its stages holds too.
 
         Returns
         -------
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.  Of
-            stages that heat (or cool) alike, each takes its share of the capacity.
-
-        Raises
-        ------
-        ValueError
-            If a set-point or limit has another length or stamps than X or a NaN, or the lower of two is above the
-            higher.
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.
 
         Notes
         -----
-        In a network whose plant heats another node than the measured one, the set-point at every step would need a load
-        that swings from step to step.  There the load is sought as if held for the next few steps, so that the
-        temperature comes near the set-point instead of meeting it at each row.
+        Where the plant heats another node than the measured one, meeting the set-point at every step needs a load that
+        swings.  There the load is sought as if held for the next few steps, and the temperature only comes near it.
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
@@ -319,15 +274,11 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
         limits : tuple of (lowest, highest), optional
-
-        Returns
-        -------
-        DataFrame of length n_samples
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self._load(table, rows, self._under(table, rows, disturbance, kind), setpoint, limits)
+        return self._load(table, rows, self.filtered_network_.under(table, rows, disturbance, kind), setpoint, limits)
 
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
         return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)

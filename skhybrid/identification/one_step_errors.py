@@ -113,11 +113,7 @@ def arma_prediction(free: np.ndarray, rho_1: float, rho_2: float) -> Prediction:
 
 
 def arma_gains(seen: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gain of every row (N, o), and variance of z there for unit noise.
-
-    A row without a measurement leaves ``rho_2 e`` unknown, so that the rows after it are less certain, and correct z by
-    more.  The first measured row knows z.
-    """
+    """Gain of every row (N, o), and variance of z there for unit noise, which a missing row raises: it hides ``e``."""
     spread = np.zeros(seen.shape)
     for j, column in enumerate(seen.T):
         p, rows = 0.0, np.flatnonzero(column)

@@ -23,10 +23,9 @@ from .shared_docs import shared_docs
 class OutputDisturbanceID(LeastSquaresIdentifier):
     """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
 
-    The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The predictor
-    is the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, and the sum of its squared errors is
-    minimised.  Where measurements are missing, errors are weighted by their variance, which is larger after a gap, and
-    the gain of the predictor follows it: the sum is then the likelihood, its noise level at the optimum.
+    The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The sum of
+    squared errors of the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, is minimised.  After
+    missing measurements errors are weighted by their larger variance, which the gain of the predictor follows.
 
     Parameters
     ----------
@@ -34,9 +33,8 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     %(search)s
     %(data)s
     rho_box : {"stable", "paper"}, default="stable"
-        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999), where the predictor is stable (``rho_1`` at 15
-        minutes; its bound is the same memory at any step); or the paper's box for ``(rho_1, rho_2)``, which also holds
-        unstable predictors.
+        Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999) at a step of 15 minutes, where the predictor is
+        stable; or the paper's box for ``(rho_1, rho_2)``, which also holds unstable predictors.
     %(objective)s
 
     Attributes
@@ -61,7 +59,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        firsts = tuple(segment.first for segment in experiment.segments)
+        firsts = tuple(float(segment.firsts.mean()) for segment in experiment.segments)
         return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:

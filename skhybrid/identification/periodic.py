@@ -32,42 +32,39 @@ _WIDER = 10.0
 class PeriodicDisturbanceID(NetworkIdentifier):
     """Identification with a gain state of time-varying variance and a smooth weekly gain profile.
 
-    The unmeasured heat is a weekly profile (by hour, for weekdays and for weekend days), the heat of a ventilation by
-    day, and an Ornstein-Uhlenbeck state whose standard deviation is that of a class of hours times a factor of the day.
-    Capacities, solar areas, the profile and the ventilation are solved inside; the negative log marginal likelihood is
-    minimised over the rest with exact derivatives.  Where a network without any unmeasured heat is as likely, it is
-    taken instead.
+    The unmeasured heat is a weekly profile (by hour, for weekdays and weekend days), a ventilation by day, and an
+    Ornstein-Uhlenbeck state whose standard deviation is that of a class of hours times a factor of the day.  The
+    negative log marginal likelihood is minimised, capacities, solar areas, profile and ventilation being solved inside.
+    Where a network without any unmeasured heat is as likely, it is taken instead.
 
     Parameters
     ----------
     %(network)s
     bounds : dict of parameter to (lower, upper), optional
-        Overrides the bounds, which are ten times wider than the paper's on either side.
+        Overrides the bounds, ten times wider than the paper's on either side.
     n_starts : int, default=4
         Most starts: the middle of the prior, then draws from it, until two reach the same best minimum.
     %(data)s
     variance : {"day_night", "3h"}, default="day_night"
-        Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a
-        weekday or weekend day.  The finer classes find the solar shares of homes better, but where a network is too
-        simple they more easily mistake its errors for unmeasured heat.
+        Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a day,
+        which find solar shares better but may mistake the errors of too simple a network for unmeasured heat.
 
     Attributes
     ----------
     %(theta)s
     disturbance_ : Series
-        ``tau`` [h]; ``sigma_<class of hours>`` [kW] of the gain around its profile, on a middling day;
-        ``sigma_y`` [K]; ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
+        ``tau`` [h]; ``sigma_<hours>`` [kW] of the gain around its profile, on a middling day; ``sigma_y`` [K];
+        ``sigma_profile_<day type>`` [kW], the hourly step of the profile.
     day_factors_ : Series
-        Factor by which the gain varies more than on a middling day, by day [-]; the index is each day's first row.
+        Factor by which the gain varies more than on a middling day [-], by each day's first row.
     ventilation_ : float or Series
-        Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed; it
-        may be negative, which is a sign that the network or the weather differs from what was assumed.
+        Conductance of the air let in between 6 and 21 h on weekdays [kW/K], by node where several are disturbed; a
+        negative one is a sign of a wrong network or weather.
     profile_ : DataFrame of shape (24, 2)
-        Weekly gain profile [kW], ventilation included at its mean; columns ``weekday`` and ``weekend``, with the node
-        above them where several are disturbed.
+        Weekly gain profile [kW], with the mean ventilation; columns ``weekday`` and ``weekend``, of each node.
     gain_found_ : bool
-        Whether unmeasured heat was found.  If not, the network is that of the fit without any, the profile and the
-        ventilation are zero, and ``disturbance_`` says how much a gain may still vary.
+        Whether unmeasured heat was found.  If not, the network, profile and ventilation are those of the fit without
+        any, and ``disturbance_`` says how much a gain may still vary.
     loss_ : float
         Negative log marginal likelihood, prior included, of the model that was taken.
     noise_std_ : float
@@ -76,8 +73,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     Notes
     -----
-    Not in the paper; an extension of its input-disturbance model (2.2.2).  Air that comes in at all hours
-    (infiltration) cannot be told from the conductance ``1 / R_zo``, of which it becomes a part.
+    An extension of the paper's input-disturbance model (2.2.2).  Infiltration at all hours is a part of ``1 / R_zo``.
     """
 
     variance: Any
@@ -154,14 +150,9 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return self._make_filter(problem)
 
     def _without_gain(self, problem: PeriodicProblem, best: Minimum) -> tuple[PeriodicProblem, Minimum] | None:
-        """The fit without unmeasured heat, where it is as likely and the user set nothing about the heat.
-
-        Both losses hold the same priors of their common parameters, so that they compare: a gain that is absent costs
-        the full model its priors and the determinant of its profile.
-        """
-        said = {*problem.fixed, *dict(self.bounds or {}), *problem.priors}
+        """The fit without unmeasured heat, where it is as likely and the user set nothing about the heat."""
         own = {p.name for p in self._own_parameters()} - {"sigma_y"}
-        if own & said:
+        if own & {*problem.fixed, *dict(self.bounds or {}), *problem.priors}:
             return None
         quiet = problem.without_gain()
         found = quiet.minimise(best.free[[p in quiet.searched for p in problem.searched]])

@@ -42,27 +42,19 @@ def kept_end(
     return RollingState(tail, begin, opened, now, states.end, path[-2].copy(), path[-1].copy(), last)
 
 
-def rolling_state(model: Any) -> RollingState:
-    """State of a fitted identification after its training table, or after the rows that it was advanced by."""
-    return model.filtered_network_.rolling
-
-
 def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
-    """Let a fitted identification follow new rows, in a time that does not depend on how many came before.
+    """Let a fitted identification follow new rows after the last known one, with what was measured as history.
 
-    The rows follow the last known one and bear what was measured as history.  Returns the causal disturbance (n_rows,
-    d) of each, [kW] or [K] by ``kind``, as ``estimate_disturbance`` gives it.
+    Returns the causal disturbance (n_rows, d) of each, [kW] or [K] by ``kind``.
     """
     heat, beyond = model.take_rows(table)
     return heat if checked_kind(kind) == "input" else beyond
 
 
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:
-    """(n_rows,) temperature [degC] after the last known row under a given disturbance.
+    """(n_rows,) temperature [degC] of one measured node after the last known row, under a disturbance (n_rows,).
 
-    The network has one measured and one disturbed node.  ``disturbance`` (n_rows,) is the heat [kW] of the last known
-    row, then of all rows but the last (``kind="input"``), or the temperature [K] added to each row (``"output"``).  The
-    rows of ``future`` bear their known inputs.
+    ``kind="input"``: heat [kW] of the last known row and all others but the last; ``"output"``: [K] added to each row.
     """
     network = model.filtered_network_
     now, kalman, experiment = network.rolling, network.kalman, network.experiment(future)

@@ -9,8 +9,7 @@ _BLOCKS = {
     network : str or RCNetwork, default="2R2C"
         A name of the catalogue, or a network of your own.
     known : dict of parameter to value, optional
-        Parameters that are not searched, such as a nameplate capacity ``{"Q_h": 6.0}`` [kW]; those of the disturbance
-        model may be among them.
+        Parameters that are not searched, those of the disturbance included, such as a capacity ``{"Q_h": 6.0}`` [kW].
     """,
     "search": """
     bounds : dict of parameter to (lower, upper), optional
@@ -22,7 +21,7 @@ _BLOCKS = {
     horizon : timedelta-like, optional
         How far ahead ``predict`` looks; None simulates from the first row on.
     warmup : timedelta-like, default="1D"
-        How much of the training table's end is kept as history; CONV also takes its first state from such a span.
+        How much of the training table's end is kept as history; CONV sets its first state over such a span.
     columns : dict of role to column, optional
         Columns whose names are not their roles.
     sampling_time : timedelta-like, optional
@@ -38,15 +37,13 @@ _BLOCKS = {
     max_missing : float, default=0.5
         Highest share of missing measurements.
     priors : dict of parameter to prior, optional
-        What is known of a parameter before the data: ``(median, factor)`` is log-normal with 90 % of it between
-        ``median / factor`` and ``median * factor``; a frozen ``scipy.stats.lognorm`` (``norm`` for a parameter of
-        either sign) does as well.  The fit is then the maximum of the posterior.
+        ``(median, factor)``, log-normal with 90 % between ``median / factor`` and ``median * factor``, or a frozen
+        ``scipy.stats.lognorm`` (``norm`` for a parameter of either sign).  The fit is then the posterior's maximum.
     """,
     "objective": """
     objective : {"one_step", "multi_step"}, default="one_step"
-        The errors that are squared: those of the next row (CONV: of the simulation), or those of forecasts at leads up
-        to ``horizon`` (one day where that is None), made every hour after the warm-up.  "multi_step" is for forecasts,
-        "one_step" for the parameters of the building; see :ref:`two_objectives`.
+        Square the errors of the next row (CONV: of the simulation), for the building's parameters; or those of hourly
+        forecasts up to ``horizon`` (default one day), for forecasts; see :ref:`two_objectives`.
     """,
     "theta": """
     theta_, theta_std_ : Series
@@ -60,8 +57,7 @@ _BLOCKS = {
     """,
     "weighted_loss": """
     loss_, noise_std_ : float
-        Sum of squared errors [K2], weighted where measurements are missing, and the standard deviation of an error
-        that no missing row precedes [K].
+        Sum of squared errors [K2], weighted where rows are missing, and their standard deviation where none is [K].
     """,
     "fitted": """
     starts_ : DataFrame

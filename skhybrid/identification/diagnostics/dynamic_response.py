@@ -33,21 +33,16 @@ def make_state_space(
     sampling_time : timedelta-like, default="15min"
         Step of the exact zero-order hold.
 
-    Returns
-    -------
-    StateSpace
-
-    Raises
-    ------
-    ValueError
-        If a parameter has no value.
-
     Examples
     --------
-    >>> from skhybrid.identification import make_state_space
+    >>> from skhybrid.identification import frequency_response, make_state_space, step_response
     >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
     >>> shed.input_names
     ('T_oa', 'q_sol', 'heat_gain')
+    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
+    5.0
+    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
+    0.632
     """
     network, roles, step = get_network(network), tuple(roles), pd.Timedelta(sampling_time)
     absent = [p.name for p in network.parameters(roles) if p.name not in theta]
@@ -73,31 +68,19 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     ----------
     model : StateSpace or fitted identification
     periods : sequence of timedelta-like, optional
-        By default 200 between 10 minutes (or two steps) and 30 days, evenly spaced in their logarithm.
+        Two steps of the model or longer; by default 200 from 10 minutes (or two steps) to 30 days, log-spaced.
     output : int, default=0
         Which measured temperature, for a model with several.
 
     Returns
     -------
     DataFrame of complex of shape (n_periods, n_inputs)
-        Index ``period`` (Timedelta), columns the inputs.  The magnitude is in K per unit of the input (K/K, K per
-        kW/m2, K per stage, K/kW), the angle is the phase [rad], negative where the temperature lags.
-
-    Raises
-    ------
-    ValueError
-        If a period is shorter than two steps of the model, which knows nothing faster.
+        Index ``period`` (Timedelta), columns the inputs: magnitude in K per unit of the input, phase [rad], negative
+        where the temperature lags.
 
     Notes
     -----
     ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
-
-    Examples
-    --------
-    >>> from skhybrid.identification import frequency_response, make_state_space
-    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
-    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
-    5.0
     """
     model = as_state_space(model)
     chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
@@ -139,13 +122,6 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
     -------
     DataFrame of shape (n_steps + 1, n_inputs)
         Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
-
-    Examples
-    --------
-    >>> from skhybrid.identification import make_state_space, step_response
-    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
-    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
-    0.632
     """
     model = as_state_space(model)
     n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))

@@ -23,7 +23,6 @@ class Diagnostics:
     Attributes
     ----------
     name : str
-        Of the model.
     innovations : DataFrame
         ``innovation`` and ``std`` [K] of every row; all else is about their ratio.
     sampling_time : Timedelta
@@ -34,14 +33,12 @@ class Diagnostics:
     cumulative_periodogram : DataFrame
         Index ``frequency`` [1/h]; ``cumulative``, ``expected``, ``band`` (Kolmogorov-Smirnov, 95 %).
     cross_correlation : DataFrame
-        Index ``lag`` (Timedelta; positive where the input is earlier), columns (input, ``ccf``/``band``/``t``);
-        errors and inputs prewhitened.
+        Index ``lag`` (Timedelta, input first), columns (input, ``ccf``/``band``/``t``), prewhitened.
     tests : DataFrame
         One row per test: ``statistic``, ``p_value`` and ``passed`` at the level.
     findings : tuple of str
         What the patterns mean.
     level : float
-        Of every test.
     """
 
     name: str
@@ -94,23 +91,12 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     estimator : fitted identification
         With ``innovations(X)``.
     X : DataFrame or array-like of shape (n_samples, n_features)
-        With the measured temperature as column ``T_za``: the training table, or new rows.
+        The training table or new rows, with column ``T_za``.
     output : int, default=0
         Which measured temperature, for a network with several.
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
-        Of every test.
-
-    Returns
-    -------
-    Diagnostics
-        Print it: one screen.
-
-    Raises
-    ------
-    ValueError
-        If X has no ``T_za``, or too few rows were measured.
 
     Examples
     --------
@@ -160,16 +146,6 @@ def diagnose_residuals(
     max_lag, level : timedelta-like and float
         As in :func:`diagnose`.
     name : str
-        Of the model.
-
-    Returns
-    -------
-    Diagnostics
-
-    Raises
-    ------
-    ValueError
-        If there is no step, or too few rows were measured.
     """
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

@@ -30,8 +30,7 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``lag`` [rows]; ``acf``, the half-width ``band`` within which 95 % of white noise lies
-        (``1.96 / sqrt(n_pairs)``) and ``n_pairs``.  NaN where no pair was measured.
+        Index ``lag`` [rows]; ``acf``, the half-width ``band`` of 95 % of white noise and ``n_pairs``, NaN at no pair.
     """
     z, seen = _centred(errors)
     variance = float(np.sum(z**2)) / int(seen.sum())
@@ -54,7 +53,7 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
     lags : sequence of int
         The test takes all lags up to each of these.
     n_fitted : int
-        Parameters of the noise model that were fitted on these rows; they take degrees of freedom.
+        Degrees of freedom taken by parameters of the noise model that were fitted on these rows.
 
     Returns
     -------
@@ -89,8 +88,8 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``frequency`` [cycles per row]; ``cumulative`` [-], the ``expected`` line, and the half-width ``band`` of
-        the Kolmogorov-Smirnov test at 5 %.  ``attrs`` hold its ``statistic`` and ``p_value``.
+        Index ``frequency`` [cycles per row]; ``cumulative``, ``expected`` and the half-width ``band`` of the
+        Kolmogorov-Smirnov test at 5 %.  ``attrs`` hold its ``statistic`` and ``p_value``.
     """
     z, _ = _centred(errors)
     m = (len(z) - 1) // 2
@@ -107,10 +106,9 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
 
 
 def prewhiten(series: Any) -> np.ndarray:
-    """(n,) residuals of an autoregression of the order that AIC chooses; NaN where a row that it reads is missing.
+    """(n,) residuals of an autoregression of the order by AIC; NaN where a row that it reads is missing.
 
-    Two smooth series look correlated at many lags by chance.  Once each is white, the correlation at every lag has the
-    standard error of white noise (Haugh, 1976).
+    Once each of two series is white, their correlation has the standard error of white noise (Haugh, 1976).
     """
     x, seen = _centred(series)
     n, highest = int(seen.sum()), min(_MAX_ORDER, max(len(x) // 10, 1))
@@ -154,12 +152,8 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     Returns
     -------
     DataFrame
-        Index ``lag`` [rows]; ``ccf``, the half-width ``band`` within which 95 % of the values of an independent input
-        lie, and the standardised value ``t``.
-
-    Notes
-    -----
-    The band is ``1.96 sqrt(sum x^2 e^2) / (n sd(x) sd(e))``, White's: right where both are larger by day than by night.
+        Index ``lag`` [rows]; ``ccf``, the half-width ``band`` of 95 % of an independent input (White's, ``1.96 sqrt(sum
+        x^2 e^2) / (n sd(x) sd(e))``, right where both are larger by day), and the standardised value ``t``.
     """
     white = prewhiten(errors)
     measured = np.isfinite(np.asarray(errors, dtype=np.float64)).sum()

@@ -22,10 +22,7 @@ _HOURS = 24
 
 
 def walk_root() -> np.ndarray:
-    """(24, 23) exact root of the covariance of a cyclic random walk with unit steps and zero mean.
-
-    ``gain_model.smooth_walk_root`` is the same without its fastest waves, for a fit.
-    """
+    """(24, 23) exact root of the covariance of a cyclic walk; a fit takes ``gain_model.smooth_walk_root``."""
     steps = np.eye(_HOURS) - np.roll(np.eye(_HOURS), 1, axis=1)
     values, vectors = np.linalg.eigh(steps.T @ steps)
     return vectors[:, 1:] / np.sqrt(values[1:])
@@ -50,14 +47,11 @@ class Scores(NamedTuple):
 
 @dataclass(frozen=True)
 class FilterInformation:
-    """Information in a log about network, gain and thermometer, by a filter at the prior model.
+    """Information in a log about network, gain and thermometer, by a Kalman filter with a gain state.
 
-    It is that of a Kalman filter with a gain state: the sum over rows of the conditional expectation of the score's
-    square given the rows before.  It holds in closed loop too, where the plant answers to the measured room, and its
-    mean over runs is Fisher's.
-
-    The unknowns are ``free`` (network parameters), :data:`NUISANCE`, and 48 standard normal numbers that make the
-    weekly profile.  All but the last are logarithms.
+    It sums the expected square of the score given the rows before, so that it holds in closed loop too, and its mean
+    over runs is Fisher's.  The unknowns are logarithms of ``free`` (network parameters) and :data:`NUISANCE`, then 48
+    standard normal numbers that make the weekly profile.
     """
 
     zone: Zone
@@ -121,10 +115,9 @@ class FilterInformation:
         return out
 
     def scores(self, y: np.ndarray, inputs: np.ndarray, first: np.ndarray | None = None) -> Scores:
-        """Derivatives of the innovations and of their variances, of M logs that miss the same rows.
+        """Scores of M logs that miss the same rows: ``y`` (N, M) [degC], ``inputs`` (N, M, m), mean gain [kW] last.
 
-        ``y`` (N, M) is measured [degC], ``inputs`` (N, M, m) are in the order of the network, the mean gain [kW] last,
-        and ``first`` (M,) is the mean of every node at the first row [degC], by default the first measurement.
+        ``first`` (M,) is the mean of every node at the first row [degC], by default the first measurement.
         """
         A, B, dA, dB = self._system[0]
         n, q, at = len(A), len(dA), self.zone.measured
@@ -158,15 +151,12 @@ class FilterInformation:
 
 
 def relative_errors(information: np.ndarray, n_free: int, flat: float = 1e-9) -> np.ndarray:
-    """(n_free,) standard errors of the first unknowns from their (q, q) information; infinite where no row moves them.
-
-    An eigenvalue of the information, scaled to a unit diagonal, that is below ``flat`` says nothing.
-    """
+    """(n_free,) standard errors of the first unknowns from (q, q) information; infinite where no row moves them."""
     scale = np.sqrt(np.diag(information))
     moved = scale > 1e-12 * scale.max(initial=0.0)
     scaled = information[np.ix_(moved, moved)] / np.outer(scale[moved], scale[moved])
     values, vectors = np.linalg.eigh(scaled)
-    weak = values < flat
+    weak = values < flat  # of the information scaled to a unit diagonal
     lost = (vectors[:, weak] ** 2).sum(axis=1) > 1e-6
     variance = (vectors[:, ~weak] ** 2 / values[~weak]).sum(axis=1)
     variance[lost] = np.inf

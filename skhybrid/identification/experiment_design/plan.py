@@ -29,12 +29,12 @@ class ExperimentPlan:
     Attributes
     ----------
     table : DataFrame
-        One row per candidate (index ``perturbation``, ``hours``): expected relative standard error of every free
-        parameter [%], then ``worst`` (the parameter) and ``worst_error`` [%].
+        Relative standard errors [%] by candidate (index ``perturbation``, ``hours``) and free parameter; ``worst`` (the
+        parameter) and ``worst_error`` [%].
     target : float
         Relative standard error that every parameter is to reach [-].
     recommended : tuple of (str, float) or None
-        Perturbation and hours: the shortest that reaches the target; None where no candidate does.
+        Perturbation and hours: the shortest that reaches the target, if any does.
     best : tuple of (str, float)
         The recommended candidate, or else the one whose worst error is the smallest.
     obstacles : tuple of str
@@ -106,24 +106,22 @@ def plan_experiment(
 ) -> ExperimentPlan:
     """Find how many hours of which set-point perturbation bring every parameter's error below a target.
 
-    The zone is simulated under a thermostat over the whole of ``weather``, once without a perturbation and once for
-    every candidate; the information of each log follows from exact sensitivities of a Kalman filter that estimates the
-    unmeasured gain, its statistics and its weekly profile along with them, as :class:`PeriodicDisturbanceID` does.
+    The zone is simulated under a thermostat over all of ``weather`` for every candidate; the information of each log
+    follows from exact sensitivities of a Kalman filter that also estimates the unmeasured gain, its statistics and its
+    weekly profile, as :class:`PeriodicDisturbanceID` does.
 
     Parameters
     ----------
     network : str, RCNetwork or fitted identification
-        A fitted identification brings its parameters, what it held as known, and, where it has them, the statistics of
-        the gain.
+        A fitted identification brings its parameters, those it knew, and the statistics of its gain, if any.
     theta : mapping of parameter to value, optional
         Prior guess of the network's parameters; a plant heats where ``Q_h`` is given and cools where ``Q_c`` is.
     weather : DataFrame
         ``T_oa`` [degC], ``q_sol`` [kW/m2] and what else the network needs, at the step of the simulation; its rows are
         the log that will be identified, the unperturbed days included.
     perturbations : mapping of name to array-like
-        Wanted room temperature [degC] of every step, shape (n,), which heating and cooling hold within 0.5 K; or
-        heating and cooling set-point, shape (n, 2).  Repeated where it is shorter than the hours asked for.  See
-        :func:`skhybrid.datasets.make_prbs`.
+        Wanted temperature [degC] of every step, shape (n,), held within 0.5 K; or heating and cooling set-point, shape
+        (n, 2).  Repeated where shorter than the hours asked for.  See :func:`skhybrid.datasets.make_prbs`.
     known : iterable of str, optional
         Parameters that the identification will be given, such as ``["Q_h"]``; one of them must fix the network's scale.
     hours : sequence of float
@@ -133,8 +131,7 @@ def plan_experiment(
     when : {"weekend", "any"} or array-like of bool
         Rows of ``weather`` that may be perturbed, the first of them first.
     setpoints : pair of float or DataFrame
-        Heating and cooling set-point where nothing is perturbed [degC]; a DataFrame has columns ``T_heat_set`` and
-        ``T_cool_set`` in the rows of ``weather``.
+        Unperturbed heating and cooling set-point [degC]; or ``T_heat_set`` and ``T_cool_set`` in the rows of weather.
     gain : GainStatistics, optional
         The unmeasured gain; that of the synthetic office by default.
     sampling_time : timedelta-like, optional
@@ -146,19 +143,10 @@ def plan_experiment(
     random_state : int, Generator or None
         Of the draws.
 
-    Returns
-    -------
-    ExperimentPlan
-
-    Raises
-    ------
-    ValueError
-        If ``theta``, ``weather``, a perturbation or ``when`` does not suit, or nothing known fixes the scale.
-
     Notes
     -----
-    The errors are a lower bound for the network as given, for long logs; the bias of a network that is too simple is
-    not in them.  The perturbation of the paper (2.1) is a PRBS of order 4 and scale 2 h, 18-25 degC.
+    The errors are a lower bound, without the bias of too simple a network.  The perturbation of the paper (2.1) is a
+    PRBS of order 4 and scale 2 h, 18-25 degC.
 
     Examples
     --------

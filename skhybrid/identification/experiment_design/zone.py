@@ -36,8 +36,7 @@ class GainStatistics:
     tau : float
         Time constant of the variation [h].
     weekday_day, weekday_night, weekend : float
-        Standard deviation around the profile on weekdays from 6 to 21 h, on the other weekday hours, and on weekends
-        [kW].
+        Standard deviation around the profile on weekdays from 6 to 21 h and otherwise, and on weekends [kW].
     profile : ndarray of shape (24, 2)
         Mean gain by hour on weekdays and on weekends [kW].
     profile_step, weekend_step : float
@@ -138,11 +137,9 @@ def draw_gain(zone: Zone, calendar: Calendar, hours: float, rng: np.random.Gener
 def run_thermostat(
     zone: Zone, inputs: np.ndarray, gains: np.ndarray, setpoints: np.ndarray, hours: float, hysteresis: float | None
 ) -> Run:
-    """Simulate M cases under a thermostat.
+    """Simulate M cases under a thermostat: ``inputs`` (N, m), ``gains`` (N, M) [kW], ``setpoints`` (N, 2, M) [degC].
 
-    ``inputs`` (N, m) are in the order of the network, those of the stages unread; ``gains`` (N, M) are unmeasured heat
-    [kW], ``setpoints`` (N, 2, M) those of heating and cooling [degC].  An on/off plant switches at ``hysteresis`` [K]
-    beyond the set-point; None is a plant that modulates, and holds it.
+    An on/off plant switches at ``hysteresis`` [K] beyond the set-point; None: it modulates.  Input stages are unread.
     """
     d = zone.discrete(hours)
     stages = [(j, zone.column(r) if r in zone.roles else None) for j, r in enumerate(("u_heat", "u_cool"))]

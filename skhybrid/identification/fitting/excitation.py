@@ -9,27 +9,20 @@ import pandas as pd
 
 from ..._table import ZoneTable
 from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
-from ...thermal import Parameter, RCNetwork
+from ...thermal import RCNetwork
 
 #: a table shorter than this shows no storage of heat from one day to the next
 _FEW_DAYS = pd.Timedelta("2D")
 
 
-def scale_direction(parameters: Iterable[Parameter]) -> str:
-    """The scale direction in words: what rises together, and what falls."""
-    names = [p.name for p in parameters]
-    up = [n for n in names if n[0] in "CAQ"]
-    down = [n for n in names if n[0] == "R"]
-    return f"{', '.join(up)} together, {', '.join(down)} inversely"
-
-
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
     """Warn where nothing fixes the scale of the network (design ruling 3)."""
     measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
-    fixed = [k for k in known if k[0] in "CRAQ"]
-    if measured_heat or fixed:
+    if measured_heat or any(k[0] in "CRAQ" for k in known):
         return
-    direction = scale_direction(network.parameters(table.inputs))
+    names = [p.name for p in network.parameters(table.inputs)]
+    up, down = (", ".join(n for n in names if n[0] in kinds) for kinds in ("CAQ", "R"))
+    direction = f"{up} together, {down} inversely"
     warn_user(
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
         "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",

@@ -14,15 +14,10 @@ from .prediction_errors import PredictionErrorProblem
 
 @dataclass(frozen=True)
 class MultiStepProblem(PredictionErrorProblem):
-    """Least squares of forecast errors; ``n_leads`` and ``first`` are rows: the horizon, and the first origin.
+    """Least squares of forecast errors from hourly origins, over ``n_leads`` rows, the first origin at row ``first``.
 
-    The forecasts start at hourly origins, each made as the fitted model makes its own.  They find parameters for
-    forecasts, not those of the building: where the disturbance model is wrong, one-step errors are blind to what grows
-    over a day.
-
-    Forecasts that overlap share the noise of their common rows, so that errors at a lead of h hours count as one every
-    h hours, and all leads of one origin together as one.  The Gauss-Newton matrix and the weight of the priors use that
-    number of errors.
+    Overlapping forecasts share noise, so that errors at a lead of h hours count as one every h hours, and all leads of
+    one origin as one: the Gauss-Newton matrix and the weight of the priors use that number of errors.
     """
 
     n_leads: int = field(kw_only=True)
@@ -42,17 +37,13 @@ class MultiStepProblem(PredictionErrorProblem):
             self.network, self.experiment, self.disturbance, self.searched, self.fixed, self.centre, self.spread
         )
 
-    # ------------------------------------------------------------------------------------------------ the forecasts
     @cached_property
     def samples(self) -> tuple[ForecastSample, ...]:
         """Origins and leads of every segment of rows."""
         return tuple(self._sample(segment) for segment in self.experiment.segments)
 
     def _sample(self, segment: Experiment) -> ForecastSample:
-        """Hourly origins, each moved on to the first measured row of its hour; an hour without one has none.
-
-        A thermometer that reports every few rows is then compared at rows on which it reports.
-        """
+        """Hourly origins, each moved on to the first measured row of its hour; an hour without one has none."""
         n_rows = len(segment.y)
         first = self.first if self._kalman(n_rows) else 0  # OD searches its first state
         sample = hourly_sample(n_rows, self.n_leads, segment.hours, first)
@@ -83,7 +74,6 @@ class MultiStepProblem(PredictionErrorProblem):
             worth += float(seen.sum(axis=(0, 2)) @ np.minimum(apart / sample.leads, 1.0)) / len(sample.leads)
         return max(1, round(worth))
 
-    # ------------------------------------------------------------------------------------------------- the errors
     @property
     def weighted(self) -> bool:
         """Forecast errors are not weighted."""
@@ -106,7 +96,6 @@ class MultiStepProblem(PredictionErrorProblem):
         """Errors of one point, with those that meet no measurement."""
         return sum(seen.size for seen in self._seen)
 
-    # ------------------------------------------------------------------------------------------------- uncertainty
     def noise(self, free: np.ndarray) -> float:
         """Sum of squares per independent error [K2]; the Gauss-Newton matrix divided by it is an information."""
         return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)

@@ -41,12 +41,11 @@ class _Front(NamedTuple):
 def minimise_together(
     evaluate: Evaluate, starts: np.ndarray, low: np.ndarray, high: np.ndarray, max_evaluations: int, tolerance: float
 ) -> list[Minimum]:
-    """Minimise from every start (S, p) within bounds (p,); the minima are in the order of the starts.
+    """Minimise from every start (S, p) within bounds (p,), all together but independently; minima in their order.
 
-    All starts advance together, so that a step costs one call of the compiled predictor for all of them; where a start
-    ends does not depend on the others.  A start has converged when neither the actual nor the predicted relative
-    reduction of the merit exceeds ``tolerance``.  Damping by the diagonal as Marquardt, its updates as Nielsen; a
-    parameter at a bound with the descent pointing outward is held there, and steps are projected onto the bounds.
+    A start has converged when neither the actual nor the predicted relative reduction of the merit exceeds
+    ``tolerance``.  Damping by the diagonal as Marquardt, its updates as Nielsen; a parameter at a bound with the
+    descent pointing outward is held there, and steps are projected onto the bounds.
     """
     x = np.clip(starts, low, high)
     merit, matrix, slope = evaluate(x)

@@ -50,11 +50,10 @@ class Inner(NamedTuple):
 
 
 def solve_inner(errors: np.ndarray, S: np.ndarray, priors: GainPriors, signs: np.ndarray, free: np.ndarray) -> Inner:
-    """Ridge solution of the linear coefficients, with the derivatives of the objective.
+    """Ridge solution of the linear coefficients, with the derivatives of the objective by ``free`` (p,).
 
-    ``errors`` (rows, J) are the filtered channels: first that of the measurement, then those of ``signs``, then those
-    of the gain; ``S`` (rows,) are the innovation variances.  ``signs`` (k,) are those that the k coefficients before
-    those of the gain must have, 0 for either; ``free`` (p,) are the searched parameters.
+    ``errors`` (rows, J) are the filtered channels, with innovation variances ``S`` (rows,): of the measurement, of k
+    coefficients that must have ``signs`` (k,), 0 for either, and of the gain.
     """
     # a response enters the innovation with the sign of a prediction: e = e_y + sum_j beta_j e_j
     k, (fixed, which) = len(signs), priors
@@ -84,7 +83,6 @@ def solve_inner(errors: np.ndarray, S: np.ndarray, priors: GainPriors, signs: np
 def _signed_ridge(normal: np.ndarray, right: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ridge solution whose first coefficients have the given signs (0: either), and which are not held at 0."""
     free = np.ones(len(right), dtype=bool)
-    gamma = np.zeros(len(right))
     for _ in range(2 * len(signs) + 1):
         gamma = np.zeros(len(right))
         gamma[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free], rcond=1e-13)[0]

@@ -38,10 +38,7 @@ class SegmentSeries(NamedTuple):
 
 @dataclass(frozen=True)
 class ChannelLayout:
-    """Heat sources of a network: those whose coefficient is solved inside, and the others.
-
-    ``inner`` names the network parameters that are solved inside.
-    """
+    """Heat sources of a network: those whose coefficient, one of ``inner``, is solved inside, and the others."""
 
     network: RCNetwork
     roles: tuple[str, ...]

@@ -108,13 +108,10 @@ class Slopes:
 class PeriodicProblem:
     """Negative log marginal likelihood of the periodic model, as a function of the searched parameters.
 
-    The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  Everything that
-    enters the output linearly (``inner``: capacities, solar areas; the profile, the ventilation) is solved inside by
-    ridge regression on the filtered channels; only R, C, the time constant and the standard deviations are
-    ``searched``.
-
-    ``fixed`` holds the known values; ``priors`` are mean and standard deviation on the searched scale, in place of
-    those that every parameter has; ``hours`` names the classes of hours that have a variance of their own.
+    The unmeasured gain is that of :mod:`skhybrid.identification.gain_model`, on every disturbed node.  What enters the
+    output linearly (``inner``: capacities, solar areas; the profile, the ventilation) is solved inside by ridge
+    regression on the filtered channels.  ``fixed`` holds the known values; ``priors`` are mean and standard deviation
+    on the searched scale, in place of the usual ones; ``hours`` names a set of classes of hours.
     """
 
     network: RCNetwork
@@ -126,7 +123,6 @@ class PeriodicProblem:
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hours: str = "day_night"
 
-    # ------------------------------------------------------------------------------------------------- fixed parts
     @cached_property
     def variance(self) -> VarianceModel:
         """Classes of variance of the rows."""
@@ -183,7 +179,6 @@ class PeriodicProblem:
         weak = [PRIOR_LOG_SD if p.transform == "log" and p.unit not in _NO_PRIOR else np.inf for p in self.searched]
         return np.array([priors.get(p.name, (0.0, sd))[1] for p, sd in zip(self.searched, weak, strict=True)])
 
-    # ------------------------------------------------------------------------------------------------ one evaluation
     def values(self, free: np.ndarray) -> dict[str, float]:
         """Searched and fixed parameters by name."""
         return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
@@ -269,14 +264,9 @@ class PeriodicProblem:
         searched = tuple(p for p in self.searched if p.name not in own)
         return replace(self, searched=searched, fixed=fixed, heat_scale=0.0)
 
-    # -------------------------------------------------------------------------------------------------------- search
-    @cached_property
-    def _typical(self) -> np.ndarray:
-        return np.array([_TYPICAL.get(p.unit, 0.3) for p in self.searched])
-
     def minimise(self, start: np.ndarray) -> Minimum:
         """Bounded quasi-Newton from one start, in steps that are about as large for every parameter."""
-        scale = self._typical
+        scale = np.array([_TYPICAL.get(p.unit, 0.3) for p in self.searched])
         if not self.searched:
             return Minimum(start, self.evaluate(start)[0], 1, True)
 
@@ -302,8 +292,7 @@ class PeriodicProblem:
         """Hessian of the objective and derivative of the inner coefficients, by central differences of exact ones."""
         p = len(free)
         H, dbeta = np.empty((p, p)), np.empty((len(self.layout.channels), p))
-        for q in range(p):
-            shift = step * np.eye(p)[q]
+        for q, shift in enumerate(step * np.eye(p)):
             _, up, above = self.evaluate(free + shift)
             _, down, below = self.evaluate(free - shift)
             H[:, q] = (up - down) / (2.0 * step)

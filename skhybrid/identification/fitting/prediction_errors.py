@@ -24,16 +24,13 @@ _MEMORY = 2**25
 class PredictionErrorProblem:
     """Least-squares problem of CONV, ID or OD.
 
-    With every row measured, the errors of a right model soon have one variance, and their plain sum of squares is the
-    paper's.  After a missing row they are larger, and a few of them would decide the fit.  Where rows are missing, ID
-    and OD therefore divide each error by the factor that these add to its standard deviation, and multiply all by the
-    geometric mean of these factors.  For OD, n/2 times the logarithm of the sum of squares is then the negative
-    Gaussian log-likelihood, its noise level at the optimum, up to a constant.  Where several nodes are measured, each
-    error has its own variance, as if the others of the same row were unknown.
+    On complete rows the plain sum of squares is the paper's.  Errors after a missing row are larger: there ID and OD
+    divide each error by the factor that missing rows add to its standard deviation, and multiply all by the geometric
+    mean of these factors.  For OD, n/2 times the logarithm of the sum is then the negative Gaussian log-likelihood, its
+    noise level at the optimum, up to a constant.  Several measured nodes count as if independent.
 
-    ``searched`` are the parameters that the data decide, in the order of ``free``; ``fixed`` holds all others.
-    ``centre`` and ``spread`` are means and standard deviations of normal priors on the searched scale, infinite where
-    there is none.
+    ``free`` are the values of ``searched``; ``fixed`` holds all others.  ``centre`` and ``spread`` are means and
+    standard deviations of normal priors on the searched scale, infinite where there is none.
     """
 
     network: RCNetwork
@@ -48,7 +45,8 @@ class PredictionErrorProblem:
         """All parameters by name."""
         return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
 
-    # --------------------------------------------------------------------------------------------- fixed parts
+    all_values = values  # nothing is solved inside
+
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper ends of the search, (p,) each."""
@@ -80,7 +78,6 @@ class PredictionErrorProblem:
         segments = self.experiment.segments
         return tuple((segment, self.disturbance.first_counted(len(segment.y))) for segment in segments)
 
-    # ----------------------------------------------------------------------------------------------- evaluation
     def models(self, free: np.ndarray, derive: bool = True) -> list[Model]:
         """The predictors of S points, one of each segment of rows, with derivatives by the searched scale."""
         S = len(free)
@@ -210,10 +207,6 @@ class PredictionErrorProblem:
         fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
         return np.where(fine, merit, np.inf), matrix, slope
 
-    def all_values(self, free: np.ndarray) -> dict[str, float]:
-        """All parameters by name: nothing is solved inside."""
-        return self.values(free)
-
     def log_density(self, free: np.ndarray) -> tuple[float, np.ndarray]:
         """Log posterior density on the searched scale, the noise integrated out, and its gradient."""
         merit, _, half = self.evaluate(free[None])
@@ -230,7 +223,6 @@ class PredictionErrorProblem:
         """By how much the log-likelihood of one loss lies below that of the best."""
         return 0.5 * self.n_counted * float(np.log(max(loss, 1e-300) / max(best, 1e-300)))
 
-    # ---------------------------------------------------------------------------------------------------- search
     def minimise(self, starts: np.ndarray, max_evaluations: int = FINE[0], tolerance: float = FINE[1]) -> list[Minimum]:
         """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
         one = 8 * self.n_entries * (len(self.searched) + 1) * (1 + self.weighted)
@@ -242,11 +234,7 @@ class PredictionErrorProblem:
 
 
 def _relative_to_complete(run: Sensitivity, model: Model, segment: Experiment, filtered: int) -> Sensitivity:
-    """Variances in units of those that the same rows have where none is missing.
-
-    The first rows of a filter are uncertain on a complete log too, and are not weighted there.  Only what the missing
-    rows add counts, so that one missing row changes little.
-    """
+    """Variances in units of those on a complete log, where a filter's first rows are uncertain too."""
     seen = np.isfinite(segment.outputs)
     complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on
     whole = one_step_sensitivities(model, segment.inputs, complete, filtered, True)

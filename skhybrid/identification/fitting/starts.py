@@ -43,11 +43,10 @@ def search(
     verbose: int = 0,
     name: str = "",
 ) -> list[Minimum]:
-    """Minima of the starts that were made, in the order of the starts.
+    """Minima of the starts that were made, in their order; rounds of a fixed size, so that ``n_jobs`` changes nothing.
 
-    Starts run in rounds of a fixed size, so that ``n_jobs`` changes nothing but the time; after a round ``polish``
-    carries its best minima to the end, and the search ends once ``enough`` starts have reached the best one.  ``drop``
-    gives by how much the log-likelihood of one loss lies below that of the best.
+    After a round ``polish`` carries its best minima to the end; the search ends once ``enough`` starts have reached the
+    best one.  ``drop`` gives by how much the log-likelihood of one loss lies below that of the best.
     """
     minima: list[Minimum] = []
     rounds = [starts[i : i + per_round] for i in range(0, len(starts), per_round)]

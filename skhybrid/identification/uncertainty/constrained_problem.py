@@ -18,11 +18,7 @@ from ...thermal import get_network
 
 @dataclass(frozen=True)
 class ConstrainedProblem:
-    """A fitted identification and the table that it was fitted on.
-
-    Where a parameter is held, all else stays as in the fit: bounds, the other priors and, in the periodic model, the
-    unit of heat, so that losses can be compared.
-    """
+    """A fitted identification and its training table; with a parameter held, all else stays as in the fit."""
 
     estimator: Any
     table: ZoneTable
@@ -61,9 +57,8 @@ class ConstrainedProblem:
     def problem(self, held: Mapping[str, float] | None = None, *, search_all: bool = False) -> Any:
         """The problem with some parameters held; ``search_all`` leaves none to be solved inside."""
         held, fitted = dict(held or {}), self.estimator
-        probe = clone(fitted)
-        probe.set_params(known={**(fitted.known or {}), **held})
-        probe.set_params(priors={k: v for k, v in (fitted.priors or {}).items() if k not in held})
+        priors = {k: v for k, v in (fitted.priors or {}).items() if k not in held}
+        probe = clone(fitted).set_params(known={**(fitted.known or {}), **held}, priors=priors)
         if search_all:
             bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_ if p.name not in probe.known}
             probe.set_params(bounds={**bounds, **(fitted.bounds or {})})
@@ -71,10 +66,6 @@ class ConstrainedProblem:
             warnings.simplefilter("ignore")  # the fit has warned of it
             problem, _ = probe._make_problem(*probe._prepare(self.table, self.y))
         return fitted._as_fitted(problem)
-
-    def values(self) -> dict[str, float]:
-        """Everything that the fit found, in the units that are searched."""
-        return self.estimator._searched_values()
 
 
 def free_point(problem: Any, values: Mapping[str, float]) -> np.ndarray:

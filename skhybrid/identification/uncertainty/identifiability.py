@@ -13,8 +13,7 @@ from scipy.stats import t as student
 
 from ...thermal import Parameter
 
-#: a direction is flat when its singular value is below this share of the largest, or when one standard deviation
-#: along it is a factor of e^5 or more, which more days of the same kind would not improve enough
+#: a direction is flat by a singular value below this share of the largest, or a standard deviation of e^5 or more
 FLAT, FLAT_SD = 1e-6, 5.0
 #: a direction is weak when its leading parameter may be off by more than this share at 90 %
 WEAK = 0.25
@@ -29,16 +28,15 @@ _MOST_WEAK, _MOST_MEMBERS = 4, 4
 class Identifiability:
     """Information of the data about each direction in the space of the network's parameters.
 
-    A direction is a combination of parameters on the logarithmic scale.  The sensitivities of the predictions to it are
-    in units of the noise, with the parameters of the disturbance model free to follow; ``1 / singular value`` is the
-    relative standard error along the direction.
+    A direction is a combination of parameters on the logarithmic scale; ``1 / singular value`` is the relative standard
+    error along it, with the parameters of the disturbance model free to follow.
 
     Attributes
     ----------
     singular_values : Series
         Of the scaled sensitivity, largest first [-].
     directions : DataFrame of shape (n_directions, n_parameters)
-        Exponent of every parameter in every direction [-], in the order of ``singular_values``, the leading one 1.
+        Exponents [-], the leading one 1, in the order of ``singular_values``.
     flat_directions : tuple of str
         Combinations of parameters that the data do not move, with their units and exponents.
     weak_directions : tuple of str
@@ -48,7 +46,7 @@ class Identifiability:
     not_excited : tuple of str
         Parameters that no row of the table moves; they stay at their default.
     n_days : int
-        Days of data on which the figures rest; quantiles are of Student's t with ``n_days - 1`` degrees of freedom.
+        Days of data; quantiles are of Student's t with ``n_days - 1`` degrees of freedom.
     """
 
     singular_values: pd.Series
@@ -126,11 +124,9 @@ def assess(
     at_bound: tuple[str, ...],
     not_excited: tuple[str, ...],
 ) -> Identifiability:
-    """Find the flat and weak directions of a scaled sensitivity to k parameters.
+    """Flat and weak directions of the ``sensitivity`` (n, k) to k parameters, all as in ParameterUncertainty.
 
-    ``sensitivity`` (n, k) is that of the predictions by the logarithms of the parameters, in units of the noise;
-    ``model`` (k, k) the covariance of these logarithms if the disturbance model were true, and ``growth`` (k,) the
-    factor by which every standard error exceeds that of the model.
+    ``model`` is (k, k), and ``growth`` (k,) the factor by which every standard error exceeds that of the model.
     """
     names = [p.name for p in parameters]
     if not names:
@@ -210,9 +206,5 @@ def _percent(move: float) -> str:
 
 def at_bounds(free: np.ndarray, searched: Sequence[Parameter]) -> tuple[str, ...]:
     """Parameters within a thousandth of the searched range from a bound."""
-    out = []
-    for p, x in zip(searched, free, strict=True):
-        low, high = p.free_bounds
-        if min(x - low, high - x) < 1e-3 * (high - low):
-            out.append(p.name)
-    return tuple(out)
+    ends = [(p.name, x, *p.free_bounds) for p, x in zip(searched, free, strict=True)]
+    return tuple(name for name, x, low, high in ends if min(x - low, high - x) < 1e-3 * (high - low))

@@ -21,11 +21,10 @@ from .standard_errors import (
 def least_squares_uncertainty(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
 ) -> ParameterUncertainty:
-    """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,) of CONV, ID or OD.
+    """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,), by the Hessian of every day.
 
-    ``noise`` is the variance of the errors [K2]; ``days`` (n,) the day of every error, from 0, which by default follow
-    each other evenly; errors are correlated over ``overlap`` days.  The exact Hessian is the central difference of
-    exact gradients, by day; where it is not positive definite, the Gauss-Newton matrix replaces it.
+    ``noise`` [K2]; ``days`` (n,) of the errors, by default evenly spread; errors are correlated over ``overlap`` days.
+    Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
@@ -40,15 +39,15 @@ def least_squares_uncertainty(
     day = day_of_rows(len(errors), hours * share) if days is None else days
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
-    prior = noise * prior_precision(problem)
+    prior = np.diag(noise * prior_precision(problem))
     exact = _day_hessians(problem, free, day)
-    by_day = exact if _positive(exact.sum(axis=0) + np.diag(prior)) else gauss
-    total = by_day.sum(axis=0) + np.diag(prior)
+    by_day = exact if _positive(exact.sum(axis=0) + prior) else gauss
+    total = by_day.sum(axis=0) + prior
     bread = inverse_information(total / noise)
-    model = bread @ (gauss.sum(axis=0) / noise + np.diag(prior) / noise) @ bread if by_day is exact else bread
+    model = bread @ (gauss.sum(axis=0) / noise + prior / noise) @ bread if by_day is exact else bread
     moves = []
     for own, own_gauss, score in zip(by_day, gauss, scores, strict=True):
-        left = total - own if _positive(total - own) else gauss.sum(axis=0) + np.diag(prior) - own_gauss
+        left = total - own if _positive(total - own) else gauss.sum(axis=0) + prior - own_gauss
         moves.append(inverse_information(left / noise) @ (score / noise))
     scale = log_slopes(problem, free)[place]
     model = model[np.ix_(place, place)] * scale[:, None] * scale
@@ -66,8 +65,7 @@ def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np
 def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, step: float = 1e-4) -> np.ndarray:
     """(D, p, p) half Hessian of every day's sum of squares, from differences of exact gradients."""
     out = np.empty((day[-1] + 1, len(free), len(free)))
-    for q in range(len(free)):
-        shift = step * np.eye(len(free))[q]
+    for q, shift in enumerate(step * np.eye(len(free))):
         above, below = problem.linearised(free + shift), problem.linearised(free - shift)
         up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
         out[:, :, q] = (up - down) / (2.0 * step)

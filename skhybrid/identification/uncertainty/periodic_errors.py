@@ -31,10 +31,9 @@ def periodic_uncertainty(
     turn: Mapping[str, np.ndarray],
     parameters: Sequence[Parameter],
 ) -> ParameterUncertainty:
-    """Uncertainty of the network's ``parameters`` at the optimum ``free`` (p,) of the periodic model.
+    """Uncertainty of the network's ``parameters`` at the optimum ``free`` (p,), where all have the values ``theta``.
 
-    ``theta`` holds searched, fixed and inner parameters there; ``turn`` the derivatives (J,) of those that are solved
-    inside by the inner coefficients.
+    ``turn`` holds the derivatives (J,) of those that are solved inside by the inner coefficients.
     """
     _, _, linear = problem.evaluate(free)
     p, J = len(free), len(linear.beta)
@@ -99,10 +98,7 @@ def _moves_without_days(
 def _joint_information(
     data: np.ndarray, dbeta: np.ndarray, linear: Any, n_plain: int, by_free: np.ndarray, by_beta: np.ndarray
 ) -> np.ndarray:
-    """(k, k) information of the data about the logarithms of the network's parameters, all others free to follow.
-
-    ``data`` (p, p) is the Hessian of the objective with the inner coefficients at their optimum, without the prior.
-    """
+    """(k, k) information about the logarithms of the parameters; ``data`` (p, p) is the Hessian without the prior."""
     plain = np.flatnonzero(linear.free[:n_plain])
     normal = linear.normal
     rest = np.arange(n_plain, len(normal))

@@ -43,10 +43,9 @@ class Posterior:
 
 
 class _Density:
-    """Log posterior of a problem, and its gradient, over standardised unbounded coordinates ``z``.
+    """Log posterior of a problem, and its gradient, over unbounded coordinates ``z``, about standard normal for NUTS.
 
-    The searched scale is ``x = low + (high - low) * expit(u)``; ``u = centre + root @ z`` makes the posterior about
-    standard normal, which the sampler needs to be efficient.
+    The searched scale is ``x = low + (high - low) * expit(centre + root @ z)``.
     """
 
     def __init__(self, problem: Any, start: np.ndarray) -> None:
@@ -102,55 +101,40 @@ def sample_posterior(
     draws, tune : int
         Draws of each chain that are kept, and those before them that adapt the sampler.
     chains : int, default=4
-        At least 2: only a second chain shows whether the first one mixes.
+        At least 2, else ValueError: only a second chain shows whether the first one mixes.
     random_state : int, optional
         Seed of the sampler.
     progressbar : bool, default=False
 
-    Returns
-    -------
-    Posterior
-
     Raises
     ------
-    ImportError
-        If PyMC is not installed: ``pip install "skhybrid[bayes]"``.
-    ValueError
-        If ``chains`` is less than 2.
     RuntimeError
         If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
     Notes
     -----
-    A parameter without a prior has a uniform one on the searched scale within its bounds, which is log-uniform for
-    capacitances, resistances, areas and capacities.  The noise of CONV, ID and OD is integrated out under
-    ``1 / sigma``, the weekly profile of the periodic model too; capacities and areas are sampled like all others.  The
-    posterior assumes that the disturbance model holds; ``theta_interval`` does not.
+    PyMC comes with ``pip install "skhybrid[bayes]"``.  A parameter without a prior has a uniform one on the searched
+    scale within its bounds.  The noise of CONV, ID and OD is integrated out under ``1 / sigma``, as is the weekly
+    profile of the periodic model.  The posterior assumes that the disturbance model holds; ``theta_interval`` does not.
     """
     check_chains(chains)
     constrained = ConstrainedProblem.of(estimator, X, y)
     problem = constrained.problem(search_all=True)
-    start, _ = problem.minimum_near(free_point(problem, constrained.values()))
+    start, _ = problem.minimum_near(free_point(problem, constrained.estimator._searched_values()))
     density = _Density(problem, start)
     settings = {"draws": draws, "tune": tune, "chains": chains, "progressbar": progressbar}
     data = _run_nuts(density, random_state=random_state, **settings)
-    return _collected(density, data, chains, draws)
-
-
-def _collected(density: _Density, data: Any, chains: int, draws: int) -> Posterior:
     free = density.free(data.posterior["z"].to_numpy())
-    index = draws_index(chains, draws)
-    searched = density.problem.searched
-    table = pd.DataFrame({p.name: _values(p, free[..., i]).ravel() for i, p in enumerate(searched)}, index=index)
+    columns = {
+        p.name: (p.sign * np.exp(x) if p.transform == "log" else x).ravel()
+        for p, x in zip(density.problem.searched, np.moveaxis(free, -1, 0), strict=True)
+    }
+    table = pd.DataFrame(columns, index=draws_index(chains, draws))
     for name in table:
         data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
     summary = summarise_chains(table)
     _refuse_bad(summary)
     return Posterior(table, summary, data)
-
-
-def _values(p: Any, free: np.ndarray) -> np.ndarray:
-    return p.sign * np.exp(free) if p.transform == "log" else free
 
 
 def _run_nuts(density: _Density, **settings: Any) -> Any:
@@ -178,17 +162,14 @@ def check_chains(chains: int) -> None:
 def import_pymc() -> Any:
     """PyMC, or an error that says how to install it."""
     try:
-        import pymc as pm
+        import pymc
     except ImportError as error:
         raise ImportError('sampling needs PyMC; install it with pip install "skhybrid[bayes]".') from error
-    return pm
+    return pymc
 
 
 def draw_chains(model: Any, start: Mapping[str, Any], *, random_state: int | None, **settings: Any) -> Any:
-    """Run NUTS on a PyMC model, one chain after the other: the same draws whatever the machine's cores.
-
-    ``settings`` are those of ``pymc.sample``: ``draws``, ``tune``, ``chains``, ``target_accept``, ``progressbar``.
-    """
+    """Run NUTS, chain by chain so that draws do not depend on the cores; ``settings`` are those of ``pymc.sample``."""
     settings = {"progressbar": False, "compute_convergence_checks": False, "cores": 1, "init": "adapt_diag", **settings}
     pm = import_pymc()
     log = logging.getLogger("pymc")
@@ -239,10 +220,7 @@ def _make_op(density: _Density) -> Any:
 def draw_without_divergence(
     model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
 ) -> tuple[Any, int]:
-    """As :func:`draw_chains`, once more with smaller steps where draws diverged; also how many diverged at last.
-
-    ``accept`` is the share of steps to accept, in one attempt after the other.
-    """
+    """As :func:`draw_chains`, anew with the next share of ``accept`` while draws diverge; and how many did at last."""
     for target in accept:
         data = draw_chains(model, start, target_accept=target, **settings)
         n_divergent = int(data.sample_stats["diverging"].sum())
@@ -252,25 +230,15 @@ def draw_without_divergence(
 
 
 def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
-    """``mean``, ``std``, ``median``, ``lower``, ``upper``, ``r_hat`` and ``ess`` of every column, by row.
-
-    ``table`` has the index (``chain``, ``draw``); ``level`` is that of the interval from ``lower`` to ``upper``.
-    """
+    """Statistics by row of every column of a table indexed (``chain``, ``draw``); the interval has ``level``."""
     import arviz as az
 
     tail, chains = 0.5 * (1.0 - level), table.index.get_level_values("chain").nunique()
     out = {}
     for name, column in table.items():
         by_chain = column.to_numpy().reshape(chains, -1)
-        ends = column.quantile(tail), column.quantile(1.0 - tail)
-        out[name] = (
-            column.mean(),
-            column.std(),
-            column.median(),
-            *ends,
-            float(az.rhat(by_chain)),
-            float(az.ess(by_chain)),
-        )
+        spread = column.mean(), column.std(), column.median(), column.quantile(tail), column.quantile(1.0 - tail)
+        out[name] = (*spread, float(az.rhat(by_chain)), float(az.ess(by_chain)))
     names = ["mean", "std", "median", "lower", "upper", "r_hat", "ess"]
     return pd.DataFrame.from_dict(out, orient="index", columns=names)
 
@@ -280,24 +248,15 @@ def _refuse_bad(summary: pd.DataFrame) -> None:
 
 
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:
-    """Raise RuntimeError where chains disagree, have too few effective draws or diverged.
-
-    ``advice`` says what to do about chains that disagree or diverge, apart from more draws.
-    """
+    """Raise RuntimeError, with ``advice``, where chains disagree, have too few effective draws or diverged."""
     worst, fewest = summary["r_hat"].idxmax(), summary["ess"].idxmin()
     r_hat, ess = float(summary["r_hat"].max(skipna=False)), float(summary["ess"].min(skipna=False))
     if not r_hat <= WORST_R_HAT:
-        raise RuntimeError(
-            f"the chains disagree about {worst} (R-hat {r_hat:.2f}, at most {WORST_R_HAT}); raise tune= and draws=, "
-            f"{advice}."
-        )
+        found = f"the chains disagree about {worst} (R-hat {r_hat:.2f}, at most {WORST_R_HAT})"
+        raise RuntimeError(f"{found}; raise tune= and draws=, {advice}.")
     if not ess >= FEWEST_EFFECTIVE:
-        raise RuntimeError(
-            f"the draws of {fewest} are worth {ess:.0f} independent ones, fewer than {FEWEST_EFFECTIVE:.0f}; raise "
-            "draws=."
-        )
+        found = f"the draws of {fewest} are worth {ess:.0f} independent ones, fewer than {FEWEST_EFFECTIVE:.0f}"
+        raise RuntimeError(f"{found}; raise draws=.")
     if n_divergent:
-        raise RuntimeError(
-            f"{n_divergent} draws diverged, so that the chains may have missed a part of the posterior; raise tune=, "
-            f"{advice}."
-        )
+        found = f"{n_divergent} draws diverged, so that the chains may have missed a part of the posterior"
+        raise RuntimeError(f"{found}; raise tune=, {advice}.")

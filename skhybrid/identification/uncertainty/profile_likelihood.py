@@ -27,14 +27,11 @@ class ProfileLikelihood:
     parameter, unit : str
     best : float
         Value at the least deviance [unit].
-    level : float
-        Of the interval.
-    lower, upper : float
-        Ends of the interval [unit]; 0 or infinite where the data set none.
-    threshold : float
-        Deviance at the ends: the squared quantile of Student's t, times ``inflation``.
-    inflation : float
-        Squared ratio of the parameter's standard error to that of the disturbance model alone; 1 where the days agree.
+    level, lower, upper : float
+        The interval [unit]; its ends are 0 or infinite where the data set none.
+    threshold, inflation : float
+        Deviance at the ends, which is the squared quantile of Student's t times the inflation: the squared ratio of the
+        parameter's standard error to that of the disturbance model alone.
     curve : DataFrame
         One row per value that was tried, in their order: column ``deviance`` [-], then every parameter re-identified.
     """
@@ -67,7 +64,7 @@ class _Search:
     def deviance(self, x: float) -> float:
         """Minus twice the log-likelihood with the parameter held at ``x``, up to a constant."""
         if x not in self.tried:
-            warm = self.constrained.values()
+            warm = self.constrained.estimator._searched_values()
             if self.tried:
                 warm |= self.tried[min(self.tried, key=lambda known: abs(known - x))][1]
             problem = self.constrained.problem({self.parameter.name: self.parameter.from_free(x)})
@@ -110,26 +107,16 @@ def profile_likelihood(
     X, y : array-like
         As in ``fit``.
     parameter : str
-        Such as ``"C_w"``.
+        Such as ``"C_w"``; one that was not identified is refused.
     values : sequence of float, optional
         Further values to try [the parameter's unit], such as for a picture.
     level : float, default=0.9
         Of the interval, between 0 and 1.
 
-    Returns
-    -------
-    ProfileLikelihood
-
-    Raises
-    ------
-    ValueError
-        If the parameter was not identified, a value has the wrong sign, or ``level`` is not between 0 and 1.
-
     Notes
     -----
-    Every search starts from the nearest value already tried.  The deviance is ``n log(SSE / SSE_min)`` for the sums of
-    squares (the noise is profiled too) and twice the difference of the negative log-likelihood for the periodic model.
-    A prior on the parameter itself is left out.  Unlike ``theta_interval``, the interval need not be symmetric.
+    The deviance is ``n log(SSE / SSE_min)`` for the sums of squares (the noise is profiled too) and twice the
+    difference of the negative log-likelihood for the periodic model, without a prior on the parameter itself.
 
     Examples
     --------
@@ -149,7 +136,9 @@ def profile_likelihood(
     inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
     quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
     search = _Search(constrained, known)
-    start = float(np.clip(_to_free(known, float(fitted.theta_[parameter])), *known.free_bounds))
+    theta = float(fitted.theta_[parameter])
+    usable = known.transform != "log" or theta * known.sign > 0
+    start = float(np.clip(known.to_free(theta) if usable else known.free_bounds[0], *known.free_bounds))
     search.deviance(start)
     step = quantile * _standard_error(fitted, known)
     threshold = inflation * quantile**2
@@ -170,10 +159,6 @@ def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[f
             side = "<" if found.sign < 0 else ">"
             raise ValueError(f"values= gives {parameter} the value {value}; it must be {side} 0.")
     return found
-
-
-def _to_free(p: Parameter, value: float) -> float:
-    return p.to_free(value) if p.transform != "log" or value * p.sign > 0 else p.free_bounds[0]
 
 
 def _standard_error(fitted: Any, p: Parameter) -> float:

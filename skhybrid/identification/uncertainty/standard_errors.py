@@ -15,8 +15,7 @@ from ...thermal import Parameter
 _MOST = 1e3
 #: an interval of more than this many e-foldings is that of all values
 _BEYOND = 50.0
-#: most parts that a periodic log is left without, one after another; a part of a longer log is two or more days, as
-#: the cost would otherwise be quadratic in the length
+#: most parts that a periodic log is left without; in a longer log each is two days or more, which saves time
 MOST_PARTS = 56
 #: fewer days than this give no useful scatter
 FEW_DAYS = 3
@@ -25,15 +24,12 @@ FEW_DAYS = 3
 class ParameterUncertainty(NamedTuple):
     """Uncertainty of the network's parameters after a fit, on the logarithmic scale.
 
-    The Hessian of a likelihood (or the Gauss-Newton matrix of a sum of squares) gives the right standard errors only
-    where the disturbance model holds.  Real gains do not follow it: those of one day are correlated, and days differ.
-    So the moves of the parameters without each day are computed as well; their scatter (the jackknife with blocks of a
-    day, equivalent to a sandwich covariance with scores clustered by day) needs no model of the gain.  A standard error
-    is the larger of the two, and intervals take Student's t with as many degrees of freedom as days, less one.
+    The Hessian gives the right standard errors only where the disturbance model holds.  The scatter of the parameters
+    without each day (a jackknife with blocks of a day) needs no model of the gain.  A standard error is the larger of
+    the two; intervals take Student's t with as many degrees of freedom as days, less one.
 
-    One Newton step replaces the fit without a day: one evaluation per day instead of a search (for long periodic logs,
-    one per two days or more).  Least squares takes the Hessian without that day (CR3); the periodic model takes the
-    whole one, which understates the move caused by a day that holds most of the information.
+    One Newton step replaces the fit without a day.  Least squares takes the Hessian without that day (CR3); the
+    periodic model takes the whole one, which understates the move by a day that holds most of the information.
 
     Sources: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11; Cameron and Miller, A Practitioner's
     Guide to Cluster-Robust Inference, J. Human Resources 50, 2015.
@@ -113,10 +109,9 @@ def inverse_information(information: np.ndarray) -> np.ndarray:
 
 
 def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
-    """Covariance from the moves (D, k) of the estimates when each of D blocks is left out.
+    """(k, k) covariance from the moves (D, k) of the estimates without each of D blocks.
 
-    Where blocks up to ``overlap`` apart are correlated, their products are added with Bartlett's weights; no variance
-    is smaller than without them (Newey and West, Econometrica 55, 1987).
+    Products of blocks up to ``overlap`` apart have Bartlett's weights (Newey and West, Econometrica 55, 1987).
     """
     D = len(moves)
     if D < FEW_DAYS:
@@ -139,6 +134,5 @@ def prior_precision(problem: Any) -> np.ndarray:
 
 def log_slopes(problem: Any, free: np.ndarray) -> np.ndarray:
     """(p,) derivative of log |value| by what is searched: 1 for a logarithm."""
-    return np.array(
-        [1.0 if p.transform == "log" else 1.0 / unit(x) for p, x in zip(problem.searched, free, strict=True)]
-    )
+    pairs = zip(problem.searched, free, strict=True)
+    return np.array([1.0 if p.transform == "log" else 1.0 / unit(x) for p, x in pairs])
