@@ -36,10 +36,8 @@ class ModelComparison:
         ``p_value`` of the likelihood ratio, and whether the errors of both are ``white``, as it presumes.
     recommended : str or None
         Name of the recommended model; None where all failed.
-    reason : str
-        Why it is recommended.
-    errors : dict of name to str
-        Why a model, or a part of its assessment, failed.
+    reason : str, why it is recommended
+    errors : dict of name to str, why a model, or a part of its assessment, failed
     estimators : dict of name to fitted estimator
     diagnostics : dict of name to Diagnostics
     """
@@ -109,8 +107,7 @@ def compare_models(
 
     Returns
     -------
-    ModelComparison
-        A model that fails is named in ``errors`` and does not stop the others.
+    ModelComparison, a model that fails is named in ``errors`` and does not stop the others
 
     Raises
     ------

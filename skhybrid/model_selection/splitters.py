@@ -72,8 +72,7 @@ class RollingOriginSplit(BaseCrossValidator):
 
         Yields
         ------
-        train, test : ndarray of int
-            Consecutive row numbers.
+        train, test : ndarray of int, consecutive row numbers
 
         Raises
         ------
@@ -93,10 +92,6 @@ class RollingOriginSplit(BaseCrossValidator):
         ----------
         X : DataFrame or array-like, optional
         y, groups : ignored
-
-        Returns
-        -------
-        int
         """
         if X is not None:
             return len(self._first_rows(X))

@@ -37,11 +37,9 @@ class StudyModel(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        Its name in tables and pictures.
+    label : str, its name in tables and pictures
     estimator : estimator, not fitted
-    note : str
-        What it is, in a few words.
+    note : str, what it is, in a few words
     """
 
     label: str
@@ -63,10 +61,6 @@ class Yesterday(RegressorMixin, BaseEstimator):
         X : DataFrame of shape (n_samples, n_features)
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; by default ``T_za`` of X.
-
-        Returns
-        -------
-        self
         """
         self.mean_ = float(np.nanmean(np.asarray(X["T_za"] if y is None else y, dtype=np.float64)))
         return self
@@ -78,14 +72,12 @@ class Yesterday(RegressorMixin, BaseEstimator):
         ----------
         X : DataFrame of shape (n_samples, n_features)
             Consecutive rows with a DatetimeIndex and ``T_za``, which is read up to each origin.
-        origins : sequence of int
-            Row numbers of X.
+        origins : sequence of int, row numbers of X
         horizon : timedelta-like, default="1D"
 
         Returns
         -------
-        ndarray of shape (n_origins, n_leads)
-            Temperatures [degC].
+        ndarray of shape (n_origins, n_leads), temperatures [degC]
         """
         check_is_fitted(self)
         step = X.index[1] - X.index[0]
@@ -103,10 +95,6 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     settings : Settings
     memory : str or joblib.Memory, optional
         Where the identification that the two-stage models share is kept, so that it is run once.
-
-    Returns
-    -------
-    list of StudyModel
     """
     given = make_forecaster(settings)
     made = [

@@ -32,18 +32,12 @@ class StudyData(NamedTuple):
 
     Parameters
     ----------
-    train : DataFrame
-        Rows to fit on.
-    later : DataFrame
-        Rows after the training rows, to the end of the test rows.
-    test_start : Timestamp
-        First stamp of the test rows in ``later``.
-    history, future : DataFrame
-        Rows before the next day, and the next day, with ``T_za`` as far as it was measured.
-    setpoint : Series
-        Temperature to hold [degC], over history and future.
-    held_out : bool
-        Whether the next day is the last day of the log, and so was measured.
+    train : DataFrame, rows to fit on
+    later : DataFrame, rows after the training rows, to the end of the test rows
+    test_start : Timestamp, first stamp of the test rows in ``later``
+    history, future : DataFrame, rows before the next day, and the next day, with ``T_za`` as far as it was measured
+    setpoint : Series, temperature to hold [degC], over history and future
+    held_out : bool, whether the next day is the last day of the log, and so was measured
     """
 
     train: pd.DataFrame
@@ -60,16 +54,13 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
 
     Parameters
     ----------
-    path : path-like
-        CSV file.
+    path : path-like, CSV file
     settings : Settings
 
     Returns
     -------
-    frame : DataFrame
-        One column per role, at an even step.
-    report : str
-        What was sorted, dropped, filled and left missing.
+    frame : DataFrame, one column per role, at an even step
+    report : str, what was sorted, dropped, filled and left missing
 
     Raises
     ------
@@ -104,8 +95,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 
     Parameters
     ----------
-    frame : DataFrame
-        One column per role, at an even step, and ``setpoint`` where the log has it.
+    frame : DataFrame, one column per role, at an even step, and ``setpoint`` where the log has it
     settings : Settings
 
     Returns

@@ -22,12 +22,7 @@ def format_table(table: pd.DataFrame) -> str:
 
     Parameters
     ----------
-    table : DataFrame
-        As in :class:`StudyResult`.
-
-    Returns
-    -------
-    str
+    table : DataFrame, as in :class:`StudyResult`
     """
     width = max(len(str(name)) for name in table.index) + 2
     lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]", "-" * (width + 46)]
@@ -46,10 +41,8 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
     Parameters
     ----------
     result : StudyResult
-    folder : path-like
-        Created if it does not exist.
-    truth : Series, optional
-        True unmeasured heat [kW] at the stamps of the training rows, for the report.
+    folder : path-like, created if it does not exist
+    truth : Series, optional, true unmeasured heat [kW] at the stamps of the training rows, for the report
 
     Returns
     -------

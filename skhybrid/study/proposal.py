@@ -38,13 +38,11 @@ def propose_settings(log: str | PathLike[str]) -> str:
 
     Parameters
     ----------
-    log : path-like
-        CSV file with one header line.
+    log : path-like, CSV file with one header line
 
     Returns
     -------
-    str
-        TOML with comments on what to check.
+    str, TOML with comments on what to check
 
     Raises
     ------

@@ -34,8 +34,7 @@ class StudyResult:
     ----------
     settings : Settings
     data : StudyData
-    model : fitted HybridPredictor
-        The model whose forecast is shown.
+    model : fitted HybridPredictor, the model whose forecast is shown
     identification : fitted estimator
         The identification whose parameters describe the building: the model's own, or with the schedule model that of
         the two-stage model next to it.
@@ -43,14 +42,11 @@ class StudyResult:
         Back-tests; the hybrid's with the quantiles of :data:`INTERVAL` where there are intervals.
     table : DataFrame
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
-    forecast : DataFrame
-        The next day.
-    zeta : Series
-        Disturbance of the training rows as the identification estimates it [kW].
+    forecast : DataFrame, the next day
+    zeta : Series, disturbance of the training rows as the identification estimates it [kW]
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
-    warnings : list of str
-        All warnings, each once.
+    warnings : list of str, all warnings, each once
     seconds : float
     """
 
@@ -107,12 +103,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     ----------
     settings : Settings
     data : StudyData
-    progress : callable, optional
-        Called with (number, total, text) before every step.
-
-    Returns
-    -------
-    StudyResult
+    progress : callable, optional, called with (number, total, text) before every step
 
     Raises
     ------

@@ -30,16 +30,11 @@ class CaseChoice:
 
     Attributes
     ----------
-    name : str
-        The case in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``.
-    framework, case, disturbance : str
-        The parts of the name.
-    size : dict
-        Size of its best candidate, by parameter.
-    median : float
-        Median error of the case over its sizes [K].
-    reasons : tuple of str
-        One sentence per rule, in the order in which they were applied.
+    name : str, the case in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``
+    framework, case, disturbance : str, the parts of the name
+    size : dict, size of its best candidate, by parameter
+    median : float, median error of the case over its sizes [K]
+    reasons : tuple of str, one sentence per rule, in the order in which they were applied
     sufficient_baseline : str or None
         Baseline with the lowest error among those that the choice does not beat; None if it beats them all.
     table : DataFrame
@@ -48,8 +43,7 @@ class CaseChoice:
         case is better, for a baseline that the choice is better) and ``verdict``.
     expressiveness : PatternExpressiveness or None
         The regression; None if the cases do not differ in their ingredients.
-    robustness : RobustnessComparison
-        The comparison of the cases that have all helpful ingredients.
+    robustness : RobustnessComparison, the comparison of the cases that have all helpful ingredients
     """
 
     name: str
@@ -96,21 +90,13 @@ def select_case(
         One row per candidate: ``framework``, ``case``, ``disturbance``, ``name``, sizes and ``rmse`` [K], such as
         ``DesignMatrixSearchCV.results_``.  Rows without a case are baselines.  Candidates without an error are left
         out, with a warning.
-    cases : iterable of ModelCase, default=()
-        The caller's own cases in the table.
-    level : float, default=0.95
-        Probability from which an effect or a difference counts as shown.
+    cases : iterable of ModelCase, default=(), the caller's own cases in the table
+    level : float, default=0.95, probability from which an effect or a difference counts as shown
     best_sizes : int, optional
         Use only this many sizes of each case in the regression, the best ones; None uses all.
     group : str or sequence of str, optional
         As in :class:`PatternExpressiveness`; None is the paper's regression, which counts each size as an observation.
-    draws, tune, chains, random_state : int
-        Of both samplers.
-
-    Returns
-    -------
-    CaseChoice
-        Print it.
+    draws, tune, chains, random_state : int, of both samplers
 
     Raises
     ------

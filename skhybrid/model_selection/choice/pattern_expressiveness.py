@@ -69,12 +69,9 @@ class PatternExpressiveness(BaseEstimator):
         ``sigma_group`` where there are groups; index (``chain``, ``draw``).
     reference_ : dict of str to str
         Category that the terms of a column are compared with, such as ``{"framework": "mlp"}``.
-    left_out_ : dict of str to str
-        Terms whose effect cannot be estimated from the table, and why.
-    priors_ : dict of str to str
-        The priors as text.
-    n_candidates_ : int
-        Number of rows used.
+    left_out_ : dict of str to str, terms whose effect cannot be estimated from the table, and why
+    priors_ : dict of str to str, the priors as text
+    n_candidates_ : int, number of rows used
 
     Notes
     -----
@@ -125,10 +122,6 @@ class PatternExpressiveness(BaseEstimator):
             One row per candidate: ``rmse`` [K], and the columns for ``terms``: ``framework``, ``case`` and
             ``disturbance`` for ingredients, else the named ones.  Rows without a case (baselines) have no ingredients
             and are left out; so are candidates without an error, with a warning.
-
-        Returns
-        -------
-        PatternExpressiveness
 
         Raises
         ------

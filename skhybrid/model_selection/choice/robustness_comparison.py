@@ -55,16 +55,12 @@ class RobustnessComparison(BaseEstimator):
         P(best case < case), by case in order of median error; 0.5 for the best itself.
     indistinguishable_ : list of str
         The best case and those that are indistinguishable from it, in order of median error.
-    median_ : Series
-        Median error of each case over its sizes [K], in increasing order.
-    difference_ : DataFrame
-        Quantiles of the predicted error of the best case minus that of each case [K].
+    median_ : Series, median error of each case over its sizes [K], in increasing order
+    difference_ : DataFrame, quantiles of the predicted error of the best case minus that of each case [K]
     summary_ : DataFrame
         One row per case: ``mu`` and ``sigma`` (posterior means), ``n_sizes``, the worse ``r_hat`` and ``ess`` of both.
-    draws_ : dict of str to DataFrame
-        ``"mu"`` and ``"sigma"``: one column per case, index (``chain``, ``draw``).
-    errors_ : Series
-        The compared errors [K], by case.
+    draws_ : dict of str to DataFrame, ``"mu"`` and ``"sigma"``: one column per case, index (``chain``, ``draw``)
+    errors_ : Series, the compared errors [K], by case
 
     Notes
     -----
@@ -109,10 +105,6 @@ class RobustnessComparison(BaseEstimator):
             One row per candidate: the columns of ``by``, and ``rmse`` [K].  Candidates without an error are left out,
             with a warning.
 
-        Returns
-        -------
-        RobustnessComparison
-
         Raises
         ------
         ImportError
@@ -144,12 +136,7 @@ class RobustnessComparison(BaseEstimator):
         Parameters
         ----------
         case : str
-        error : float
-            Such as that of a baseline without sizes [K].
-
-        Returns
-        -------
-        float
+        error : float, such as that of a baseline without sizes [K]
         """
         mu, sigma = (self.draws_[name][case].to_numpy() for name in ("mu", "sigma"))
         return float(ndtr((np.log(error) - mu) / sigma).mean())

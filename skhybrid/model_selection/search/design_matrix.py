@@ -40,8 +40,7 @@ class DesignMatrix:
 
     Parameters
     ----------
-    blocks : sequence of MatrixBlock
-        One per framework.
+    blocks : sequence of MatrixBlock, one per framework
 
     Attributes
     ----------
@@ -83,8 +82,7 @@ class DesignMatrix:
 
         Returns
         -------
-        list of dict
-            One per framework, parameter -> values.
+        list of dict, one per framework, parameter -> values
         """
         outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
         grids = []
@@ -149,17 +147,12 @@ def design_matrix(
     cases : sequence of str or ModelCase, or mapping of framework to such, optional
         Cases; each applies to every framework that has a case of this name.  Default, also for frameworks that a
         mapping leaves out: all of the paper's appendix, 21 for MLP and CNN and 17 for RNN and LSTM.
-    disturbance : {"input", "output"} or sequence of them
-        ID, OD or both.
+    disturbance : {"input", "output"} or sequence of them, ID, OD or both
     size : {"paper", "small"} or dict
         ``"paper"``: all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"``: four sizes per case, the first
         two numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such
         a dict; frameworks that it leaves out have the paper's sizes.  Only the CNN has channels, filters and pooling.
         Sizes of a regressor are its own parameters, such as ``{"forest": {"n_estimators": [100, 300]}}``.
-
-    Returns
-    -------
-    DesignMatrix
 
     Raises
     ------

@@ -51,8 +51,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         training (:class:`RollingOriginSplit`).
     store : path-like, optional
         SQLite file of results on a local disk, created if it does not exist.  None: results are kept in memory.
-    n_jobs : int, optional
-        Number of processes, as joblib counts them.
+    n_jobs : int, optional, number of processes, as joblib counts them
     scoring : str, callable, list or dict, optional
         As in ``GridSearchCV``; default is the negative root-mean-square error [K] of ``predict`` over measured rows.
     refit : bool, str or callable, default True
@@ -141,12 +140,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; for a :class:`~skhybrid.HybridPredictor` with ``T_za`` as history.
-        y : array-like of shape (n_samples,)
-            Target.
-
-        Returns
-        -------
-        self
+        y : array-like of shape (n_samples,), target
 
         Raises
         ------

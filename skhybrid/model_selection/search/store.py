@@ -62,8 +62,7 @@ class ResultStore:
     path : path-like or None
         The file, created if it does not exist.  None: results are kept in memory.  It must be on a local disk: SQLite's
         write-ahead log, which lets one process read while another writes, needs shared memory.
-    settings : Mapping of str to str
-        Data and settings that the results belong to.
+    settings : Mapping of str to str, data and settings that the results belong to
     lease : float, default=60.0 [s]
     """
 

@@ -100,12 +100,9 @@ def study_picture(
 
     Parameters
     ----------
-    path : path-like
-        PNG file, replaced in one step.
-    frames : mapping of label to DataFrame
-        Back-tests, the most important first.
-    forecast : DataFrame
-        As in ``forecast.csv``.
+    path : path-like, PNG file, replaced in one step
+    frames : mapping of label to DataFrame, back-tests, the most important first
+    forecast : DataFrame, as in ``forecast.csv``
     title : str, optional
     """
     n_axes = 2 if "Q_hvac" in forecast else 1

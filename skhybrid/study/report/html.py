@@ -51,12 +51,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
     ----------
     table : DataFrame
         Index = model; column ``rmse`` [K].
-    label : str
-        The model that is compared with the others.
-
-    Returns
-    -------
-    str
+    label : str, the model that is compared with the others
     """
     own = float(table["rmse"][label])
     others = table["rmse"].drop(label).dropna()
@@ -96,34 +91,25 @@ def write_report(
 
     Parameters
     ----------
-    path : path-like
-        The file to make or replace.
-    title : str
-        Name of the zone.
+    path : path-like, the file to make or replace
+    title : str, name of the zone
     table : DataFrame
         Index = model, the best first; columns ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``.
-    frames : mapping of label to DataFrame
-        Back-tests from :func:`skhybrid.model_selection.backtest`.
-    forecast : DataFrame
-        The next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured.
+    frames : mapping of label to DataFrame, back-tests from :func:`skhybrid.model_selection.backtest`
+    forecast : DataFrame, the next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``description``, ``remark``.
-    label : str
-        The model whose forecast is shown.
+    label : str, the model whose forecast is shown
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
     schedule : DataFrame, optional
         Index = (day, hour); learned ``gain`` [kW] and ``ua`` [kW/K].
-    weights : DataFrame, optional
-        Share of each member of the blend (columns) by group of leads (index).
+    weights : DataFrame, optional, share of each member of the blend (columns) by group of leads (index)
     identification : str, optional
         Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
-    coverage : float, optional
-        Share of the test measurements inside the intervals.
-    spans, settings : mapping, optional
-        Training and test spans, and settings of the study, to be listed.
-    notes : iterable of str
-        Warnings.
+    coverage : float, optional, share of the test measurements inside the intervals
+    spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
+    notes : iterable of str, warnings
     """
     listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
