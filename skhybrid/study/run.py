@@ -20,10 +20,8 @@ from .compared_models import HYBRID, StudyModel, identified_by, make_models
 from .data import StudyData, standstill
 from .settings import Settings
 
-#: quantiles of the intervals that are shown: 80 % lie between them
-INTERVAL = (0.1, 0.9)
-#: called before every step with its number, the number of steps and a text
-Progress = Callable[[int, int, str], None]
+INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
+Progress = Callable[[int, int, str], None]  # called before every step with its number, the number of steps and a text
 
 
 @dataclass
@@ -143,12 +141,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
 
 def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     numbers = iter(range(1, total + 1))
-
-    def say(text: str) -> None:
-        if progress is not None:
-            progress(next(numbers), total, text)
-
-    return say
+    return lambda text: None if progress is None else progress(next(numbers), total, text)
 
 
 def _test_all(
@@ -244,10 +237,7 @@ def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData)
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
-    """A load of stages in kW by the identification's capacities, so that the loads of all models can be compared.
-
-    Temperatures do not determine the scale of a network, and a model may bend the heat of a stage.
-    """
+    """A load of stages in kW by the identification's capacities, since other models have no certain scale."""
     stages = _plant_roles(rows)
     if not stages or any(role.startswith("Q_") for role in stages):
         return load

@@ -15,8 +15,7 @@ import pandas as pd
 
 from .._table import ROLES, role_of
 
-#: `[forecaster] model` of the default HybridPredictor, the schedule model
-SCHEDULE = "schedule"
+SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification
 ESTIMATORS = {
     "conventional": "GrayBoxRC",

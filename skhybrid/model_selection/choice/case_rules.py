@@ -100,12 +100,8 @@ def select_case(
 
     Raises
     ------
-    ImportError
-        If PyMC is not installed.
     ValueError
         If a column is missing, no row has a case, or no case has two sizes.
-    RuntimeError
-        If chains are bad.
     """
     if not 0.5 < level < 1.0:
         raise ValueError(f"level={level!r} is not between 0.5 and 1.")
@@ -118,24 +114,20 @@ def select_case(
     if (overview["n_sizes"] < 2).all():
         raise ValueError("every case of results has one size; robustness needs cases with several.")
     sampler: dict[str, Any] = {"draws": draws, "tune": tune, "chains": chains, "random_state": random_state}
-    regression = _regression(candidates, overview, tuple(cases), best_sizes, group, sampler)
+    regression = _regression(candidates, overview, cases=tuple(cases), best_sizes=best_sizes, group=group, **sampler)
     kept, demanded, reasons = _with_helpful_ingredients(overview, regression, level)
     robust = RobustnessComparison(by=_BY, level=level, **sampler).fit(candidates[_keys(candidates).isin(kept)])
     chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
     baselines = _baselines(table[~is_case], robust, chosen, level)
     sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
-    shown = _table(overview, baselines, robust, demanded, chosen)
-    picked = overview.loc[chosen]
+    identity: dict[str, Any] = {part: str(overview[part][chosen]) for part in _IDENTITY}
     return CaseChoice(
-        name=str(picked["name"]),
-        framework=str(picked["framework"]),
-        case=str(picked["case"]),
-        disturbance=str(picked["disturbance"]),
+        **identity,
         size=_size(candidates[_keys(candidates) == chosen]),
         median=float(overview["median"][chosen]),
         reasons=(*reasons, *rules, last),
         sufficient_baseline=sufficient,
-        table=shown,
+        table=_table(overview, baselines, robust, demanded, chosen),
         expressiveness=regression,
         robustness=robust,
     )
@@ -170,20 +162,12 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _regression(
-    candidates: pd.DataFrame,
-    overview: pd.DataFrame,
-    cases: tuple[ModelCase, ...],
-    best_sizes: int | None,
-    group: str | Sequence[str] | None,
-    sampler: dict[str, Any],
-) -> PatternExpressiveness | None:
+def _regression(candidates: pd.DataFrame, overview: pd.DataFrame, **settings: Any) -> PatternExpressiveness | None:
     if len(overview[["framework", "time", "pattern", "past-w", "future-w", "ID"]].drop_duplicates()) == 1:
         return None
-    if best_sizes == 1:
-        group = None  # with one row per case there are no groups
-    regression = PatternExpressiveness(cases=cases, best_sizes=best_sizes, group=group, **sampler)
-    return regression.fit(candidates)
+    if settings["best_sizes"] == 1:
+        settings["group"] = None  # with one row per case there are no groups
+    return PatternExpressiveness(**settings).fit(candidates)
 
 
 def _with_helpful_ingredients(
