@@ -11,7 +11,7 @@ import pandas as pd
 from _study_plan import Split, gray_box
 
 from skhybrid import ARXRegressor, HybridPredictor
-from skhybrid.model_selection.scorers import MeasuredRmse
+from skhybrid.model_selection.search.tasks import MeasuredRmse
 
 #: simple enough that a network must beat them; the package's default is shown too, but is not simple
 SIMPLE = ("ridge", "profile", "last_week", "persistence", "arx")

@@ -13,8 +13,8 @@ from skhybrid.datasets import make_office
 from skhybrid.identification import make_state_space
 from skhybrid.model_selection import RollingOriginSplit, compare_models
 from skhybrid.model_selection.assessment import hold_out, log_density
-from skhybrid.model_selection.nested import likelihood_ratio, nesting
-from skhybrid.model_selection.splitters import default_blocks
+from skhybrid.model_selection.recommendation import likelihood_ratio, nesting
+from skhybrid.model_selection.splitters import default_split
 
 SMALL = {"C_w": 6.0, "C_za": 1.0, "R_zw": 1.5, "R_zo": 6.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
 
@@ -211,9 +211,10 @@ def test_log_density_adds_what_was_measured():
 
 
 def test_test_blocks_are_a_sixth_in_whole_days(office):
-    assert default_blocks(make_office(n_days=14, random_state=0).X, "1D") == (10 * 96, 2 * 96)
-    assert default_blocks(office.X, "1D") == (4 * 96, 2 * 96)
-    assert default_blocks(office.X[: 5 * 96], "1D") is None
+    for X, n_train in ((make_office(n_days=14, random_state=0).X, 10 * 96), (office.X, 4 * 96)):
+        found = default_split(X, "1D")
+        assert (found.train, found.test, found.n_splits, found.expanding) == (n_train, 2 * 96, 2, True)
+    assert default_split(office.X[: 5 * 96], "1D") is None
 
 
 def test_wrong_settings_are_refused(office):

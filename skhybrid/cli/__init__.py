@@ -13,8 +13,7 @@ from ._output import DONE, FAILED, STOPPED, one_line, report_error, stop_on_sign
 
 __all__ = ["main"]
 
-#: one module per command, each with ``add_parser(commands)`` and ``execute(arguments)``
-_COMMANDS = (demo, run)
+_COMMANDS = (demo, run)  # one module per command, each with ``add_parser(commands)`` and ``execute(arguments)``
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -9,8 +9,7 @@ import time
 from typing import Any
 
 DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
-#: signals received so far
-_received: list[int] = []
+_received: list[int] = []  # signals received so far
 
 
 class Progress:

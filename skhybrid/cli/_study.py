@@ -14,10 +14,7 @@ from ._output import DONE, Progress, one_line
 def study_to_folder(
     settings: Settings, data: StudyData, out: Path, progress: Progress, heat_gain: pd.Series | None = None
 ) -> int:
-    """Run a study, write its files to a folder, print the comparison, and return the exit code.
-
-    The report shows the true internal gains ``heat_gain`` [kW] where they are known.
-    """
+    """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
     _refuse_unwritable(out)
     result = run_study(settings, data, progress)
     written = write_outputs(result, out, truth=None if heat_gain is None else heat_gain.reindex(result.zeta.index))

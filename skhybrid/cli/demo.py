@@ -9,8 +9,7 @@ from typing import Any
 from ._output import Progress, add_quiet
 
 _NAME = "Small office, Chicago (EnergyPlus)"
-#: last day of the log that is used, the day after the tested weeks
-_END = "2018-11-12"
+_END = "2018-11-12"  # last day of the log that is used, the day after the tested weeks
 _SPANS = {"train": {"start": "2018-09-03", "end": "2018-10-14"}, "test": {"start": "2018-10-22", "end": "2018-11-11"}}
 _QUICK_SPANS = {
     "train": {"start": "2018-09-24", "end": "2018-10-14"},

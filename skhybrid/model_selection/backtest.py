@@ -16,7 +16,6 @@ from ..forecasting.quantiles import quantile_columns
 from .single_reading import read_once, reading_of, takes_tables
 
 _DAY = pd.Timedelta("1D")
-_COLUMNS = ("origin", "lead", "time", "y_true", "y_pred")
 
 
 def backtest(
@@ -41,7 +40,6 @@ def backtest(
     y : Series or array-like of shape (n_samples,)
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
-        How far ahead.
     origin_step : timedelta-like, default="1D"
         Distance of the origins.  If it is a whole number of days or divides a day, origins are counted from the
         first local midnight, by the wall clock; any other step, such as ``"25h"``, is counted from the first row.
@@ -85,14 +83,14 @@ def backtest(
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
         paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
-    columns = (
-        stamps[np.repeat(origins, n_leads)],
-        pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
-        stamps[rows.ravel()],
-        truth[rows.ravel()],
-        np.asarray(paths, dtype=np.float64).ravel(),
-    )
-    frame = pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+    columns = {
+        "origin": stamps[np.repeat(origins, n_leads)],
+        "lead": pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
+        "time": stamps[rows.ravel()],
+        "y_true": truth[rows.ravel()],
+        "y_pred": np.asarray(paths, dtype=np.float64).ravel(),
+    }
+    frame = pd.DataFrame(columns)
     if quantiles is None:
         return frame
     if not hasattr(forecaster, "predict_quantiles_from"):
@@ -121,15 +119,10 @@ def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd
     error = (frame["y_pred"] - frame["y_true"]).rename("error")
     if by is None:
         known = error.dropna().to_numpy()
-        return pd.Series(_errors(known) | {"n": len(known)})
-    groups = error.groupby(frame[by])
-    return pd.DataFrame(
-        {
-            "rmse": (error**2).groupby(frame[by]).mean() ** 0.5,
-            "mae": error.abs().groupby(frame[by]).mean(),
-            "n": groups.count(),
-        }
-    )
+        rmse, mae = (np.sqrt(np.mean(known**2)), np.mean(np.abs(known))) if len(known) else (np.nan, np.nan)
+        return pd.Series({"rmse": rmse, "mae": mae, "n": len(known)})
+    means = pd.DataFrame({"rmse": error**2, "mae": error.abs()}).groupby(frame[by]).mean()
+    return means.assign(rmse=means["rmse"] ** 0.5, n=error.groupby(frame[by]).count())
 
 
 def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataFrame:
@@ -170,12 +163,6 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     keys = frame[by] if isinstance(by, str) else pd.Series(np.asarray(by), index=frame.index)
     groups = scores.groupby(keys[known])
     return groups.mean().assign(n=groups.size())
-
-
-def _errors(error: np.ndarray) -> dict[str, float]:
-    if not len(error):
-        return {"rmse": np.nan, "mae": np.nan}
-    return {"rmse": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error)))}
 
 
 def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:

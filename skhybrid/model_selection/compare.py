@@ -14,7 +14,7 @@ from joblib import Parallel, delayed
 from ..identification import Diagnostics
 from .assessment import assess
 from .recommendation import FORMATS, comparison_table, likelihood_ratio_tests, ranked, recommend
-from .splitters import RollingOriginSplit, default_blocks
+from .splitters import default_split
 
 _PURPOSES = ("parameters", "forecast")
 
@@ -36,10 +36,8 @@ class ModelComparison:
         ``p_value`` of the likelihood ratio, and whether the errors of both are ``white``, as it presumes.
     recommended : str or None
         Name of the recommended model; None where all failed.
-    reason : str
-        Why it is recommended.
-    errors : dict of name to str
-        Why a model, or a part of its assessment, failed.
+    reason : str, why it is recommended
+    errors : dict of name to str, why a model, or a part of its assessment, failed
     estimators : dict of name to fitted estimator
     diagnostics : dict of name to Diagnostics
     """
@@ -84,7 +82,7 @@ def compare_models(
     level: float = 0.05,
     n_jobs: int | None = None,
 ) -> ModelComparison:
-    """Fit identifications on the same rows, compare them and recommend one.
+    """Fit identifications on the same rows, compare them and recommend one; a model that fails stops no other.
 
     Parameters
     ----------
@@ -107,11 +105,6 @@ def compare_models(
     n_jobs : int, optional
         Number of models assessed in parallel; it changes nothing but ``seconds``.
 
-    Returns
-    -------
-    ModelComparison
-        A model that fails is named in ``errors`` and does not stop the others.
-
     Raises
     ------
     ValueError
@@ -121,21 +114,15 @@ def compare_models(
     -----
     *Likelihood.*  The log density of the errors of each model's own predictor, ``innovations``, as independent normal
     with the model's own standard deviations, over the rows that all models predict.  CONV does not predict one step
-    ahead: its density assumes white noise around its simulation, which unmeasured heat violates and so lowers.  The
-    densities of several measured temperatures are added as if they were independent.
+    ahead: its density assumes white noise around its simulation, which unmeasured heat violates and so lowers.
 
     *Parameters.*  All parameters of the network and of the disturbance that are not known, the variance of the errors,
-    and every cell of a weekly profile.  Since a profile is smooth, AIC and BIC penalise it too much; the held-out
-    columns need no such count.
+    and every cell of a weekly profile, which AIC and BIC penalise too much since it is smooth.
 
     *Likelihood ratio.*  For pairs of the same class and settings where the smaller network is the larger one without
-    some resistors (infinite resistances), or the smaller one has more parameters ``known``.  An infinite resistance is
-    at the edge of its range, so that the statistic for one resistor is 0 half of the time: a mixture of chi-squares
-    (Self and Liang, 1987), binomial for several.  The test presumes white errors, and is conservative if the upper
-    bound of the resistance (``bounds=``) is far from infinity.
-
-    *Held out.*  A model fitted on a training block predicts the rows after it, one step ahead or from origins in the
-    test block, and reads no measurement after the row or the origin from which it predicts.
+    some resistors, or has more parameters ``known``.  An infinite resistance is at the edge of its range, so that the
+    statistic for one resistor is 0 half of the time: a mixture of chi-squares (Self and Liang, 1987), binomial for
+    several.  The test presumes white errors, and is conservative if the upper bound of the resistance is low.
 
     Examples
     --------
@@ -151,7 +138,8 @@ def compare_models(
     candidates = _named(estimators)
     if purpose not in _PURPOSES:
         raise ValueError(f"purpose={purpose!r} is neither 'parameters' nor 'forecast'.")
-    splits = _splits(cv, X, horizon)
+    splitter = default_split(X, horizon) if cv is None else cv
+    splits = [] if splitter is None else list(splitter.split(X))
     found = Parallel(n_jobs=n_jobs)(
         delayed(assess)(estimator, X, y, splits, horizon, origin_step) for estimator in candidates.values()
     )
@@ -165,15 +153,9 @@ def compare_models(
     tests = likelihood_ratio_tests(fitted, table)
     name, reason = recommend(fitted, table, tests, purpose, level)
     table = table.loc[[name, *(other for other in ranked(table, purpose) if other != name)]]
-    return ModelComparison(
-        table,
-        tests,
-        name,
-        reason,
-        errors,
-        {name: one.estimator for name, one in fitted.items()},
-        {name: one.diagnostics for name, one in fitted.items() if one.diagnostics is not None},
-    )
+    models = {name: one.estimator for name, one in fitted.items()}
+    diagnostics = {name: one.diagnostics for name, one in fitted.items() if one.diagnostics is not None}
+    return ModelComparison(table, tests, name, reason, errors, models, diagnostics)
 
 
 def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
@@ -190,13 +172,3 @@ def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     if not out:
         raise ValueError("there is no estimator to compare: pass at least one.")
     return out
-
-
-def _splits(cv: Any, X: Any, horizon: Any) -> list[tuple[np.ndarray, np.ndarray]]:
-    if cv is not None:
-        return list(cv.split(X))
-    blocks = default_blocks(X, horizon)
-    if blocks is None:
-        return []
-    train, test = blocks
-    return list(RollingOriginSplit(train=train, test=test, n_splits=2, expanding=True).split(X))

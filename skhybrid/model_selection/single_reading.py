@@ -14,10 +14,9 @@ from .._table import read_table
 
 
 def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time: Any = None, fits: bool = True) -> Any:
-    """A frame with time stamps as read by the data contract, for all estimators that take its columns in the same way.
+    """A frame with time stamps as read by the data contract, or X itself where it cannot be read.
 
-    X itself where it cannot be read: the estimator may need less of it, or says what is wrong with it.  Unlikely units
-    are worth a warning only where an estimator ``fits`` on these rows.
+    Unlikely units are worth a warning only where an estimator ``fits`` on these rows.
     """
     if not isinstance(X, pd.DataFrame) or not isinstance(X.index, pd.DatetimeIndex):
         return X

@@ -62,18 +62,13 @@ class RollingOriginSplit(BaseCrossValidator):
         self.expanding = expanding
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Row numbers of every split, in time order.
+        """Consecutive row numbers (train, test) of every split, in time order.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; its ``DatetimeIndex`` gives the sampling time where it has one.
         y, groups : ignored
-
-        Yields
-        ------
-        train, test : ndarray of int
-            Consecutive row numbers.
 
         Raises
         ------
@@ -91,12 +86,8 @@ class RollingOriginSplit(BaseCrossValidator):
 
         Parameters
         ----------
-        X : DataFrame or array-like, optional
-        y, groups : ignored
-
-        Returns
-        -------
-        int
+        X, y, groups : optional
+            Only the length of X counts.
         """
         if X is not None:
             return len(self._first_rows(X))
@@ -148,8 +139,8 @@ def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int
     return rows_of(length, sampling, name)
 
 
-def default_blocks(X: Any, horizon: Any) -> tuple[int, int] | None:
-    """Rows of a training block and of each of the two test blocks after it: a sixth of the table, in whole days.
+def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
+    """Two test blocks at the end, each a sixth of the table in whole days, and all rows before a block as training.
 
     None where the table is too short for test blocks of a day and a horizon and two days of training.
     """
@@ -157,4 +148,4 @@ def default_blocks(X: Any, horizon: Any) -> tuple[int, int] | None:
     day = rows_of("1D", sampling, "a day")
     n_test = max(n_rows // 6 // day * day, day + rows_of(horizon, sampling))
     n_train = n_rows - 2 * n_test
-    return (n_train, n_test) if n_train >= 2 * day else None
+    return RollingOriginSplit(n_train, n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None

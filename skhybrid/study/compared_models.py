@@ -19,8 +19,7 @@ from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
 
-#: label of the model whose forecast is shown
-HYBRID = "hybrid"
+HYBRID = "hybrid"  # label of the model whose forecast is shown
 #: baselines of the disturbance in the two-stage scheme: label and note
 _TWO_STAGE = {
     "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),
@@ -28,8 +27,7 @@ _TWO_STAGE = {
     "last_week": ("hybrid, two-stage (last_week)", "disturbance = that of a week before"),
     "persistence": ("hybrid, two-stage (persistence)", "disturbance stays as it is"),
 }
-#: network of the identifications where the settings name none
-_IDENTIFIED_NETWORK = "2R2C"
+_IDENTIFIED_NETWORK = "2R2C"  # network of the identifications where the settings name none
 
 
 class StudyModel(NamedTuple):
@@ -37,11 +35,9 @@ class StudyModel(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        Its name in tables and pictures.
+    label : str, its name in tables and pictures
     estimator : estimator, not fitted
-    note : str
-        What it is, in a few words.
+    note : str, what it is, in a few words
     """
 
     label: str
@@ -50,10 +46,7 @@ class StudyModel(NamedTuple):
 
 
 class Yesterday(RegressorMixin, BaseEstimator):
-    """Forecast the temperature that was measured 24 hours before.
-
-    Nothing is learned; the last known day is repeated as far as the horizon reaches.
-    """
+    """Forecast the temperature of 24 hours before; the last known day is repeated as far as the horizon reaches."""
 
     def fit(self, X: pd.DataFrame, y: Any = None) -> Yesterday:
         """Keep the mean temperature, the forecast where there is no day before.
@@ -63,29 +56,19 @@ class Yesterday(RegressorMixin, BaseEstimator):
         X : DataFrame of shape (n_samples, n_features)
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; by default ``T_za`` of X.
-
-        Returns
-        -------
-        self
         """
         self.mean_ = float(np.nanmean(np.asarray(X["T_za"] if y is None else y, dtype=np.float64)))
         return self
 
     def predict_from(self, X: pd.DataFrame, origins: Any, horizon: Any = "1D") -> np.ndarray:
-        """Forecast the rows after each of the given origins.
+        """Forecasts [degC] (n_origins, n_leads) of the rows after each of the given origins.
 
         Parameters
         ----------
         X : DataFrame of shape (n_samples, n_features)
             Consecutive rows with a DatetimeIndex and ``T_za``, which is read up to each origin.
-        origins : sequence of int
-            Row numbers of X.
+        origins : sequence of int, row numbers of X
         horizon : timedelta-like, default="1D"
-
-        Returns
-        -------
-        ndarray of shape (n_origins, n_leads)
-            Temperatures [degC].
         """
         check_is_fitted(self)
         step = X.index[1] - X.index[0]
@@ -103,10 +86,6 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     settings : Settings
     memory : str or joblib.Memory, optional
         Where the identification that the two-stage models share is kept, so that it is run once.
-
-    Returns
-    -------
-    list of StudyModel
     """
     given = make_forecaster(settings)
     made = [
@@ -124,10 +103,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
 
 
 def identified_by(settings: Settings) -> str:
-    """Label of the model whose identification describes the building.
-
-    It is the hybrid, or, since the schedule model identifies no building, the two-stage model with ridge.
-    """
+    """Label of the model that identifies the building: the hybrid, or with the schedule model two-stage ridge."""
     return _TWO_STAGE["ridge"][0] if make_forecaster(settings) is None else HYBRID
 
 
@@ -183,10 +159,7 @@ def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
 
 
 def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
-    """The network of the ``[network]`` table: one of the catalogue, or a declared one.
-
-    In ``solar`` and ``heated``, ``"rest"`` marks the node that gets the remaining share.
-    """
+    """The network of the catalogue that ``[network]`` names, or a declared one; ``"rest"`` is the remaining share."""
     if "capacitances" not in given:
         if set(given) - {"name"}:
             raise ValueError("[network] declares a network without capacitances; give them, or only a name.")

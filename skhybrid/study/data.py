@@ -15,16 +15,13 @@ from ..datasets import read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
 from .settings import Settings
 
-#: column of the set-point in a log, which has no role
-SETPOINT = "setpoint"
+SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
-#: least history for a forecast of the next day: the longest lag of any forecaster
-_HISTORY = pd.Timedelta("14D")
+_HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
 #: missing T_za at the end of a log is a failed sensor if shorter than this, else the next day
 _SHORTEST_FUTURE = pd.Timedelta("1h")
-#: a temperature that does not change for this long comes from a stuck sensor
-_STANDSTILL = pd.Timedelta("1D")
+_STANDSTILL = pd.Timedelta("1D")  # a temperature that does not change for this long comes from a stuck sensor
 
 
 class StudyData(NamedTuple):
@@ -32,18 +29,12 @@ class StudyData(NamedTuple):
 
     Parameters
     ----------
-    train : DataFrame
-        Rows to fit on.
-    later : DataFrame
-        Rows after the training rows, to the end of the test rows.
-    test_start : Timestamp
-        First stamp of the test rows in ``later``.
-    history, future : DataFrame
-        Rows before the next day, and the next day, with ``T_za`` as far as it was measured.
-    setpoint : Series
-        Temperature to hold [degC], over history and future.
-    held_out : bool
-        Whether the next day is the last day of the log, and so was measured.
+    train : DataFrame, rows to fit on
+    later : DataFrame, rows after the training rows, to the end of the test rows
+    test_start : Timestamp, first stamp of the test rows in ``later``
+    history, future : DataFrame, rows before the next day, and the next day, with ``T_za`` as far as it was measured
+    setpoint : Series, temperature to hold [degC], over history and future
+    held_out : bool, whether the next day is the last day of the log, and so was measured
     """
 
     train: pd.DataFrame
@@ -56,20 +47,12 @@ class StudyData(NamedTuple):
 
 
 def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
-    """Read a log by its settings.
+    """Read a log by its settings: one column per role at an even step, and a report of what was filled or dropped.
 
     Parameters
     ----------
-    path : path-like
-        CSV file.
+    path : path-like, CSV file
     settings : Settings
-
-    Returns
-    -------
-    frame : DataFrame
-        One column per role, at an even step.
-    report : str
-        What was sorted, dropped, filled and left missing.
 
     Raises
     ------
@@ -102,17 +85,13 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """Split a log into training rows, test rows and the next day.
 
+    If the log ends with rows without ``T_za``, these are the next day; else the last whole local day is held out as the
+    next day.  With a site, there are columns for the irradiance on its facades.
+
     Parameters
     ----------
-    frame : DataFrame
-        One column per role, at an even step, and ``setpoint`` where the log has it.
+    frame : DataFrame, one column per role, at an even step, and ``setpoint`` where the log has it
     settings : Settings
-
-    Returns
-    -------
-    StudyData
-        If the log ends with rows without ``T_za``, these are the next day; else the last whole local day is held out
-        as the next day.  With a site, there are columns for the irradiance on its facades.
 
     Raises
     ------
@@ -125,9 +104,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
     frame = frame.iloc[complete[0] : complete[-1] + 1]
     if settings.site:
-        frame = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES).fit_transform(
-            frame
-        )
+        facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
+        frame = facades.fit_transform(frame)
         inputs = _inputs(frame)
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     if not len(known):
@@ -140,13 +118,14 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         )
     roles = frame[[*inputs, "T_za"]]
     later = roles.loc[train.index[-1] : test.index[-1]].iloc[1:]
+    before = later.loc[later.index < test.index[0]]
     begin, end, held_out = _next_day(frame, measured.index[-1], pd.Timedelta(settings.horizon))
     earliest = min(train.index[-1], begin - _HISTORY)
     history = _unbroken(roles.loc[earliest:begin].iloc[1:-1])
     future = roles.loc[begin:end]
     return StudyData(
         roles.loc[train.index[0] : train.index[-1]],
-        _from_gap(later, test.index[0]),
+        later.iloc[len(before) - len(_unbroken(before)) :],  # a missing input in the test itself is refused later
         test.index[0],
         history,
         future,
@@ -176,9 +155,8 @@ def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.Da
         days = pd.DatetimeIndex(frame.index).normalize().unique()
         cut = days[max(1, round(len(days) * 2 / 3)) - 1] if len(days) > 1 else days[0]
         train["end"] = cut.date()
-    first = _rows(frame, train, "train") if "end" in train else None
-    if first is None:
-        first = _rows(frame, train, "train")
+    first = _rows(frame, train, "train")
+    if "end" not in train:
         first = first.loc[first.index < _stamp(test["start"], frame.index)]
     second = _rows(frame, test, "test")
     if "start" not in test:
@@ -231,12 +209,6 @@ def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows after the last one with a missing input."""
     broken = np.flatnonzero(_inputs(rows).isna().any(axis=1).to_numpy())
     return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
-
-
-def _from_gap(later: pd.DataFrame, test_start: pd.Timestamp) -> pd.DataFrame:
-    """The rows without those before a missing input; a missing input in the test itself is refused later."""
-    before = later.loc[later.index < test_start]
-    return later.iloc[len(before) - len(_unbroken(before)) :]
 
 
 def _setpoint(frame: pd.DataFrame, load: Mapping[str, Any], history: pd.DataFrame, future: pd.DataFrame) -> pd.Series:

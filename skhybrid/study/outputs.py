@@ -22,12 +22,7 @@ def format_table(table: pd.DataFrame) -> str:
 
     Parameters
     ----------
-    table : DataFrame
-        As in :class:`StudyResult`.
-
-    Returns
-    -------
-    str
+    table : DataFrame, as in :class:`StudyResult`
     """
     width = max(len(str(name)) for name in table.index) + 2
     lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]", "-" * (width + 46)]
@@ -41,20 +36,13 @@ def format_table(table: pd.DataFrame) -> str:
 
 
 def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd.Series | None = None) -> list[Path]:
-    """Write all results of a study; no file is ever half written.
+    """Write tables, metrics, model, report and picture of a study, none ever half written; return their paths.
 
     Parameters
     ----------
     result : StudyResult
-    folder : path-like
-        Created if it does not exist.
-    truth : Series, optional
-        True unmeasured heat [kW] at the stamps of the training rows, for the report.
-
-    Returns
-    -------
-    list of Path
-        Tables of the forecast, the back-tests and the parameters, metrics, the model, the report and its picture.
+    folder : path-like, created if it does not exist
+    truth : Series, optional, true unmeasured heat [kW] at the stamps of the training rows, for the report
     """
     out = Path(folder)
     _write_csv(result.forecast, out / "forecast.csv")
@@ -81,16 +69,11 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
     )
     ordered = {name: result.frames[name] for name in [HYBRID, *result.table.index.drop(HYBRID)]}
     study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
-    names = (
-        "forecast.csv",
-        "backtest.csv",
-        "parameters.csv",
-        "metrics.json",
-        "model.skops",
-        "report.html",
-        "forecast.png",
+    tables, others = (
+        ("forecast", "backtest", "parameters"),
+        ("metrics.json", "model.skops", "report.html", "forecast.png"),
     )
-    return [out / name for name in names]
+    return [*(out / f"{name}.csv" for name in tables), *(out / name for name in others)]
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:

@@ -24,27 +24,18 @@ _HINTS: tuple[tuple[str, str], ...] = (
     ("u_heat", r"^u_heat|heat_?cmd|heat.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*heat|boiler|furnace"),
     ("u_cool", r"^u_cool|cool_?cmd|cool.*(stage|cmd|run|valve|duty)|(stage|cmd|run|valve|duty).*cool|compressor"),
 )
-#: longest gap of an input inside the proposed spans; shorter ones are filled
-_LONGEST_GAP = pd.Timedelta("1h")
-#: fewest days to train and test on
-_SHORTEST_LOG = 4
-#: steps to choose from; each divides a day
-_STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))
+_LONGEST_GAP = pd.Timedelta("1h")  # longest gap of an input inside the proposed spans; shorter ones are filled
+_SHORTEST_LOG = 4  # fewest days to train and test on
+_STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
 _NEVER = re.compile(r"set|truth|humid|target|number|co2|occup|people", re.IGNORECASE)
 
 
 def propose_settings(log: str | PathLike[str]) -> str:
-    """Propose a configuration from the columns of a log.
+    """Propose a configuration from the columns of a log, as TOML with comments on what to check.
 
     Parameters
     ----------
-    log : path-like
-        CSV file with one header line.
-
-    Returns
-    -------
-    str
-        TOML with comments on what to check.
+    log : path-like, CSV file with one header line
 
     Raises
     ------

@@ -20,10 +20,8 @@ from .compared_models import HYBRID, StudyModel, identified_by, make_models
 from .data import StudyData, standstill
 from .settings import Settings
 
-#: quantiles of the intervals that are shown: 80 % lie between them
-INTERVAL = (0.1, 0.9)
-#: called before every step with its number, the number of steps and a text
-Progress = Callable[[int, int, str], None]
+INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
+Progress = Callable[[int, int, str], None]  # called before every step with its number, the number of steps and a text
 
 
 @dataclass
@@ -34,8 +32,7 @@ class StudyResult:
     ----------
     settings : Settings
     data : StudyData
-    model : fitted HybridPredictor
-        The model whose forecast is shown.
+    model : fitted HybridPredictor, the model whose forecast is shown
     identification : fitted estimator
         The identification whose parameters describe the building: the model's own, or with the schedule model that of
         the two-stage model next to it.
@@ -43,14 +40,11 @@ class StudyResult:
         Back-tests; the hybrid's with the quantiles of :data:`INTERVAL` where there are intervals.
     table : DataFrame
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
-    forecast : DataFrame
-        The next day.
-    zeta : Series
-        Disturbance of the training rows as the identification estimates it [kW].
+    forecast : DataFrame, the next day
+    zeta : Series, disturbance of the training rows as the identification estimates it [kW]
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
-    warnings : list of str
-        All warnings, each once.
+    warnings : list of str, all warnings, each once
     seconds : float
     """
 
@@ -107,12 +101,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     ----------
     settings : Settings
     data : StudyData
-    progress : callable, optional
-        Called with (number, total, text) before every step.
-
-    Returns
-    -------
-    StudyResult
+    progress : callable, optional, called with (number, total, text) before every step
 
     Raises
     ------
@@ -152,12 +141,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
 
 def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     numbers = iter(range(1, total + 1))
-
-    def say(text: str) -> None:
-        if progress is not None:
-            progress(next(numbers), total, text)
-
-    return say
+    return lambda text: None if progress is None else progress(next(numbers), total, text)
 
 
 def _test_all(
@@ -253,10 +237,7 @@ def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData)
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
-    """A load of stages in kW by the identification's capacities, so that the loads of all models can be compared.
-
-    Temperatures do not determine the scale of a network, and a model may bend the heat of a stage.
-    """
+    """A load of stages in kW by the identification's capacities, since other models have no certain scale."""
     stages = _plant_roles(rows)
     if not stages or any(role.startswith("Q_") for role in stages):
         return load

@@ -15,8 +15,7 @@ import pandas as pd
 
 from .._table import ROLES, role_of
 
-#: `[forecaster] model` of the default HybridPredictor, the schedule model
-SCHEDULE = "schedule"
+SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification
 ESTIMATORS = {
     "conventional": "GrayBoxRC",
@@ -36,26 +35,18 @@ class Settings:
 
     Parameters
     ----------
-    name : str
-        Name of the zone, for the report.
-    timezone : str, optional
-        Local time zone, such as ``"Europe/Amsterdam"``.
-    label : {"left", "right"}
-        Whether a row is stamped with the start or the end of its step.
+    name : str, name of the zone, for the report
+    timezone : str, optional, local time zone, such as ``"Europe/Amsterdam"``
+    label : {"left", "right"}, whether a row is stamped with the start or the end of its step
     time_column, dayfirst, sep, decimal
         Format of stamps and cells in the log, as for :func:`skhybrid.datasets.read_zone_csv`.
-    step : str
-        Sampling time to which the log is resampled.
-    horizon, origin_step : str
-        How far ahead the back-test forecasts, and the distance of its origins.
-    random_state : int
-        Seed of the random starts.
+    step : str, sampling time to which the log is resampled
+    horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
+    random_state : int, seed of the random starts
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.
-    units : mapping of role to unit
-        Units of columns, where they are not those of the data contract.
-    scale : mapping of role to number
-        Factors on columns, applied after the units.
+    units : mapping of role to unit, units of columns, where they are not those of the data contract
+    scale : mapping of role to number, factors on columns, applied after the units
     network : mapping
         ``name`` of the catalogue, or a declaration as for :class:`skhybrid.thermal.RCNetwork`; by default the
         identifications take 2R2C and the hybrid the network of :class:`skhybrid.HybridPredictor`.
@@ -65,10 +56,8 @@ class Settings:
         ``model``: ``"schedule"`` is the default of :class:`skhybrid.HybridPredictor`, which takes from the estimator's
         settings only the capacities in ``known``; with any other model the hybrid is the two-stage scheme, and these
         are parameters of :class:`skhybrid.forecasting.DisturbanceForecaster`.
-    train, test : mapping
-        ``start`` and ``end`` (a whole day where no time is given).
-    load : mapping
-        ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log.
+    train, test : mapping, ``start`` and ``end`` (a whole day where no time is given)
+    load : mapping, ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log
     site : mapping
         ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
         the schedule model and for ARX.
@@ -126,10 +115,6 @@ def read_settings(path: str | PathLike[str]) -> Settings:
     ----------
     path : path-like
 
-    Returns
-    -------
-    Settings
-
     Raises
     ------
     FileNotFoundError, ValueError
@@ -153,12 +138,7 @@ def settings_from(content: Mapping[str, Any]) -> Settings:
 
     Parameters
     ----------
-    content : mapping
-        With the fields of :class:`Settings` as keys.
-
-    Returns
-    -------
-    Settings
+    content : mapping, with the fields of :class:`Settings` as keys
 
     Raises
     ------

@@ -30,16 +30,11 @@ class CaseChoice:
 
     Attributes
     ----------
-    name : str
-        The case in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``.
-    framework, case, disturbance : str
-        The parts of the name.
-    size : dict
-        Size of its best candidate, by parameter.
-    median : float
-        Median error of the case over its sizes [K].
-    reasons : tuple of str
-        One sentence per rule, in the order in which they were applied.
+    name : str, the case in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``
+    framework, case, disturbance : str, the parts of the name
+    size : dict, size of its best candidate, by parameter
+    median : float, median error of the case over its sizes [K]
+    reasons : tuple of str, one sentence per rule, in the order in which they were applied
     sufficient_baseline : str or None
         Baseline with the lowest error among those that the choice does not beat; None if it beats them all.
     table : DataFrame
@@ -48,8 +43,7 @@ class CaseChoice:
         case is better, for a baseline that the choice is better) and ``verdict``.
     expressiveness : PatternExpressiveness or None
         The regression; None if the cases do not differ in their ingredients.
-    robustness : RobustnessComparison
-        The comparison of the cases that have all helpful ingredients.
+    robustness : RobustnessComparison, the comparison of the cases that have all helpful ingredients
     """
 
     name: str
@@ -96,30 +90,18 @@ def select_case(
         One row per candidate: ``framework``, ``case``, ``disturbance``, ``name``, sizes and ``rmse`` [K], such as
         ``DesignMatrixSearchCV.results_``.  Rows without a case are baselines.  Candidates without an error are left
         out, with a warning.
-    cases : iterable of ModelCase, default=()
-        The caller's own cases in the table.
-    level : float, default=0.95
-        Probability from which an effect or a difference counts as shown.
+    cases : iterable of ModelCase, default=(), the caller's own cases in the table
+    level : float, default=0.95, probability from which an effect or a difference counts as shown
     best_sizes : int, optional
         Use only this many sizes of each case in the regression, the best ones; None uses all.
     group : str or sequence of str, optional
         As in :class:`PatternExpressiveness`; None is the paper's regression, which counts each size as an observation.
-    draws, tune, chains, random_state : int
-        Of both samplers.
-
-    Returns
-    -------
-    CaseChoice
-        Print it.
+    draws, tune, chains, random_state : int, of both samplers
 
     Raises
     ------
-    ImportError
-        If PyMC is not installed.
     ValueError
         If a column is missing, no row has a case, or no case has two sizes.
-    RuntimeError
-        If chains are bad.
     """
     if not 0.5 < level < 1.0:
         raise ValueError(f"level={level!r} is not between 0.5 and 1.")
@@ -132,24 +114,20 @@ def select_case(
     if (overview["n_sizes"] < 2).all():
         raise ValueError("every case of results has one size; robustness needs cases with several.")
     sampler: dict[str, Any] = {"draws": draws, "tune": tune, "chains": chains, "random_state": random_state}
-    regression = _regression(candidates, overview, tuple(cases), best_sizes, group, sampler)
+    regression = _regression(candidates, overview, cases=tuple(cases), best_sizes=best_sizes, group=group, **sampler)
     kept, demanded, reasons = _with_helpful_ingredients(overview, regression, level)
     robust = RobustnessComparison(by=_BY, level=level, **sampler).fit(candidates[_keys(candidates).isin(kept)])
     chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
     baselines = _baselines(table[~is_case], robust, chosen, level)
     sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
-    shown = _table(overview, baselines, robust, demanded, chosen)
-    picked = overview.loc[chosen]
+    identity: dict[str, Any] = {part: str(overview[part][chosen]) for part in _IDENTITY}
     return CaseChoice(
-        name=str(picked["name"]),
-        framework=str(picked["framework"]),
-        case=str(picked["case"]),
-        disturbance=str(picked["disturbance"]),
+        **identity,
         size=_size(candidates[_keys(candidates) == chosen]),
         median=float(overview["median"][chosen]),
         reasons=(*reasons, *rules, last),
         sufficient_baseline=sufficient,
-        table=shown,
+        table=_table(overview, baselines, robust, demanded, chosen),
         expressiveness=regression,
         robustness=robust,
     )
@@ -184,20 +162,12 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _regression(
-    candidates: pd.DataFrame,
-    overview: pd.DataFrame,
-    cases: tuple[ModelCase, ...],
-    best_sizes: int | None,
-    group: str | Sequence[str] | None,
-    sampler: dict[str, Any],
-) -> PatternExpressiveness | None:
+def _regression(candidates: pd.DataFrame, overview: pd.DataFrame, **settings: Any) -> PatternExpressiveness | None:
     if len(overview[["framework", "time", "pattern", "past-w", "future-w", "ID"]].drop_duplicates()) == 1:
         return None
-    if best_sizes == 1:
-        group = None  # with one row per case there are no groups
-    regression = PatternExpressiveness(cases=cases, best_sizes=best_sizes, group=group, **sampler)
-    return regression.fit(candidates)
+    if settings["best_sizes"] == 1:
+        settings["group"] = None  # with one row per case there are no groups
+    return PatternExpressiveness(**settings).fit(candidates)
 
 
 def _with_helpful_ingredients(

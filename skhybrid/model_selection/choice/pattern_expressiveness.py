@@ -10,14 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator
 
 from ...forecasting import ModelCase
-from ...identification.uncertainty.posterior import (
-    check_chains,
-    draw_without_divergence,
-    draws_index,
-    import_pymc,
-    refuse_bad_chains,
-    summarise_chains,
-)
+from ...identification.uncertainty import posterior
 from .regression_terms import RegressionTerms, build_terms
 from .results_table import finished
 
@@ -42,12 +35,10 @@ class PatternExpressiveness(BaseEstimator):
     cases : iterable of ModelCase, default=()
         The caller's own cases in the table; the paper's are known.
     best_sizes : int, optional
-        Use only this many candidates of each framework, case and disturbance, those with the lowest errors, so that
-        the errors of models too small for their task are not blamed on their ingredients.  By default all.
+        Use only this many candidates of each framework, case and disturbance, those with the lowest errors.
     group : str or sequence of str, optional
         Columns whose rows share an unexplained part of their error, such as ``("name", "disturbance")``.  By default
-        none, as in the paper: each size of a case counts as a separate observation.  The sizes of a case have the same
-        ingredients, so 36 sizes are not 36 experiments on these: without ``group`` the intervals are too narrow.
+        none, as in the paper: each size of a case counts as a separate observation, so intervals are too narrow.
     log : bool, default=False
         Regress log(rmse): ``exp(effect)`` is then the factor by which a term changes the error.
     prior_scale : float, default=10.0
@@ -69,12 +60,9 @@ class PatternExpressiveness(BaseEstimator):
         ``sigma_group`` where there are groups; index (``chain``, ``draw``).
     reference_ : dict of str to str
         Category that the terms of a column are compared with, such as ``{"framework": "mlp"}``.
-    left_out_ : dict of str to str
-        Terms whose effect cannot be estimated from the table, and why.
-    priors_ : dict of str to str
-        The priors as text.
-    n_candidates_ : int
-        Number of rows used.
+    left_out_ : dict of str to str, terms whose effect cannot be estimated from the table, and why
+    priors_ : dict of str to str, the priors as text
+    n_candidates_ : int, number of rows used
 
     Notes
     -----
@@ -82,9 +70,6 @@ class PatternExpressiveness(BaseEstimator):
     mean error) are ``Normal(0, prior_scale * sigma)``, ``sigma^2 ~ InverseGamma(1/2, s^2/2)`` with ``s`` the standard
     deviation of the errors: the conjugate normal-inverse-gamma, worth one observation.  With groups,
     ``sigma_group ~ HalfNormal(s)``, and effects are ``Normal(0, prior_scale * sqrt(sigma^2 + sigma_group^2))``.
-
-    *Limits.*  Without ``interactions`` each effect is an average over all else in the table.  With them, a main effect
-    is the effect where the other term is at its average.
     """
 
     def __init__(
@@ -126,17 +111,10 @@ class PatternExpressiveness(BaseEstimator):
             ``disturbance`` for ingredients, else the named ones.  Rows without a case (baselines) have no ingredients
             and are left out; so are candidates without an error, with a warning.
 
-        Returns
-        -------
-        PatternExpressiveness
-
         Raises
         ------
-        ImportError
-            If PyMC is not installed.
         ValueError
-            If a column, a case, a term or an interaction is unknown, an error is not positive, or there are fewer
-            candidates than terms.
+            If a name is unknown, an error is not positive, or there are fewer candidates than terms.
         RuntimeError
             If the chains disagree, have too few effective draws, or diverge even with small steps.
         """
@@ -149,11 +127,10 @@ class PatternExpressiveness(BaseEstimator):
             raise ValueError(f"all {len(y)} errors are equal; there is nothing to explain.")
         groups = self._groups(table, terms)
         draws, n_divergent = self._sample(terms, y, y_scale, groups)
-        summary = summarise_chains(draws, self.level)
-        refuse_bad_chains(summary, _ADVICE, n_divergent)
+        summary = posterior.summarise_chains(draws, self.level)
+        posterior.refuse_bad_chains(summary, _ADVICE, n_divergent)
         effects = summary.loc[list(terms.columns)]
-        reduces = (draws[list(terms.columns)] < 0.0).mean()
-        effects.insert(5, "probability_reduces", reduces)
+        effects.insert(5, "probability_reduces", (draws[list(terms.columns)] < 0.0).mean())
         self.draws_, self.summary_ = draws, effects
         self.reference_, self.left_out_ = terms.reference, terms.left_out
         self.n_candidates_ = len(y)
@@ -161,7 +138,7 @@ class PatternExpressiveness(BaseEstimator):
         return self
 
     def _check_parameters(self) -> None:
-        check_chains(self.chains)
+        posterior.check_chains(self.chains)
         if not 0.0 < self.level < 1.0:
             raise ValueError(f"level={self.level!r} is not between 0 and 1.")
         if not self.prior_scale > 0.0:
@@ -195,10 +172,10 @@ class PatternExpressiveness(BaseEstimator):
         X = np.column_stack([np.ones(len(y)), centred / scale])
         y_mean = float(y.mean())
         model, start = regression_model(X, y.to_numpy() - y_mean, y_scale, self.prior_scale, groups)
-        data, n_divergent = draw_without_divergence(
+        data, n_divergent = posterior.draw_without_divergence(
             model, start, draws=self.draws, tune=self.tune, chains=self.chains, random_state=self.random_state
         )
-        index = draws_index(self.chains, self.draws)
+        index = posterior.draws_index(self.chains, self.draws)
         drawn = {name: data.posterior[name].to_numpy().reshape(len(index), -1) for name in data.posterior}
         draws = pd.DataFrame(drawn["coefficients"][:, 1:] / scale.to_numpy(), index=index, columns=list(scale.index))
         draws["intercept"] = drawn["coefficients"][:, 0] + y_mean
@@ -214,11 +191,10 @@ def regression_model(
     """The PyMC model of Eq. regression, and the start of its chains.
 
     X (n_candidates, 1 + n_terms) is a column of ones and the standardised terms, y (n_candidates,) the errors less
-    their mean, and ``y_scale`` their standard deviation.  Likelihoods use sufficient statistics, so that an evaluation
-    costs the same for 100 candidates as for 13 000.  The unexplained part of each group is integrated out: deviations
-    from the group means have the variance ``variance``, the means themselves ``sigma_group^2 + variance / n``.
+    their mean, and ``y_scale`` their standard deviation.  The unexplained part of each group is integrated out:
+    deviations from the group means have the variance ``variance``, the means ``sigma_group^2 + variance / n``.
     """
-    pm = import_pymc()
+    pm = posterior.import_pymc()
     with pm.Model() as model:
         variance = pm.InverseGamma("variance", 0.5, 0.5 * y_scale**2)
         start = {"variance": y_scale**2, "coefficients": np.zeros(X.shape[1])}

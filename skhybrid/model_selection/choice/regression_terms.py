@@ -17,8 +17,7 @@ from .results_table import ingredients
 
 INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
 _SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
-#: a term is a combination of others if at most this share of it is independent of them
-_ALIASED = 1e-8
+_ALIASED = 1e-8  # a term is a combination of others if at most this share of it is independent of them
 
 
 class RegressionTerms(NamedTuple):
@@ -97,9 +96,8 @@ def _entry(table: pd.DataFrame, name: str) -> pd.DataFrame:
         raise ValueError(
             f"{name} is NaN in {int(column.isna().sum())} of {len(column)} candidates; pass the rows of one framework."
         )
-    if is_numeric_dtype(column) or is_bool_dtype(column):
-        return column.astype(float).to_frame(name)
-    if column.map(lambda value: isinstance(value, int | float)).all():  # numbers in a column of objects
+    in_objects = column.map(lambda value: isinstance(value, int | float)).all()
+    if in_objects or is_numeric_dtype(column) or is_bool_dtype(column):
         return column.astype(float).to_frame(name)
     as_text = column.astype(str)
     others = {one: framework_label(one) if name == "framework" else f"{name}={one}" for one in _categories(column)[1:]}

@@ -60,10 +60,7 @@ def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> Model
 
 
 def ingredients(results: pd.DataFrame, cases: Iterable[ModelCase] = ()) -> pd.DataFrame:
-    """``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID`` of each row, for the regression of paper 3.3.
-
-    Every row must have a ``framework``, a ``case`` and a kind of ``disturbance``.
-    """
+    """``time``, ``pattern`` [d], ``past-w``, ``future-w`` and ``ID`` of each row, for the regression of paper 3.3."""
     unknown = sorted(set(results["disturbance"].astype(str)) - {"input", "output"})
     if unknown:
         raise ValueError(f"disturbance holds {unknown[0]!r}; it is 'input' or 'output'.")

@@ -10,22 +10,13 @@ import pandas as pd
 from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 
-from ...identification.uncertainty.posterior import (
-    check_chains,
-    draw_without_divergence,
-    draws_index,
-    import_pymc,
-    refuse_bad_chains,
-    summarise_chains,
-)
+from ...identification.uncertainty import posterior
 from .results_table import finished
 
 _ADVICE = "or give the cases more sizes"
 _FEW = 6
-#: levels of the quantiles in ``difference_``
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-#: columns of a results table that must not differ within a case
-_IDENTITY = ("framework", "disturbance")
+_IDENTITY = ("framework", "disturbance")  # columns of a results table that must not differ within a case
 
 
 class RobustnessComparison(BaseEstimator):
@@ -55,32 +46,17 @@ class RobustnessComparison(BaseEstimator):
         P(best case < case), by case in order of median error; 0.5 for the best itself.
     indistinguishable_ : list of str
         The best case and those that are indistinguishable from it, in order of median error.
-    median_ : Series
-        Median error of each case over its sizes [K], in increasing order.
-    difference_ : DataFrame
-        Quantiles of the predicted error of the best case minus that of each case [K].
+    median_ : Series, median error of each case over its sizes [K], in increasing order
+    difference_ : DataFrame, quantiles of the predicted error of the best case minus that of each case [K]
     summary_ : DataFrame
         One row per case: ``mu`` and ``sigma`` (posterior means), ``n_sizes``, the worse ``r_hat`` and ``ess`` of both.
-    draws_ : dict of str to DataFrame
-        ``"mu"`` and ``"sigma"``: one column per case, index (``chain``, ``draw``).
-    errors_ : Series
-        The compared errors [K], by case.
+    draws_ : dict of str to DataFrame, ``"mu"`` and ``"sigma"``: one column per case, index (``chain``, ``draw``)
+    errors_ : Series, the compared errors [K], by case
 
     Notes
     -----
     The probability compares two *new* errors, each of a size not yet tried, not two medians: cases that overlap much
     stay indistinguishable for any number of sizes.  It is averaged over the draws in closed form.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from skhybrid.model_selection import RobustnessComparison
-    >>> rng = np.random.default_rng(0)
-    >>> errors = {"case01": 0.5, "case02": 0.5, "case03": 0.9}
-    >>> frame = pd.DataFrame([(case, e * rng.lognormal(0, 0.1)) for case, e in errors.items() for _ in range(12)],
-    ...                      columns=["case", "rmse"])
-    >>> RobustnessComparison(random_state=0).fit(frame).indistinguishable_  # doctest: +SKIP
-    ['case01', 'case02']
     """
 
     def __init__(
@@ -109,14 +85,8 @@ class RobustnessComparison(BaseEstimator):
             One row per candidate: the columns of ``by``, and ``rmse`` [K].  Candidates without an error are left out,
             with a warning.
 
-        Returns
-        -------
-        RobustnessComparison
-
         Raises
         ------
-        ImportError
-            If PyMC is not installed.
         ValueError
             If a column is missing, an error is not positive, all errors of a case are equal, or a case contains
             candidates of several frameworks or kinds of disturbance.
@@ -125,7 +95,7 @@ class RobustnessComparison(BaseEstimator):
         """
         if not 0.5 < self.level < 1.0:
             raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
-        check_chains(self.chains)
+        posterior.check_chains(self.chains)
         errors = _errors_by_case(results, [self.by] if isinstance(self.by, str) else list(self.by))
         spreads = _spreads(errors)
         drawn, summary = self._sample(spreads)
@@ -144,12 +114,7 @@ class RobustnessComparison(BaseEstimator):
         Parameters
         ----------
         case : str
-        error : float
-            Such as that of a baseline without sizes [K].
-
-        Returns
-        -------
-        float
+        error : float, such as that of a baseline without sizes [K]
         """
         mu, sigma = (self.draws_[name][case].to_numpy() for name in ("mu", "sigma"))
         return float(ndtr((np.log(error) - mu) / sigma).mean())
@@ -157,7 +122,7 @@ class RobustnessComparison(BaseEstimator):
     def _sample(self, spreads: _Spreads) -> tuple[dict[str, pd.DataFrame], pd.DataFrame]:
         """Draws of ``mu`` and ``sigma`` of every case, and the summary; bad chains raise."""
         model, start = _model(spreads)
-        data, n_divergent = draw_without_divergence(
+        data, n_divergent = posterior.draw_without_divergence(
             model,
             start,
             draws=self.draws,
@@ -167,15 +132,15 @@ class RobustnessComparison(BaseEstimator):
             # few sizes leave the spread a skewed posterior, which takes smaller steps
             accept=(0.8, 0.99) if spreads.n.min() >= _FEW else (0.97, 0.995),
         )
-        index = draws_index(self.chains, self.draws)
+        index = posterior.draws_index(self.chains, self.draws)
         cases = spreads.medians.index
         drawn = {
             name: pd.DataFrame(data.posterior[name].to_numpy().reshape(len(index), -1), index=index, columns=cases)
             for name in ("mu", "sigma")
         }
-        mu, sigma = (summarise_chains(drawn[name]) for name in ("mu", "sigma"))
+        mu, sigma = (posterior.summarise_chains(drawn[name]) for name in ("mu", "sigma"))
         both = pd.concat([mu.rename(index="mu of {}".format), sigma.rename(index="sigma of {}".format)])
-        refuse_bad_chains(both, _ADVICE, n_divergent)
+        posterior.refuse_bad_chains(both, _ADVICE, n_divergent)
         summary = {
             "mu": mu["mean"],
             "sigma": sigma["mean"],
@@ -228,12 +193,10 @@ def _spreads(errors: pd.Series) -> _Spreads:
 def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
     """The PyMC model of Eq. robustness, and the start of its chains.
 
-    The likelihood uses the sufficient statistics of each case: ``mean ~ Normal(mu, sigma / sqrt(n))`` and
-    ``squares / sigma^2 ~ chi2(n - 1)``, which is equivalent to the ``n`` errors one by one.  ``mu`` is sampled as
-    ``mean + sigma z / sqrt(n)``: the likelihood of the mean and the Jacobian of this make ``z`` standard normal, except
-    for the prior of ``mu``, and a case of two or three sizes has no funnel.
+    The sufficient statistics ``mean ~ Normal(mu, sigma / sqrt(n))`` and ``squares / sigma^2 ~ chi2(n - 1)`` replace the
+    ``n`` errors.  ``mu`` is sampled as ``mean + sigma z / sqrt(n)``, so that a case of few sizes has no funnel.
     """
-    pm = import_pymc()
+    pm = posterior.import_pymc()
     n, mean, squares = spreads.n, spreads.mean, spreads.squares
     spread = np.flatnonzero(n > 1)
     with pm.Model() as model:

@@ -73,10 +73,7 @@ def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:
 
 
 def stack_key(params: Mapping[str, Any]) -> tuple[str, ...]:
-    """Sorting key that puts candidates of equal shape, which train as one stack, next to each other.
-
-    It has the case (of a recurrent network only the history), then the sizes, then what leaves the shape as it is.
-    """
+    """Sorting key that puts candidates of equal shape, which train as one stack, next to each other."""
     own = _own_names(params)
     model, case = own.pop("model", None), own.pop("case", None)
     history = f"{_days_of_history(model, case)} d" if isinstance(model, str) and model in RECURRENT else str(case)

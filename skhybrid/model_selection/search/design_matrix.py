@@ -14,13 +14,11 @@ from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
 from ...forecasting.named_models import BASELINES
 
-#: columns that identify a candidate; those of its size follow
-IDENTITY = ("framework", "case", "disturbance", "name")
+IDENTITY = ("framework", "case", "disturbance", "name")  # columns that identify a candidate; those of its size follow
 _DISTURBANCES = ("input", "output")
 _NO_SIZE = ("disturbance", "forecaster__model", "forecaster__case")
 _SIZE_NAMES = {name for sizes in SIZES.values() for name in sizes}
-#: number of values in a ``"small"`` matrix; one of every other size
-_SMALL = {"n_layers": 2, "hidden_size": 2}
+_SMALL = {"n_layers": 2, "hidden_size": 2}  # number of values in a ``"small"`` matrix; one of every other size
 
 
 class MatrixBlock(NamedTuple):
@@ -40,8 +38,7 @@ class DesignMatrix:
 
     Parameters
     ----------
-    blocks : sequence of MatrixBlock
-        One per framework.
+    blocks : sequence of MatrixBlock, one per framework
 
     Attributes
     ----------
@@ -72,19 +69,13 @@ class DesignMatrix:
         return f"DesignMatrix({len(self)} candidates: {shown})"
 
     def param_grid(self, prefix: str = "forecaster__") -> list[dict[str, list[Any]]]:
-        """Parameter grids for ``GridSearchCV(estimator, param_grid)``.
+        """Parameter grids for ``GridSearchCV(estimator, param_grid)``, one per framework.
 
         Parameters
         ----------
         prefix : str, default ``"forecaster__"``
             Prefix of the forecaster's parameters: the default for :class:`~skhybrid.HybridPredictor`;
-            ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster alone, which has no
-            ``disturbance``.
-
-        Returns
-        -------
-        list of dict
-            One per framework, parameter -> values.
+            ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster alone.
         """
         outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
         grids = []
@@ -102,16 +93,12 @@ class DesignMatrix:
     def candidates(self, prefix: str = "forecaster__") -> list[dict[str, Any]]:
         """Parameters of every candidate, in the order of ``table`` and of ``GridSearchCV``.
 
+        With an empty prefix, rows that differ only in their ``disturbance`` are one candidate.
+
         Parameters
         ----------
         prefix : str, default ``"forecaster__"``
             As in :meth:`param_grid`.
-
-        Returns
-        -------
-        list of dict
-            Parameter -> value, one per row of ``table``; with an empty prefix, rows that differ only in their
-            ``disturbance`` are one candidate.
         """
         return list(ParameterGrid(self.param_grid(prefix)))
 
@@ -149,28 +136,17 @@ def design_matrix(
     cases : sequence of str or ModelCase, or mapping of framework to such, optional
         Cases; each applies to every framework that has a case of this name.  Default, also for frameworks that a
         mapping leaves out: all of the paper's appendix, 21 for MLP and CNN and 17 for RNN and LSTM.
-    disturbance : {"input", "output"} or sequence of them
-        ID, OD or both.
+    disturbance : {"input", "output"} or sequence of them, ID, OD or both
     size : {"paper", "small"} or dict
         ``"paper"``: all of 3.2 (:func:`~skhybrid.forecasting.list_sizes`); ``"small"``: four sizes per case, the first
         two numbers of layers and widths.  A dict is either parameter -> values, for every network, or framework -> such
         a dict; frameworks that it leaves out have the paper's sizes.  Only the CNN has channels, filters and pooling.
         Sizes of a regressor are its own parameters, such as ``{"forest": {"n_estimators": [100, 300]}}``.
 
-    Returns
-    -------
-    DesignMatrix
-
     Raises
     ------
     ValueError
         If a framework, a case, a kind of disturbance or a size is unknown, or there is no candidate.
-
-    Examples
-    --------
-    >>> from skhybrid.model_selection import design_matrix
-    >>> design_matrix(["mlp", "ridge"])
-    DesignMatrix(1514 candidates: mlp input 756, mlp output 756, ridge input 1, ridge output 1)
     """
     models = _models(frameworks)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
@@ -178,21 +154,15 @@ def design_matrix(
         if kind not in _DISTURBANCES:
             raise ValueError(f"disturbance={kind!r} is unknown; use 'input', 'output' or both.")
     chosen, sizes = _cases(models, cases), _sizes(models, size)
-    blocks = [
-        MatrixBlock(name, model, chosen[name], kinds, sizes[name])
-        for name, model in models.items()
-        if chosen[name] or _network(model) is None
-    ]
+    kept = {name: model for name, model in models.items() if chosen[name] or _network(model) is None}
+    blocks = [MatrixBlock(name, model, chosen[name], kinds, sizes[name]) for name, model in kept.items()]
     if not blocks or not kinds:
         raise ValueError("the design matrix is empty; give a framework, one of its cases and a kind of disturbance.")
     return DesignMatrix(blocks)
 
 
 def long_name(framework: str, case: str | None) -> str:
-    """A candidate's name in the paper's spelling, such as ``"DEEP_AR_LSTM_FORECAST-case01"``.
-
-    "AR" is where the network feeds its own output back; the caller's own frameworks keep their name.
-    """
+    """A candidate's name in the paper's spelling ("AR" feeds its own output back), or the caller's own."""
     name = framework
     if framework in NETWORKS:
         name = f"DEEP_{'AR_' if framework in RECURRENT else ''}{framework.upper()}_FORECAST"
@@ -265,10 +235,8 @@ def _sizes(models: Mapping[str, Any], size: Any) -> dict[str, dict[str, list[Any
 
 
 def _as_lists(sizes: Mapping[str, Any]) -> dict[str, list[Any]]:
-    return {
-        key: list(values) if isinstance(values, Iterable) and not isinstance(values, str) else [values]
-        for key, values in sizes.items()
-    }
+    single = {key for key, values in sizes.items() if isinstance(values, str) or not isinstance(values, Iterable)}
+    return {key: [values] if key in single else list(values) for key, values in sizes.items()}
 
 
 def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, list[Any]]]) -> None:

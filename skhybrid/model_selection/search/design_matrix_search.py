@@ -18,14 +18,13 @@ from sklearn.utils.validation import indexable
 
 from ...forecasting.extras import require_networks
 from ...forecasting.named_models import is_network
-from ..scorers import MeasuredRmse
-from ..splitters import RollingOriginSplit, default_blocks
+from ..splitters import default_split
 from .candidates import BASELINE, forecaster_prefix, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
 from .halving import Outcome, check_halving, run_all, run_halving
 from .store import ResultStore
-from .tasks import Problem
+from .tasks import MeasuredRmse, Problem
 from .workers import Runner, Workers
 
 
@@ -37,8 +36,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     that.  Results are stored as they finish: a search that was stopped or killed continues where it was, and several
     processes may share one store.
 
-    Parallel work is left to joblib: ``n_jobs`` processes on this machine, or a cluster by
-    ``joblib.parallel_config(backend="dask")`` or ``"ray"``.  Data and networks are sent to a worker once.
+    Parallel work is left to joblib: ``n_jobs`` processes, or a cluster by ``joblib.parallel_config(backend="dask")``.
 
     Parameters
     ----------
@@ -51,8 +49,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         training (:class:`RollingOriginSplit`).
     store : path-like, optional
         SQLite file of results on a local disk, created if it does not exist.  None: results are kept in memory.
-    n_jobs : int, optional
-        Number of processes, as joblib counts them.
+    n_jobs : int, optional, number of processes, as joblib counts them
     scoring : str, callable, list or dict, optional
         As in ``GridSearchCV``; default is the negative root-mean-square error [K] of ``predict`` over measured rows.
     refit : bool, str or callable, default True
@@ -65,8 +62,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         stopped, whose number is in a warning, can be the best.
     baselines : mapping of str to regressor, optional
         Further estimators, such as ``{"arx": ARXRegressor()}``, fitted and scored on the same splits.  They are rows of
-        ``results_`` without a case, which :func:`select_case` ranks with the others, but no candidates: they are not in
-        ``cv_results_``, and none can be the best.
+        ``results_`` without a case, which :func:`select_case` ranks with the others, but none can be the best.
     retry_failed : bool, default False
         Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12
@@ -118,15 +114,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
         verbose: int = 1,
     ) -> None:
         super().__init__(
-            estimator,
-            scoring=scoring,
-            n_jobs=n_jobs,
-            refit=refit,
-            cv=cv,
-            verbose=verbose,
-            error_score=error_score,
-            return_train_score=False,
+            estimator, scoring=scoring, n_jobs=n_jobs, refit=refit, cv=cv, verbose=verbose, error_score=error_score
         )
+        self.return_train_score = False
         self.matrix = matrix
         self.store = store
         self.halving = halving
@@ -141,17 +131,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; for a :class:`~skhybrid.HybridPredictor` with ``T_za`` as history.
-        y : array-like of shape (n_samples,)
-            Target.
-
-        Returns
-        -------
-        self
+        y : array-like of shape (n_samples,), target
 
         Raises
         ------
-        ImportError
-            If a candidate is a neural network and torch or skorch is not installed.
         ValueError
             If the store was made with other data or settings, a setting is unknown, or every candidate fails.
         """
@@ -180,10 +163,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _splits(self, X: Any, y: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         cv = self.cv
         if cv is None:
-            blocks = default_blocks(X, getattr(self.estimator, "horizon", None) or "1D")
-            if blocks is None:
+            cv = default_split(X, getattr(self.estimator, "horizon", None) or "1D")
+            if cv is None:
                 raise ValueError("X is too short for two test blocks of one day and a training of two; pass cv=.")
-            cv = RollingOriginSplit(train=blocks[0], test=blocks[1], n_splits=2, expanding=True)
         splits = list(check_cv(cv, y, classifier=False).split(X, y))
         self.n_splits_ = len(splits)
         return splits

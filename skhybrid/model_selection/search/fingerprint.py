@@ -16,8 +16,7 @@ from ... import __version__
 from ...forecasting.extras import networks_available
 from .store import VERSION
 
-#: parameters that change no result, at any depth
-_WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")
+_WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")  # parameters that change no result, at any depth
 
 
 def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]], scoring: Any) -> dict[str, str]:
@@ -41,10 +40,7 @@ def candidate_id(params: Mapping[str, Any]) -> str:
 
 
 def as_plain(value: Any) -> str:
-    """The value of a parameter as text, the same for equal values in every process.
-
-    The value is plain, an estimator, an array, a table, a function, a container of these, or an object that pickles.
-    """
+    """The value of a parameter as text, the same for equal values in every process; a strange one must pickle."""
     if _is_estimator(value):
         params = sorted(value.get_params(deep=False).items())
         inside = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)

@@ -35,8 +35,7 @@ def check_halving(first: Any, factor: Any = 3) -> tuple[int, int]:
 def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]], first: int, factor: int) -> Outcome:
     """Train networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
 
-    ``run`` takes candidates and a note for the progress bar, and returns their results.  Candidates without a network
-    are fitted to the end.
+    ``run`` takes candidates and a note for the progress bar.  Candidates without a network are fitted to the end.
     """
     results: list[list[Result]] = [[] for _ in candidates]
     stopped_at = np.full(len(candidates), np.nan)

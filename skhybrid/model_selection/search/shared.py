@@ -21,8 +21,7 @@ _unpacked: OrderedDict[str, Any] = OrderedDict()
 class Shared:
     """An object, which must not change any more, that is packed once, sent to a worker once and unpacked there once.
 
-    It is packed into one array, which joblib's own workers map from disk.  The size of that array tells Dask and Ray to
-    keep the object where it has been sent.  Pass the same ``Shared`` to every task.
+    Joblib's own workers map its packed array from disk; the size of that array tells Dask and Ray to keep the object.
     """
 
     def __init__(self, value: Any) -> None:

@@ -14,10 +14,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, Self
 
-#: format of the file; another one is refused
-_FORMAT = "1"
-#: settings whose names begin with this may differ, with a warning
-VERSION = "version of "
+_FORMAT = "1"  # format of the file; another one is refused
+VERSION = "version of "  # settings whose names begin with this may differ, with a warning
 _TABLES = """
 CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS owner (id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, seen REAL NOT NULL);
@@ -28,8 +26,7 @@ CREATE TABLE IF NOT EXISTS result (
     candidate TEXT NOT NULL, split INTEGER NOT NULL, scores TEXT NOT NULL, rmse REAL, fit_time REAL NOT NULL,
     score_time REAL NOT NULL, n_epochs INTEGER, error TEXT, finished REAL NOT NULL, PRIMARY KEY (candidate, split));
 """
-#: how long a process waits for the transaction of another one [s]
-_PATIENCE = 120.0
+_PATIENCE = 120.0  # how long a process waits for the transaction of another one [s]
 
 
 class Task(NamedTuple):
@@ -56,15 +53,8 @@ class ResultStore:
     Every change is one transaction, so that a process may be killed at any moment.  A task is *claimed* before it is
     computed.  A claim is valid while its owner is alive: its process runs (if it is on this machine) and has renewed
     its heartbeat within the last ``lease`` seconds.  A file that holds results for other data or settings is refused.
-
-    Parameters
-    ----------
-    path : path-like or None
-        The file, created if it does not exist.  None: results are kept in memory.  It must be on a local disk: SQLite's
-        write-ahead log, which lets one process read while another writes, needs shared memory.
-    settings : Mapping of str to str
-        Data and settings that the results belong to.
-    lease : float, default=60.0 [s]
+    Without a ``path`` results are kept in memory.  The file must be on a local disk, since SQLite's write-ahead log
+    needs shared memory.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, settings: Mapping[str, str], lease: float = 60.0) -> None:
@@ -142,7 +132,8 @@ class ResultStore:
                 raise
 
     def _renew(self, db: sqlite3.Connection) -> None:
-        db.execute("INSERT OR REPLACE INTO owner VALUES (?, ?, ?, ?)", (self.owner, _host(), os.getpid(), time.time()))
+        own = (self.owner, platform.node(), os.getpid(), time.time())
+        db.execute("INSERT OR REPLACE INTO owner VALUES (?, ?, ?, ?)", own)
 
     def _beat(self) -> None:
         while not self._closed.wait(self.lease / 4.0):
@@ -153,7 +144,7 @@ class ResultStore:
         """Delete owners that are not alive any more, and their claims."""
         oldest = time.time() - self.lease
         for owner, host, pid, seen in db.execute("SELECT id, host, pid, seen FROM owner").fetchall():
-            if owner != self.owner and (seen < oldest or (host == _host() and not _runs(pid))):
+            if owner != self.owner and (seen < oldest or (host == platform.node() and not _runs(pid))):
                 db.execute("DELETE FROM owner WHERE id = ?", (owner,))
         db.execute("DELETE FROM claim WHERE owner NOT IN (SELECT id FROM owner)")
 
@@ -216,18 +207,12 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
         )
 
 
-def _host() -> str:
-    return platform.node()
-
-
 def _runs(pid: int) -> bool:
     """Whether a process of this machine runs; assumed where it cannot be asked, so that its heartbeat decides."""
     if os.name != "posix":
         return True
     try:
         os.kill(pid, 0)  # signal 0 only tests whether the process exists
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
     return True

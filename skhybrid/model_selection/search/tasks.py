@@ -18,14 +18,25 @@ from sklearn.utils import _safe_indexing
 from ..._table import ZoneTable
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.joint_fit import fit_each
-from ..scorers import MeasuredRmse
 from ..single_reading import read_alike, read_once, reading_of, takes_tables
 from .candidates import BASELINE, forecaster_prefix, last_step
 from .shared import Shared
 from .store import Result, Task
 
-#: scorers that only pass X on to ``predict``
-_PASS_ON = (MeasuredRmse, type(get_scorer("r2")))
+
+@dataclass(frozen=True)
+class MeasuredRmse:
+    """Root-mean-square error of ``predict`` over the measured rows, in the unit of y; with ``sign=-1`` a score."""
+
+    sign: float = 1.0
+
+    def __call__(self, estimator: Any, X: Any, y: Any) -> float:
+        """Score a fitted estimator on a table and its target (n_samples,), NaN where missing."""
+        error = np.asarray(estimator.predict(X), dtype=np.float64) - np.asarray(y, dtype=np.float64)
+        return self.sign * float(np.sqrt(np.nanmean(error**2)))
+
+
+_PASS_ON = (MeasuredRmse, type(get_scorer("r2")))  # scorers that only pass X on to ``predict``
 #: loads torch and skorch before the first task: joblib restarts a worker whose memory has grown by 300 MB after a task
 _TRAINING = "skhybrid.forecasting.networks.jobs"
 
@@ -75,7 +86,7 @@ class Problem:
         return self._read[split]
 
     def _read_split(self, train: np.ndarray, test: np.ndarray) -> _SplitTable | None:
-        if not (_is_consecutive(train) and _is_consecutive(test)):
+        if not all(len(rows) and (np.diff(rows) == 1).all() for rows in (train, test)):
             return None
         first, last = int(min(train[0], test[0])), int(max(train[-1], test[-1]))
         read = read_once(_safe_indexing(self.X, np.arange(first, last + 1)), **reading_of(self.estimator))
@@ -86,10 +97,6 @@ class Problem:
         if BASELINE in params:
             return clone(params[BASELINE])
         return clone(self.estimator).set_params(**clone(dict(params), safe=False))
-
-
-def _is_consecutive(rows: np.ndarray) -> bool:
-    return bool(len(rows)) and bool((np.diff(rows) == 1).all())
 
 
 class IdentifiedNetwork(NamedTuple):
@@ -127,10 +134,7 @@ def evaluate(
     split: int,
     catch_errors: bool = True,
 ) -> dict[Task, Result]:
-    """Fit and score candidates on a split; those that share a ``network`` differ in their forecasters only.
-
-    Without a network each candidate is fitted as a whole.
-    """
+    """Fit and score candidates on a split: as a whole, or with a ``network`` that they share only their forecasters."""
     given: Problem = problem.get()
     shared: IdentifiedNetwork | None = None if network is None else network.get()
     if shared is not None and shared.error is not None:

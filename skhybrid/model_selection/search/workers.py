@@ -16,10 +16,8 @@ from .shared import Shared
 from .store import Result, ResultStore, Task
 from .tasks import Problem, evaluate, identify
 
-#: joblib's own workers map larger arrays from disk instead of getting them with every task [bytes]
-_MAX_SENT = 10_000
-#: how long to wait before asking again whether another process has finished its part [s]
-_POLL_INTERVAL = 0.5
+_MAX_SENT = 10_000  # joblib's own workers map larger arrays from disk instead of getting them with every task [bytes]
+_POLL_INTERVAL = 0.5  # how long to wait before asking again whether another process has finished its part [s]
 
 
 class Chunk(NamedTuple):
@@ -94,10 +92,7 @@ class Runner:
         return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
 
     def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[Chunk]:
-        """Chunks of candidates with the same network and kind of disturbance, the longest first.
-
-        If the shortest came first, all workers but one would wait at the end for the longest.
-        """
+        """Chunks with the same network and kind of disturbance, the longest first so that none waits at the end."""
         groups: dict[tuple[str, str], list[str]] = {}
         networks = {name: self._network_of(params) for name, params in named.items()}
         for name, params in named.items():

@@ -20,10 +20,8 @@ from ...inspection import (
 )
 from ...persistence import atomic_path
 
-#: last part of the back-test that a figure shows
-_SHOWN = pd.Timedelta("7D")
-#: most models in a figure; more would hide one another
-_MOST_LINES = 3
+_SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
+_MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
 
 
@@ -45,18 +43,10 @@ def day_figure(forecast: pd.DataFrame) -> Any:
 def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
     renamed = {"T_za_measured": "T_za", "Q_hvac_delivered": "Q_hvac"}
     measured = forecast[[c for c in renamed if c in forecast]].rename(columns=renamed)
-    DayAheadDisplay.from_predictions(
-        forecast, measured=measured if "T_za" in measured else None, setpoint=_own_setpoint(forecast), ax=ax
-    )
-
-
-def _own_setpoint(forecast: pd.DataFrame) -> pd.Series | None:
-    """The set-point, unless it is the measured temperature itself."""
     held = forecast.get("setpoint")
-    measured = forecast.get("T_za_measured")
-    if held is None or (measured is not None and (held - measured).abs().max() < 1e-9):
-        return None
-    return held
+    if held is not None and "T_za" in measured and (held - measured["T_za"]).abs().max() < 1e-9:
+        held = None  # it is the measured temperature itself
+    DayAheadDisplay.from_predictions(forecast, measured=measured if "T_za" in measured else None, setpoint=held, ax=ax)
 
 
 def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN) -> Any:
@@ -100,12 +90,9 @@ def study_picture(
 
     Parameters
     ----------
-    path : path-like
-        PNG file, replaced in one step.
-    frames : mapping of label to DataFrame
-        Back-tests, the most important first.
-    forecast : DataFrame
-        As in ``forecast.csv``.
+    path : path-like, PNG file, replaced in one step
+    frames : mapping of label to DataFrame, back-tests, the most important first
+    forecast : DataFrame, as in ``forecast.csv``
     title : str, optional
     """
     n_axes = 2 if "Q_hvac" in forecast else 1

@@ -14,8 +14,7 @@ from ... import __version__
 from ...persistence import atomic_path
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
-#: relative differences below this are noise with a few dozen origins
-_NOISE = 0.05
+_NOISE = 0.05  # relative differences below this are noise with a few dozen origins
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --page: #ffffff; --card: #f6f8fa;
   --line: #d0d7de; --mark: #0072b2; --good: #e6f3ec; }
@@ -51,12 +50,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
     ----------
     table : DataFrame
         Index = model; column ``rmse`` [K].
-    label : str
-        The model that is compared with the others.
-
-    Returns
-    -------
-    str
+    label : str, the model that is compared with the others
     """
     own = float(table["rmse"][label])
     others = table["rmse"].drop(label).dropna()
@@ -96,34 +90,23 @@ def write_report(
 
     Parameters
     ----------
-    path : path-like
-        The file to make or replace.
-    title : str
-        Name of the zone.
+    path : path-like, the file to make or replace
+    title : str, name of the zone
     table : DataFrame
         Index = model, the best first; columns ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``.
-    frames : mapping of label to DataFrame
-        Back-tests from :func:`skhybrid.model_selection.backtest`.
-    forecast : DataFrame
-        The next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured.
-    parameters : DataFrame
-        Index = name; ``value``, ``std``, ``unit``, ``description``, ``remark``.
-    label : str
-        The model whose forecast is shown.
+    frames : mapping of label to DataFrame, back-tests from :func:`skhybrid.model_selection.backtest`
+    forecast : DataFrame, the next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured
+    parameters : DataFrame, index name, with ``value``, ``std``, ``unit``, ``description``, ``remark``
+    label : str, the model whose forecast is shown
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
-    schedule : DataFrame, optional
-        Index = (day, hour); learned ``gain`` [kW] and ``ua`` [kW/K].
-    weights : DataFrame, optional
-        Share of each member of the blend (columns) by group of leads (index).
+    schedule : DataFrame, optional, index (day, hour), with the learned ``gain`` [kW] and ``ua`` [kW/K]
+    weights : DataFrame, optional, share of each member of the blend (columns) by group of leads (index)
     identification : str, optional
         Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
-    coverage : float, optional
-        Share of the test measurements inside the intervals.
-    spans, settings : mapping, optional
-        Training and test spans, and settings of the study, to be listed.
-    notes : iterable of str
-        Warnings.
+    coverage : float, optional, share of the test measurements inside the intervals
+    spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
+    notes : iterable of str, warnings
     """
     listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
@@ -181,13 +164,10 @@ def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
 
 
 def _tomorrow(forecast: pd.DataFrame) -> str:
-    held_out = "T_za_measured" in forecast
-    day = (
-        "This is the last day of the log. The forecast used no measurement of that day; the measurements are drawn for "
-        "comparison."
-        if held_out
-        else "This is the day after the last measurement."
-    )
+    day = "This is the day after the last measurement."
+    if "T_za_measured" in forecast:
+        day = "This is the last day of the log. The forecast used no measurement of that day; the measurements are "
+        day += "drawn for comparison."
     words = (
         f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
         "that would hold the set-point instead, within the limits of the plant."
@@ -205,34 +185,31 @@ def _accuracy(
     ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
     hours = frames[label]["lead"].max() / pd.Timedelta("1h")
     days = "Measured and forecast temperature on the last test days; a grey line marks the start of each forecast."
-    leads = "Error by lead time, for the best models."
+    interval = (
+        ""
+        if coverage is None
+        else (
+            f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
+            f"{coverage:.0%} of the measurements of the test days.</p>\n"
+        )
+    )
     return (
         "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
         + _results(table)
-        + (
-            ""
-            if coverage is None
-            else f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
-            f"{coverage:.0%} of the measurements of the test days.</p>\n"
-        )
+        + interval
         + _figure(as_image(backtest_figure(ordered)), days)
-        + _figure(as_image(lead_figure(ordered)), leads)
+        + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
     )
 
 
 def _results(table: pd.DataFrame) -> str:
     heads = ("model", "RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]", "description")
-    rows = [
-        (
-            str(name),
-            *(_number(row[c], 2) for c in ("rmse", "mae", "load_rmse")),
-            f"{row['seconds']:.1f}",
-            str(row.get("note", "")),
-        )
-        for name, row in table.iterrows()
-    ]
+    rows = []
+    for name, row in table.iterrows():
+        errors = (_number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
+        rows.append((str(name), *errors, f"{row['seconds']:.1f}", str(row.get("note", ""))))
     return (
         _table(heads, rows, n_texts=1, of_models=True)
         + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
@@ -251,31 +228,25 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
         "they may be negative. They are updated at the start of each forecast.</p>\n"
     )
     picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
-    return f"<h2>Learned schedules</h2>\n{words}{picture}" + ("" if weights is None else _shares(weights))
-
-
-def _shares(weights: pd.DataFrame) -> str:
+    section = f"<h2>Learned schedules</h2>\n{words}{picture}"
+    if weights is None:
+        return section
     rows = [(str(name), *(f"{share:.0%}" for share in row)) for name, *row in weights.itertuples()]
-    return (
-        _table(["share in the forecast", *map(str, weights)], rows)
-        + '<p class="soft">Weights by part of the horizon, after training.</p>'
-    )
+    shares = _table(["share in the forecast", *map(str, weights)], rows)
+    return f'{section}{shares}<p class="soft">Weights by part of the horizon, after training.</p>'
 
 
 def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     if zeta is None:
         return ""
+    known = (
+        " The dashed line is the true internal gains alone; the estimate also contains ventilation, infiltration and "
+        "whatever the simple network leaves out."
+    )
     return (
         "<h2>Unmeasured heat</h2>\n<p>Heat from people, equipment, lights, air exchange and anything else that is not "
         "in the log, estimated by the identification from the temperature of the training days. Positive values heat "
-        "the room."
-        + (
-            ""
-            if truth is None
-            else " The dashed line is the true internal gains alone; the estimate also contains ventilation, "
-            "infiltration and whatever the simple network leaves out."
-        )
-        + "</p>\n"
+        f"the room.{'' if truth is None else known}</p>\n"
         + _figure(as_image(week_figure(zeta, truth)), "Unmeasured heat by hour of the week.")
     )
 
