@@ -23,6 +23,16 @@ from .scheme import Scheme
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 
+def _of_scheme(name: str, doc: str) -> Any:
+    """Property of a fitted predictor that its scheme has under the same name."""
+
+    def read(self: BaseHybrid) -> Any:
+        check_is_fitted(self)
+        return getattr(self._scheme, name)
+
+    return property(read, doc=doc)
+
+
 class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
@@ -92,35 +102,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
 
-    @property
-    def gray_box_(self) -> Any:
-        """The fitted network."""
-        check_is_fitted(self)
-        return self._scheme.gray_box_
-
-    @property
-    def forecaster_(self) -> Any:
-        """The fitted forecaster of the disturbance."""
-        check_is_fitted(self)
-        return self._scheme.forecaster_
-
-    @property
-    def zeta_(self) -> pd.Series:
-        """The training disturbance [kW, or K for an output disturbance]."""
-        check_is_fitted(self)
-        return self._scheme.zeta_
-
-    @property
-    def disturbance_step_(self) -> pd.Timedelta:
-        """Step of the disturbance."""
-        check_is_fitted(self)
-        return self._scheme.disturbance_step_
-
-    @property
-    def weights_(self) -> pd.DataFrame:
-        """Shares of the blend's members by group of leads (schedule model only)."""
-        check_is_fitted(self)
-        return self._scheme.weights_
+    gray_box_ = _of_scheme("gray_box_", "The fitted network.")
+    forecaster_ = _of_scheme("forecaster_", "The fitted forecaster of the disturbance.")
+    zeta_ = _of_scheme("zeta_", "The training disturbance [kW, or K for an output disturbance].")
+    disturbance_step_ = _of_scheme("disturbance_step_", "Step of the disturbance.")
+    weights_ = _of_scheme("weights_", "Shares of the blend's members by group of leads (schedule model only).")
 
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""

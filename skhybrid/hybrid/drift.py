@@ -153,9 +153,8 @@ class DriftMonitor:
             known = np.isfinite(whole)
             if 2 * known.sum() < len(whole):
                 continue
-            e = np.array(
-                [np.mean(part[np.isfinite(part)]) if np.isfinite(part).any() else 0.0 for part in _parts(whole)]
-            )
+            parts = np.array_split(whole, min(_BLOCKS, len(whole)))
+            e = np.array([np.mean(part[np.isfinite(part)]) if np.isfinite(part).any() else 0.0 for part in parts])
             before = usual[kind]
             if before is not None:
                 out[day] = np.mean(e * before) / self._square
@@ -190,11 +189,6 @@ class _Sum:
         self.total = min(max(0.0, self.total + (step if np.isfinite(step) else 0.0)), self._most)
 
 
-def _parts(day: np.ndarray) -> list[np.ndarray]:
-    """A day's steps in blocks of about an hour."""
-    return np.array_split(day, min(_BLOCKS, len(day)))
-
-
 def _rms(error: np.ndarray) -> np.ndarray:
     """(n_days,) root mean square of what is known of each day, NaN where less than half of it is."""
     known = np.isfinite(error)
@@ -213,10 +207,8 @@ def _weekend(measured: pd.DataFrame) -> np.ndarray:
 
 
 def threshold(run_length: float) -> float:
-    """Threshold of a one-sided sum of standard normal steps less the allowance, whose mean run length is given [steps].
-
-    Siegmund's approximation: with b = h + 1.166 the run length is (exp(2 k b) - 2 k b - 1) / (2 k^2).
-    """
+    """Threshold of a one-sided sum of standard normal steps less the allowance, by its mean run length [steps]."""
+    # Siegmund's approximation: with b = h + 1.166 the run length is (exp(2 k b) - 2 k b - 1) / (2 k^2)
     k = _ALLOWANCE
 
     def excess(h: float) -> float:

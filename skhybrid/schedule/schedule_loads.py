@@ -35,14 +35,11 @@ def loads(
     setpoint: Band,
     limits: Limits,
 ) -> pd.DataFrame:
-    """Heat that keeps the last rows within their set-points; each origin serves the rows up to the next one.
+    """:meth:`GrayBoxRC.predict_load` and ``zeta`` [kW], from each of increasing origins up to the next one.
 
     A single temperature (a band whose sides are equal) is followed by a linear-quadratic path: heat that met each value
-    of a measured temperature would answer to the thermometer's noise.  A band is a thermostat's setting; it takes the
-    least heat that keeps within it (paper Eq. inverseQ2).
-
-    ``origins`` are increasing rows of ``segment``, whose rows ``table`` has; ``setpoint`` [degC] and ``limits`` [kW]
-    are of the rows from the first origin on.  The result is that of :meth:`GrayBoxRC.predict_load`, and ``zeta`` [kW].
+    of a measured temperature would answer to the thermometer's noise.  A band takes the least heat that keeps within it
+    (paper Eq. inverseQ2).  ``setpoint`` [degC] and ``limits`` [kW] are of the rows from the first origin on.
     """
     ends = np.append(origins[1:], table.n_rows)
     variation = _Variation.of(fit) if np.array_equal(*setpoint) else None
@@ -65,7 +62,6 @@ class _Variation(NamedTuple):
 
     @classmethod
     def of(cls, fit: LeadFit) -> _Variation:
-        """Variation of the training rows."""
         errors = fit.left_out[:, 0]
         known = np.isfinite(errors)
         noise = _NOISE_SHARE * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
@@ -137,11 +133,8 @@ def _at_part_load(
 
 
 def increasing_curve(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
-    """The nearest curve that increases everywhere, between the same ends.
-
-    A part-load curve is learned from rooms whose thermostat chose the stage.  Where it is flat or falling, many stages
-    give the same heat, and the first of them may be far below the one at which a building runs.
-    """
+    """The nearest curve that increases everywhere, between the same ends."""
+    # where a curve is flat or falling many stages give the same heat, of which the first may be far too low
     least = _LEAST_SLOPE * proportional
     return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
