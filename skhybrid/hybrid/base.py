@@ -240,8 +240,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
-        The schedule model asks its network alone, for ARX knows no plant.  It holds a temperature that moves smoothly;
-        of one that does not, such as a measured one, it follows what is not noise (see the user guide).
+        The schedule model asks its network alone, for ARX knows no plant.  Of a set-point that does not move smoothly,
+        such as a measured temperature, it follows what is not noise (see the user guide).
 
         Parameters
         ----------
@@ -278,9 +278,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     @unchanged_on_failure
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
-        """Take in new rows without learning from them: the filter and the recent past go on.
-
-        Later forecasts are as if the rows had been part of their history.  It takes the same time whatever came before.
+        """Take in new rows without learning; later forecasts are as if these had been part of their history.
 
         Parameters
         ----------
@@ -312,10 +310,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def partial_fit(self, X: Any, y: Any) -> Self:
         """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
 
-        The schedule model is fitted anew on the last eight weeks, or on as many rows as its first training had where
-        those are more.  In the two-stage scheme, baselines of the disturbance (``model="ridge"`` among them) are fitted
-        again on training and new rows, or on the last weeks alone where those forecast the latest one clearly better;
-        networks and the gray box stay as they are, unless ``adapt="full"``.  The intervals stay.
+        The schedule model is fitted anew on the last eight weeks, or as many rows as its first training had where those
+        are more.  In the two-stage scheme baselines such as ``"ridge"`` are fitted again on training and new rows, or
+        the last weeks alone where those are clearly better; the rest only with ``adapt="full"``.  The intervals stay.
 
         Parameters
         ----------
@@ -346,8 +343,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Report day by day whether what was learned still holds; nothing is taken in.
 
         Each day's temperature (schedule model) or disturbance (two-stage scheme) is compared with its forecast from
-        midnight, without adaptation; the reference are days of the training that were left out of the fit
-        (:class:`~skhybrid.hybrid.DriftMonitor`).
+        midnight, without adaptation; the reference are left-out training days (:class:`~skhybrid.hybrid.DriftMonitor`).
 
         Parameters
         ----------

@@ -32,13 +32,10 @@ class DriftMonitor:
     """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
-    (weekday or weekend), in long-run standard deviations, so that days that resemble their neighbours raise no more
-    alarms than independent ones.  What exceeds an allowance, which is larger by 1.65 standard errors of the reference
-    mean, is summed up, never below zero; an alarm is a sum above the threshold.
-
-    A schedule that moves makes errors that need not be larger, but are alike on all days of a kind.  A second sum
-    therefore takes the product of each day's hourly errors with the fading mean of those of earlier days of its kind,
-    standardised by the reference days.  The larger sum counts.
+    (weekday or weekend), in long-run standard deviations.  What exceeds an allowance is summed up, never below zero; an
+    alarm is a sum above the threshold.  Errors by a schedule that moves need not be larger, but are alike on all days
+    of a kind: a second sum takes the product of each day's hourly errors with the fading mean of earlier days' of its
+    kind, standardised by the reference days.  The larger sum counts.
 
     Parameters
     ----------
