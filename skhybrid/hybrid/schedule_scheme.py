@@ -216,14 +216,14 @@ class ScheduleScheme(Scheme):
         known, per_day = self.rows.training, self._record.rows_per_day
         left_out = self.left_out_errors(per_day, every=1)
         # the first forecast of each day: where the table does not begin on the hour there is none at midnight
-        midnight = np.flatnonzero(_begins_day(known))
+        midnight = _midnights(known)
         at = np.searchsorted(left_out.origins, midnight)
         near = at < len(left_out.origins)
         near[near] = left_out.origins[at[near]] - midnight[near] < self._record.every
         reference = _days(known, left_out.origins[at[near]], per_day)
         monitor = DriftMonitor().fit(reference, reference - left_out.errors[at[near]])
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
-        origins = np.flatnonzero(_begins_day(rows.table))
+        origins = _midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
         forecast, _ = self._blend(rows, origins, per_day, adapt=None)
         measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
@@ -237,10 +237,10 @@ def _prior(members: Sequence[Member], rule: float) -> np.ndarray:
     return np.concatenate([np.full(len(m.names), each[m.is_rule] / len(m.names)) for m in members])
 
 
-def _begins_day(table: ZoneTable) -> np.ndarray:
-    """(n_rows,) whether a row is the first of a local day."""
+def _midnights(table: ZoneTable) -> np.ndarray:
+    """Rows that are the first of a local day."""
     day = table.time.normalize()
-    return np.append(False, np.asarray(day[1:] != day[:-1]))
+    return np.flatnonzero(day[1:] != day[:-1]) + 1
 
 
 def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:

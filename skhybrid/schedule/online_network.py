@@ -1,7 +1,4 @@
-"""A network at fixed nonlinear parameters that goes through rows and re-solves its coefficients.
-
-They are solved from the forecasts of the history, each of which is kept until its targets are measured.
-"""
+"""A network at fixed nonlinear parameters that goes through rows and re-solves its coefficients."""
 
 from __future__ import annotations
 
@@ -163,10 +160,8 @@ class OnlineNetwork:
         return OriginState(self.psi, self._filter.matrices, coef, nodes, filtered[-1], output)
 
     def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """Forecast from the last row: (K, n_leads) deviations [K] and unmeasured heat [kW] under coefficients (K, J).
-
-        ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held.
-        """
+        """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J)."""
+        # ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held
         M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
         P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
         rows = np.minimum(leads - 1, n_known - 1)

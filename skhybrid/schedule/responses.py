@@ -61,10 +61,9 @@ def emitter_series(
 
 
 class ResponseFilter:
-    """Simulation and filter of all channels that go on from one segment to the next.
+    """Simulation and filter of all channels that go on from one segment to the next; ``node`` (J,) is that of each.
 
-    ``node`` (J,) is that of each channel without the emitter's.  At the last row, ``filtered`` (m, J + 1) are the
-    filtered states given it, and ``emitter`` is the emitter's state; None before the first row, and without an emitter.
+    At the last row, ``filtered`` (m, J + 1) are the filtered states given it, and ``emitter`` the emitter's, if any.
     """
 
     def __init__(self, model: FilterModel, psi: np.ndarray, plan: ChannelPlan, node: np.ndarray) -> None:

@@ -72,11 +72,11 @@ class _Variation(NamedTuple):
         return cls(noise, change if change > 0 else fit.model.heat_scale)
 
     def penalty(self, wanted: np.ndarray) -> float:
-        """Penalty of a change of heat relative to an error of the wanted temperatures (N,) [K2/kW2].
+        """Penalty [K2/kW2] of a change of heat, relative to an error of the wanted temperatures (N,).
 
-        It makes the path the likeliest one, for heat that walks at random by its usual changes and a temperature with
-        noise.  A path that is smooth has little noise: white noise alone gives second differences of root 6 its size.
+        The path is then the likeliest one of heat that walks at random by its usual changes, and a noisy temperature.
         """
+        # a path that is smooth has little noise: white noise alone gives second differences of root 6 its size
         rough = float(np.sqrt(np.mean(np.diff(wanted, 2) ** 2) / 6.0)) if len(wanted) > 2 else self.noise
         return (max(min(self.noise, rough), _LEAST_NOISE) / self.change) ** 2
 
@@ -110,13 +110,12 @@ def _load_from(
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(at_origin, path[:-1]) + fit.reference
     out = load_frame(plant, index, clipped, unclipped, temperature)
-    return _at_part_load(out, segment.plan, plant, coef, fit.channel_names).assign(zeta=zeta)
+    return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
 
 
-def _at_part_load(
-    out: pd.DataFrame, plan: ChannelPlan, plant: Plant, coef: np.ndarray, names: tuple[str, ...]
-) -> pd.DataFrame:
+def _at_part_load(out: pd.DataFrame, fit: LeadFit, plant: Plant, coef: np.ndarray) -> pd.DataFrame:
     """Replace proportional stages by those whose part-load curve gives the same heat."""
+    plan, names = fit.plan, fit.channel_names
     full, largest = dict((*plant.heating, *plant.cooling)), dict(plan.max_stages)
     for role in full.keys() & {role for role, _, _ in plan.knots}:
         grid = np.linspace(0.0, plant.most[role], _GRID)
