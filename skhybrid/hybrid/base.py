@@ -23,6 +23,16 @@ from .scheme import Scheme
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 
+def _of_scheme(name: str, doc: str) -> Any:
+    """Property of a fitted predictor that its scheme has under the same name."""
+
+    def read(self: BaseHybrid) -> Any:
+        check_is_fitted(self)
+        return getattr(self._scheme, name)
+
+    return property(read, doc=doc)
+
+
 class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
@@ -92,35 +102,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
 
-    @property
-    def gray_box_(self) -> Any:
-        """The fitted network."""
-        check_is_fitted(self)
-        return self._scheme.gray_box_
-
-    @property
-    def forecaster_(self) -> Any:
-        """The fitted forecaster of the disturbance."""
-        check_is_fitted(self)
-        return self._scheme.forecaster_
-
-    @property
-    def zeta_(self) -> pd.Series:
-        """The training disturbance [kW, or K for an output disturbance]."""
-        check_is_fitted(self)
-        return self._scheme.zeta_
-
-    @property
-    def disturbance_step_(self) -> pd.Timedelta:
-        """Step of the disturbance."""
-        check_is_fitted(self)
-        return self._scheme.disturbance_step_
-
-    @property
-    def weights_(self) -> pd.DataFrame:
-        """Shares of the blend's members by group of leads (schedule model only)."""
-        check_is_fitted(self)
-        return self._scheme.weights_
+    gray_box_ = _of_scheme("gray_box_", "The fitted network.")
+    forecaster_ = _of_scheme("forecaster_", "The fitted forecaster of the disturbance.")
+    zeta_ = _of_scheme("zeta_", "The training disturbance [kW, or K for an output disturbance].")
+    disturbance_step_ = _of_scheme("disturbance_step_", "Step of the disturbance.")
+    weights_ = _of_scheme("weights_", "Shares of the blend's members by group of leads (schedule model only).")
 
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
@@ -254,8 +240,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
-        The schedule model asks its network alone, for ARX knows no plant.  It holds a temperature that moves smoothly;
-        of one that does not, such as a measured one, it follows what is not noise (see the user guide).
+        The schedule model asks its network alone, for ARX knows no plant.  Of a set-point that does not move smoothly,
+        such as a measured temperature, it follows what is not noise (see the user guide).
 
         Parameters
         ----------
@@ -292,9 +278,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     @unchanged_on_failure
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
-        """Take in new rows without learning from them: the filter and the recent past go on.
-
-        Later forecasts are as if the rows had been part of their history.  It takes the same time whatever came before.
+        """Take in new rows without learning; later forecasts are as if these had been part of their history.
 
         Parameters
         ----------
@@ -326,10 +310,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def partial_fit(self, X: Any, y: Any) -> Self:
         """Learn from new rows: the first call fits, later ones recalibrate on all rows since.
 
-        The schedule model is fitted anew on the last eight weeks, or on as many rows as its first training had where
-        those are more.  In the two-stage scheme, baselines of the disturbance (``model="ridge"`` among them) are fitted
-        again on training and new rows, or on the last weeks alone where those forecast the latest one clearly better;
-        networks and the gray box stay as they are, unless ``adapt="full"``.  The intervals stay.
+        The schedule model is fitted anew on the last eight weeks, or as many rows as its first training had where those
+        are more.  In the two-stage scheme baselines such as ``"ridge"`` are fitted again on training and new rows, or
+        the last weeks alone where those are clearly better; the rest only with ``adapt="full"``.  The intervals stay.
 
         Parameters
         ----------
@@ -360,8 +343,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Report day by day whether what was learned still holds; nothing is taken in.
 
         Each day's temperature (schedule model) or disturbance (two-stage scheme) is compared with its forecast from
-        midnight, without adaptation; the reference are days of the training that were left out of the fit
-        (:class:`~skhybrid.hybrid.DriftMonitor`).
+        midnight, without adaptation; the reference are left-out training days (:class:`~skhybrid.hybrid.DriftMonitor`).
 
         Parameters
         ----------

@@ -22,10 +22,7 @@ def lead_groups(leads: np.ndarray, n_leads: int) -> np.ndarray:
 
 
 def moments(errors: np.ndarray, groups: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """(n_groups, K, K) sums of products of the models' errors (O, L, K), each weighed by its ``share`` (O, L).
-
-    Left out is where the error of any model is NaN.
-    """
+    """(n_groups, K, K) sums of products of the models' errors (O, L, K), by ``share`` (O, L), where none is NaN."""
     K = errors.shape[2]
     out = np.zeros((len(_ENDS), K, K))
     known = np.isfinite(errors).all(axis=2) & (share > 0)
@@ -43,9 +40,9 @@ def faded(age: np.ndarray) -> np.ndarray:
 
 
 def blend_weights(products: np.ndarray, prior: np.ndarray | None = None, pull: float = PULL) -> np.ndarray:
-    """Weights (n_groups, K) that are not negative and sum to 1, with the least squared error of the blend.
+    """(n_groups, K) weights that are not negative and sum to 1, with the least squared error of the blend.
 
-    Those of the ``prior`` (K,), or equal ones, where nothing is known; a ridge of size ``pull`` pulls toward them.
+    A ridge of size ``pull`` pulls toward the ``prior`` (K,), or equal ones, which hold where nothing is known.
     """
     K = products.shape[1]
     prior = np.full(K, 1.0 / K) if prior is None else prior

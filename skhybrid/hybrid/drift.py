@@ -32,13 +32,10 @@ class DriftMonitor:
     """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
-    (weekday or weekend), in long-run standard deviations, so that days that resemble their neighbours raise no more
-    alarms than independent ones.  What exceeds an allowance, which is larger by 1.65 standard errors of the reference
-    mean, is summed up, never below zero; an alarm is a sum above the threshold.
-
-    A schedule that moves makes errors that need not be larger, but are alike on all days of a kind.  A second sum
-    therefore takes the product of each day's hourly errors with the fading mean of those of earlier days of its kind,
-    standardised by the reference days.  The larger sum counts.
+    (weekday or weekend), in long-run standard deviations.  What exceeds an allowance is summed up, never below zero; an
+    alarm is a sum above the threshold.  Errors by a schedule that moves need not be larger, but are alike on all days
+    of a kind: a second sum takes the product of each day's hourly errors with the fading mean of earlier days' of its
+    kind, standardised by the reference days.  The larger sum counts.
 
     Parameters
     ----------
@@ -153,9 +150,8 @@ class DriftMonitor:
             known = np.isfinite(whole)
             if 2 * known.sum() < len(whole):
                 continue
-            e = np.array(
-                [np.mean(part[np.isfinite(part)]) if np.isfinite(part).any() else 0.0 for part in _parts(whole)]
-            )
+            parts = np.array_split(whole, min(_BLOCKS, len(whole)))
+            e = np.array([np.mean(part[np.isfinite(part)]) if np.isfinite(part).any() else 0.0 for part in parts])
             before = usual[kind]
             if before is not None:
                 out[day] = np.mean(e * before) / self._square
@@ -190,11 +186,6 @@ class _Sum:
         self.total = min(max(0.0, self.total + (step if np.isfinite(step) else 0.0)), self._most)
 
 
-def _parts(day: np.ndarray) -> list[np.ndarray]:
-    """A day's steps in blocks of about an hour."""
-    return np.array_split(day, min(_BLOCKS, len(day)))
-
-
 def _rms(error: np.ndarray) -> np.ndarray:
     """(n_days,) root mean square of what is known of each day, NaN where less than half of it is."""
     known = np.isfinite(error)
@@ -213,10 +204,8 @@ def _weekend(measured: pd.DataFrame) -> np.ndarray:
 
 
 def threshold(run_length: float) -> float:
-    """Threshold of a one-sided sum of standard normal steps less the allowance, whose mean run length is given [steps].
-
-    Siegmund's approximation: with b = h + 1.166 the run length is (exp(2 k b) - 2 k b - 1) / (2 k^2).
-    """
+    """Threshold of a one-sided sum of standard normal steps less the allowance, by its mean run length [steps]."""
+    # Siegmund's approximation: with b = h + 1.166 the run length is (exp(2 k b) - 2 k b - 1) / (2 k^2)
     k = _ALLOWANCE
 
     def excess(h: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -29,20 +30,16 @@ class _Sums(NamedTuple):
 
 
 class HourlyAggregation:
-    """Complete steps of the disturbance and the inputs, and the step that is still open.
+    """Complete steps of ``names``, the last of which is the disturbance, and the step that is still open.
 
-    Columns are those of ``names``, the last of which is the disturbance.  Stamps are rounded down to the step where
-    rows are shorter (``fine``).  Adding rows takes a time that does not depend on how many were added before.
+    Stamps are rounded down to the step where rows are shorter (``fine``).
     """
 
     def __init__(self, names: list[str], step: pd.Timedelta, fine: bool, zone: object) -> None:
-        self.names = names
-        self.step = step
+        self.names, self.step = names, step
         self._width = step.value if fine else 0
         self._zone = None if zone is None else str(zone)
-        self._labels = np.empty(_ROOM, dtype=np.int64)
-        self._means = np.empty((_ROOM, len(names)))
-        self._n = 0
+        self._labels, self._means, self._n = np.empty(_ROOM, dtype=np.int64), np.empty((_ROOM, len(names))), 0
         self._open: _Sums | None = None
 
     @property
@@ -51,10 +48,9 @@ class HourlyAggregation:
         return self._labels[: self._n]
 
     def added(self, stamps: np.ndarray, rows: np.ndarray) -> HourlyAggregation:
-        """These steps and rows (n, p) stamped (n,) [ns].
+        """These steps and rows (n, p) stamped (n,) [ns], in a time that does not depend on how many came before.
 
-        The step of the last row stays open, since a row may still follow.  The buffers are shared; what lies beyond
-        the complete steps of the older one is not read by it.
+        The last row's step stays open.  Buffers are shared: the older object does not read beyond its own steps.
         """
         sums = self._joined(stamps, rows)
         done = len(sums.labels) - 1
@@ -68,15 +64,16 @@ class HourlyAggregation:
     def since(self, label: int) -> HourlyAggregation:
         """Without the complete steps that begin before a label [ns]."""
         first = int(np.searchsorted(self.labels, label))
-        return self._with(
-            _labels=self._labels[first : self._n].copy(), _means=self._means[first : self._n].copy(), _n=self._n - first
-        )
+        made = copy(self)
+        made._labels, made._means = self._labels[first : self._n].copy(), self._means[first : self._n].copy()
+        made._n -= first
+        return made
 
     def extended(self, stamps: np.ndarray, rows: np.ndarray, n_kept: int) -> Steps:
         """The last complete steps, then the open one and those of further rows, which are not kept.
 
-        Row 0 of ``of_row`` is the last row that was added, row j + 1 the j-th further one.  A first step, of which
-        nothing is known of the disturbance, stands for what came before.
+        Row 0 of ``of_row`` is the last row that was added, row j + 1 the j-th further one.  A first step without a
+        disturbance stands for what came before.
         """
         sums = self._joined(stamps, rows)
         first = max(self._n - n_kept, 0)
@@ -113,15 +110,9 @@ class HourlyAggregation:
         of_row = (np.cumsum(begins) - 1)[0 if self._open is None else 1 :]
         return _Sums(labels[first], np.add.reduceat(total, first), np.add.reduceat(count, first), of_row)
 
-    def _with(self, **changes: object) -> HourlyAggregation:
-        made = object.__new__(type(self))
-        made.__dict__.update(self.__dict__, **changes)
-        return made
-
     def _with_room(self, more: int) -> HourlyAggregation:
-        if self._n + more <= len(self._labels):
-            return self._with()
-        size = 2 * (self._n + more)
-        labels, means = np.empty(size, dtype=np.int64), np.empty((size, len(self.names)))
-        labels[: self._n], means[: self._n] = self.labels, self._means[: self._n]
-        return self._with(_labels=labels, _means=means)
+        made, size = copy(self), 2 * (self._n + more)
+        if self._n + more > len(self._labels):
+            made._labels, made._means = np.empty(size, dtype=np.int64), np.empty((size, len(self.names)))
+            made._labels[: self._n], made._means[: self._n] = self.labels, self._means[: self._n]
+        return made

@@ -17,10 +17,7 @@ _JOINED = 96
 
 @dataclass(frozen=True)
 class KnownRows:
-    """A training table and the tables that followed it, with the measured temperature as history ``T_za``.
-
-    It never changes: :meth:`appended` gives another one, in a time that does not depend on how many rows there are.
-    """
+    """A training table and those that followed it, with the measured temperature as history ``T_za``; never changed."""
 
     settled: tuple[ZoneTable, ...]  # the training table, then rows that were joined
     recent: tuple[ZoneTable, ...]  # tables that came since, each as it came
@@ -29,22 +26,18 @@ class KnownRows:
 
     @classmethod
     def of(cls, training: ZoneTable, *, keep_all: bool) -> Self:
-        """The rows of a training table, in arrays of their own."""
         return cls((_owned(training),), (), min(training.n_rows, _most(training)), keep_all)
 
     @property
     def training(self) -> ZoneTable:
-        """The training table."""
         return self.settled[0]
 
     @property
     def tables(self) -> tuple[ZoneTable, ...]:
-        """All tables, in order of time."""
         return (*self.settled, *self.recent)
 
     @property
     def latest(self) -> ZoneTable:
-        """The table that came last."""
         return self.tables[-1]
 
     @property
@@ -55,7 +48,6 @@ class KnownRows:
 
     @property
     def n_rows(self) -> int:
-        """How many rows are kept."""
         return sum(table.n_rows for table in self.tables)
 
     def end(self) -> ZoneTable:
@@ -63,11 +55,10 @@ class KnownRows:
         return last_rows(self.tables, self.n_end + self._n_recent)
 
     def whole(self) -> ZoneTable:
-        """All rows as one table."""
         return concatenate_tables(self.tables)
 
     def appended(self, table: ZoneTable) -> KnownRows:
-        """These rows and a table that follows them."""
+        """These rows and a table that follows them, in a time that does not depend on how many there are."""
         longer = replace(self, recent=(*self.recent, _owned(table)))
         if longer._n_recent < _JOINED:
             return longer

@@ -34,9 +34,9 @@ class RollingMember(Protocol):
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors (n, L, k) [K] of hourly forecasts from the first new row on, NaN where unknown; only with adaptation.
+        """Errors (n, L, k) [K] of hourly forecasts by what was known at the start of the origin's day, in k ways.
 
-        Each of the member's k ways forecasts by what was known at the start of the origin's day.
+        From the first new row on, NaN where unknown; only with adaptation.
         """
 
     def advance(self, view: Any, origin: int) -> None:
@@ -80,7 +80,7 @@ class ScheduleMember:
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """The series of the training rows, which are large, are computed again from the rows."""
+        # the series of the training rows, which are large, are computed again from the rows
         return {**self.__dict__, "fit_": self.fit_.without_rows()}
 
     def restore(self, training: ZoneTable) -> None:
@@ -88,7 +88,6 @@ class ScheduleMember:
         self.fit_ = self.fit_.with_rows(self.fit_.make_segment(training, training.history["T_za"]))
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
-        """Errors of the fit's own sample and blocks, which the blend shares."""
         return self.fit_.left_out
 
     def view(self, rows: NumberedTable) -> NumberedSegment:
@@ -124,18 +123,21 @@ class ARXMember:
         return self
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
-        """Errors of regressions without a block."""
         T, n_leads = training.history["T_za"], int(sample.leads[-1])
         paths = self.arx_.left_out_paths(training, T, sample.origins, n_leads, blocks)
-        rows, inside = sample.targets(len(T))
-        return np.where(inside, T[rows] - paths[:, sample.leads - 1], np.nan)
+        return _errors(T, sample, paths[:, sample.leads - 1])
 
     def view(self, rows: NumberedTable) -> ARXData:
         return self.arx_.view(rows.table, rows.T, rows.first)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
-        """Re-solved at every origin on all pairs known by then."""
         return RollingARX(self.arx_, rows.begin, sample.leads, adapt)
+
+
+def _errors(T: np.ndarray, sample: ForecastSample, paths: np.ndarray) -> np.ndarray:
+    """(O, L) errors [K] of the forecasts of a sample, NaN where not measured."""
+    rows, inside = sample.targets(len(T))
+    return np.where(inside, T[rows] - paths, np.nan)
 
 
 class _RollingErrors:
@@ -151,19 +153,30 @@ class _RollingErrors:
         """(n, L, 1) errors of forecasts of the history [K]."""
         return self._errors.values
 
-    def _going_on(self, origin: int) -> int | None:
-        """Go on to a row; the row before, where errors are recorded."""
+    def advance(self, view: Any, origin: int) -> None:
+        """Go through the rows up to ``origin``; where anything is adapted, learn and record the errors known since."""
         before, self._row = self._row, origin
-        return None if self.adapt is None or origin < self.begin else before
+        if self.adapt is None or origin < self.begin:
+            return
+        self._learn(view, origin)
+        self._errors.extend((origin - self.begin) // self._every + 1)
+        # forecasts that had not ended at the row before
+        place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), len(self.errors))
+        rows = self.begin + place * self._every
+        ends, paths = rows[:, None] + self.leads, self._past_paths(view, rows)
+        known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
+        self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
-    def _unfinished(self, before: int) -> np.ndarray:
-        """Numbers of the forecasts up to the present row that had not ended at the row ``before``."""
-        self._errors.extend((self._row - self.begin) // self._every + 1)
-        return np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), len(self.errors))
+    def _learn(self, view: Any, origin: int) -> None:
+        """Learn from the rows up to ``origin``."""
+
+    def _past_paths(self, view: Any, origins: np.ndarray) -> np.ndarray:
+        """(O, L) forecasts of the history by what was known at the start of each origin's day [degC]."""
+        raise NotImplementedError
 
 
 class RollingARX(_RollingErrors):
-    """A fitted regression that goes through rows."""
+    """A fitted regression that goes through rows, re-solved at every origin on all pairs known by then."""
 
     def __init__(self, arx: ARXRegressor, begin: int, leads: np.ndarray, adapt: str | None) -> None:
         super().__init__(begin, leads, adapt, rows_per_hour(arx.sampling_time_))
@@ -171,23 +184,16 @@ class RollingARX(_RollingErrors):
         self._recursive = arx.recursive(begin)
         self._coefs: list[np.ndarray] = []  # of the days so far
 
-    def advance(self, view: ARXData, origin: int) -> None:
-        """Take in the pairs of rows up to ``origin``."""
-        before = self._going_on(origin)
-        if before is None:
-            return
+    def _learn(self, view: ARXData, origin: int) -> None:
         while (mark := self.begin + len(self._coefs) * self._per_day) <= origin:
             self._recursive.advance(view, mark)
             self._coefs.append(self._recursive.coef())
         self._recursive.advance(view, origin)
-        place, longest = self._unfinished(before), int(self.leads[-1])
-        rows = self.begin + place * self._every
-        day = (rows - self.begin) // self._per_day
+
+    def _past_paths(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
+        day = (origins - self.begin) // self._per_day
         coefs = np.array(self._coefs[day[0] :])[day - day[0]]
-        paths = self.arx.iterate(view, rows, longest, coefs)[:, self.leads - 1]
-        ends = rows[:, None] + self.leads
-        known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
-        self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
+        return self.arx.iterate(view, origins, int(self.leads[-1]), coefs)[:, self.leads - 1]
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
         coef = self.arx.coef_ if self.adapt is None else self._recursive.coef()
@@ -210,31 +216,22 @@ class DayBeforeMember:
         return self
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
-        """Errors of a rule that learns nothing."""
-        view = self._held(training.history["T_za"], 0)
-        return self.errors(view, sample.origins, sample.leads, training.n_rows - 1)
+        T = training.history["T_za"]
+        return _errors(T, sample, self.paths(self._held(T, 0), sample.origins, sample.leads))
 
     def view(self, rows: NumberedTable) -> NumberedTemperatures:
-        """Rows with the last measurement where there is none."""
         return self._held(rows.T, rows.first)
 
     def _held(self, T: np.ndarray, first: int) -> NumberedTemperatures:
         return NumberedTemperatures(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingDayBefore:
-        """Nothing is learned on the way."""
         return RollingDayBefore(self, rows.begin, sample.leads, adapt)
 
     def paths(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
         """(O, L) temperatures of the last day that was known at each origin [degC]."""
         back = -(-leads // self._per_day) * self._per_day
         return view.held[np.maximum(origins[:, None] + leads - back - view.first, 0)]
-
-    def errors(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray, row: int) -> np.ndarray:
-        """(O, L) errors [K], NaN where unknown at ``row``."""
-        ends = origins[:, None] + leads
-        measured = view.T[np.minimum(ends, row) - view.first]
-        return np.where(ends <= row, measured - self.paths(view, origins, leads), np.nan)
 
 
 class NumberedTemperatures(NamedTuple):
@@ -252,12 +249,8 @@ class RollingDayBefore(_RollingErrors):
         super().__init__(begin, leads, adapt, rule.every)
         self._rule = rule
 
-    def advance(self, view: NumberedTemperatures, origin: int) -> None:
-        before = self._going_on(origin)
-        if before is not None:
-            place = self._unfinished(before)
-            origins = self.begin + self._every * place
-            self.errors[place, :, 0] = self._rule.errors(view, origins, self.leads, origin)
+    def _past_paths(self, view: NumberedTemperatures, origins: np.ndarray) -> np.ndarray:
+        return self._rule.paths(view, origins, self.leads)
 
     def forecast(self, view: NumberedTemperatures, n_leads: int) -> tuple[np.ndarray, None]:
         return self._rule.paths(view, np.array([self._row]), np.arange(1, n_leads + 1)), None

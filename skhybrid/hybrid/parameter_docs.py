@@ -7,6 +7,13 @@ from .._docs import docs_from
 #: puts these blocks into a class docstring
 shared_docs = docs_from(
     {
+        "stages": """
+        gray_box : estimator, optional
+            An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
+            Its ``columns`` and ``sampling_time`` are read where none are given here.
+        forecaster : estimator, optional
+            A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
+        """,
         "disturbance": """
         disturbance : {"input", "output"}, default="input"
             Whether the disturbance is heat on the zone [kW] or an addition to its temperature [K].

@@ -12,32 +12,24 @@ from .two_stage_predictor import BaseTwoStage
 class HybridPredictor(BaseTwoStage):
     """Day-ahead forecast of temperature and load: a thermal network and a forecast of its unmeasured heat.
 
-    The front of two estimators.  It takes the schedule model (:class:`SchedulePredictor`) unless a gray box, a
-    forecaster or an output disturbance is given, and then the paper's two stages (:class:`TwoStagePredictor`).  A
-    parameter that does nothing in the selected scheme is refused at ``fit``, such as ``memory`` and ``n_jobs`` for the
-    schedule model, which identifies nothing, draws nothing at random and runs on one core.
+    It takes the schedule model (:class:`SchedulePredictor`) unless a gray box, a forecaster or an output disturbance is
+    given, and then the paper's two stages (:class:`TwoStagePredictor`).  A parameter that does nothing in the selected
+    scheme is refused at ``fit``, such as ``memory`` and ``n_jobs`` for the schedule model.
 
     Parameters
     ----------
-    gray_box : estimator, optional
-        An identification of this package, for the two-stage scheme; there the default is ``PeriodicDisturbanceID()``.
-        Its ``columns`` and ``sampling_time`` are read where none are given here.
-    forecaster : estimator, optional
-        A regressor of the disturbance, for the two-stage scheme; there the default is
-        ``DisturbanceForecaster("ridge")``.
+    %(stages)s
     network : str or RCNetwork, optional
-        The thermal network: by default 4R3C for the schedule model, 2R2C for the two-stage scheme, where it is refused
-        beside a ``gray_box``, which has its own.
+        Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box``.
     known : dict of str to float, optional
-        Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.  It never
-        changes the scheme.
+        Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.
     %(disturbance)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin; see the two estimators.
     intervals : bool, default=True
-        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.  They cost the schedule model and baselines
-        next to nothing; a network or a regressor is trained a second time for them.
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`; networks and regressors are trained a second
+        time for them.
     %(parts)s
     %(data)s
 

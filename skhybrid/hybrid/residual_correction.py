@@ -1,25 +1,18 @@
-"""Residual correction: part of what was missed at the same hour one and two weeks ago is added to a forecast.
-
-A calendar of hours and of weekdays against weekends does not know that Saturdays differ from Sundays, nor that this
-week is like the last.  Shares that were regressed on each building's own errors did worse than the ones here, which
-come from five simulated buildings, three homes' training weeks and the paper's office.
-"""
+"""Residual correction: part of what was missed at the same hour one and two weeks ago is added to a forecast."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: days back, and the share of those errors that is added
+#: days back, and the share of those errors that is added: from five simulated buildings, three homes' training weeks
+#: and the paper's office; shares regressed on each building's own errors did worse
 DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 
 
 def residual_correction(
     errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
 ) -> np.ndarray:
-    """(L,) expected error of a forecast from ``row``, 0 where nothing is known.
-
-    ``errors`` (O, L) are of forecasts from increasing ``origins`` (O,); those of rows after ``row`` are not read.
-    """
+    """(L,) expected error of a forecast from ``row``, 0 where unknown, by ``errors`` (O, L) of ``origins`` up to it."""
     if len(origins) < 2:
         return np.zeros(len(leads))
     rows = row - DAYS_BACK * rows_per_day

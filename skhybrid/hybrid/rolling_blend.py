@@ -34,7 +34,7 @@ class BlendRecord:
         return self.member_errors[chosen][..., self.member_of]
 
     def weights(self) -> np.ndarray:
-        """(n_groups, K) shares as the training has them."""
+        """(n_groups, K) shares by the training."""
         return blend_weights(self.products, self.prior, self.pull)
 
 
@@ -49,7 +49,6 @@ class RollingBlend:
         self.row = -1  # the last row that it went through
 
     def views(self, rows: NumberedTable) -> list[Any]:
-        """Rows as the members take them."""
         return [member.view(rows) for member in self._members]
 
     def advance(self, views: list[Any], origin: int) -> None:

@@ -20,22 +20,21 @@ DEFAULT_NETWORK = "4R3C"
 class SchedulePredictor(BaseHybrid):
     """Day-ahead forecast of temperature and load by the schedule model.
 
-    Schedules of gain and of conductance are learned through the network, on the errors of its forecasts at all leads,
-    and the forecast is blended with ARX.  Nothing is drawn at random.  The user guide has the equations.
+    Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
+    forecast is blended with ARX.  The user guide has the equations.
 
     Parameters
     ----------
     network : str or RCNetwork, default="4R3C"
         The thermal network.
     known : dict of str to float, optional
-        Capacities that are given [kW], such as ``{"Q_h": 6.0}``.  Without one, and without measured heat, all heat is
-        relative: the first stage that runs is taken to have 6 kW.
+        Given capacities [kW], such as ``{"Q_h": 6.0}``.  Without one or measured heat, all heat is relative: the first
+        stage that runs is taken to have 6 kW.
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
-        What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also schedules,
-        other linear coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what
-        was missed one and two weeks ago.  ``"full"``: the network and its filter too are fitted again every ten days
-        of history.
+        What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also linear
+        coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what was missed one
+        and two weeks ago.  ``"full"``: also the network and its filter, fitted again every ten days.
     %(data)s
 
     Attributes

@@ -38,19 +38,13 @@ _EVERY = 3
 
 
 class ScheduleScheme(Scheme):
-    """Forecasts that are linear in what they learn: schedules of gains and conductance through the network, and ARX.
-
-    ``known`` gives capacities [kW].
-    """
+    """Schedules of gain and conductance through the network, and ARX, with given capacities ``known`` [kW]."""
 
     name = "schedule"
     _ahead: RollingBlend | None = None  # as far as the last forecast from the last known row went
 
     def __init__(self, network: RCNetwork, *, known: dict[str, float], horizon: Any, adapt: str | None) -> None:
-        self.network = network
-        self.known = known
-        self.horizon = horizon
-        self.adapt = adapt
+        self.network, self.known, self.horizon, self.adapt = network, known, horizon, adapt
 
     def __getstate__(self) -> dict[str, Any]:
         made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_")
@@ -106,12 +100,10 @@ class ScheduleScheme(Scheme):
 
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
-        """The network and its schedules, as fitted."""
         return ScheduledNetwork.of(self._physics.fit_)
 
     @cached_property
     def forecaster_(self) -> ScheduledNetwork:
-        """The same: its schedules are the forecast of the disturbance."""
         return self.gray_box_
 
     @cached_property
@@ -164,11 +156,8 @@ class ScheduleScheme(Scheme):
             states.append(rolling.state())
         return loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
 
-    def left_out_errors(self, n_leads: int) -> LeftOut:
-        """Errors of the blend on left-out blocks, every third hour, interpolated between leads."""
-        return self._left_out(n_leads, every=_EVERY)
-
-    def _left_out(self, n_leads: int, every: int) -> LeftOut:
+    def left_out_errors(self, n_leads: int, every: int = _EVERY) -> LeftOut:
+        """Errors of the blend on left-out blocks, interpolated between leads."""
         record = self._record
         sample, own = record.sample, record.n_leads
         shares = by_lead(record.weights(), own, own)[sample.leads - 1]
@@ -207,12 +196,10 @@ class ScheduleScheme(Scheme):
             known = last_rows(self.rows.tables, 2 * known.n_rows)
         table = concatenate_tables([known, ahead])
 
-        def whole() -> tuple[ZoneTable, np.ndarray]:
-            rows = self._joined(self.rows.tables)
-            return rows.table, rows.T
-
         begin, first = self.rows.training.n_rows, n_known - known.n_rows
-        return NumberedTable(table, table.history["T_za"], begin, True, first, whole)
+        return NumberedTable(
+            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2]
+        )
 
     def relearned(self, measured: ZoneTable | None) -> Self:
         """The scheme fitted again on the last weeks of all that is known."""
@@ -227,16 +214,16 @@ class ScheduleScheme(Scheme):
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
         """Test the day-ahead errors of the temperature, forecast without adaptation."""
         known, per_day = self.rows.training, self._record.rows_per_day
-        left_out = self._left_out(per_day, every=1)
+        left_out = self.left_out_errors(per_day, every=1)
         # the first forecast of each day: where the table does not begin on the hour there is none at midnight
-        midnight = np.flatnonzero(_begins_day(known))
+        midnight = _midnights(known)
         at = np.searchsorted(left_out.origins, midnight)
         near = at < len(left_out.origins)
         near[near] = left_out.origins[at[near]] - midnight[near] < self._record.every
         reference = _days(known, left_out.origins[at[near]], per_day)
         monitor = DriftMonitor().fit(reference, reference - left_out.errors[at[near]])
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
-        origins = np.flatnonzero(_begins_day(rows.table))
+        origins = _midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
         forecast, _ = self._blend(rows, origins, per_day, adapt=None)
         measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
@@ -250,10 +237,10 @@ def _prior(members: Sequence[Member], rule: float) -> np.ndarray:
     return np.concatenate([np.full(len(m.names), each[m.is_rule] / len(m.names)) for m in members])
 
 
-def _begins_day(table: ZoneTable) -> np.ndarray:
-    """(n_rows,) whether a row is the first of a local day."""
+def _midnights(table: ZoneTable) -> np.ndarray:
+    """Rows that are the first of a local day."""
     day = table.time.normalize()
-    return np.append(False, np.asarray(day[1:] != day[:-1]))
+    return np.flatnonzero(day[1:] != day[:-1]) + 1
 
 
 def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:

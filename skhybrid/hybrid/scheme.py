@@ -62,10 +62,9 @@ class Scheme(ABC):
 
     @abstractmethod
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
-        """Heat that keeps every row from the first origin on within its set-points, (n_rows - n_history) rows.
+        """:meth:`~skhybrid.hybrid.HybridPredictor.predict_load` of the rows from the first origin on.
 
-        ``setpoint`` and ``limits`` hold one value for each of these rows.  Each origin is forecast up to the next one.
-        Columns as :meth:`~skhybrid.hybrid.HybridPredictor.predict_load`.
+        ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
     @abstractmethod

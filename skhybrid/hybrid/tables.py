@@ -46,10 +46,7 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
 
 
 def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: set[str]) -> pd.DataFrame:
-    """History and future as one frame, in which the ``past`` columns of the future are missing.
-
-    Refused where the future lacks another one of the columns ``names``, or only one of the two has a time zone.
-    """
+    """History and future as one frame, in which the ``past`` columns of the future are missing, but no others."""
     stamps = in_zone_of(future.index, history.index)
     refuse_absent([name for name in names if name in history.columns], future, past, "history")
     whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
@@ -144,8 +141,7 @@ def with_step_before(table: ZoneTable, step: pd.Timedelta) -> ZoneTable:
 def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
     """Steps of the training and of later history as one even table.
 
-    Training that ended long before is moved later by whole weeks, which keeps the hour of the week; what is left of the
-    gap has no disturbance, so that nothing is learned from it.
+    Training is moved later by whole weeks where it ended long before; in the rest of the gap no disturbance is known.
     """
     step, week = old.step, pd.Timedelta("7D")
     before, after = utc_of(old), utc_of(new)

@@ -66,7 +66,7 @@ class BaseTwoStage(BaseHybrid):
         """
         nested = {name: value for name, value in params.items() if "__" in name}
         super().set_params(**{name: value for name, value in params.items() if name not in nested})
-        for part, make in (("gray_box", self._default_gray_box), ("forecaster", self._default_forecaster)):
+        for part, make in (("gray_box", PeriodicDisturbanceID), ("forecaster", self._default_forecaster)):
             names = [name for name in nested if name.startswith(f"{part}__")]
             if names and getattr(self, part) is None:
                 if not self._takes_two_stages():
@@ -79,9 +79,6 @@ class BaseTwoStage(BaseHybrid):
 
     def _takes_two_stages(self) -> bool:
         return True
-
-    def _default_gray_box(self) -> PeriodicDisturbanceID:
-        return PeriodicDisturbanceID()
 
     def _default_forecaster(self) -> DisturbanceForecaster:
         return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
@@ -107,7 +104,7 @@ class BaseTwoStage(BaseHybrid):
     def _gray_box_part(self) -> Any:
         if self.gray_box is None:
             given = {"network": self.network, "known": self.known}
-            return self._part(self._default_gray_box().set_params(**{k: v for k, v in given.items() if v is not None}))
+            return self._part(PeriodicDisturbanceID().set_params(**{k: v for k, v in given.items() if v is not None}))
         if self.network is not None:
             raise ValueError("network= does nothing beside a gray_box, which has its own; set it there.")
         gray_box = self._part(self.gray_box)
@@ -139,10 +136,9 @@ class BaseTwoStage(BaseHybrid):
 
     @one_blas_thread
     def with_forecasters(self, forecasters: Sequence[Any], disturbance: str | None = None) -> list[Self]:
-        """Fit other forecasters on the disturbance of this fitted estimator's network, which is not identified again.
+        """Fit other forecasters on this fitted estimator's disturbance; the network is not identified again.
 
-        They forecast to the bit as after a fit of each on the same training table, but have no intervals (two-stage
-        scheme only).
+        They forecast to the bit as after a fit of each, but have no intervals (two-stage scheme only).
 
         Parameters
         ----------
@@ -186,11 +182,7 @@ class TwoStagePredictor(BaseTwoStage):
 
     Parameters
     ----------
-    gray_box : estimator, optional
-        An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
-        Its ``columns`` and ``sampling_time`` are read where none are given here.
-    forecaster : estimator, optional
-        A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
+    %(stages)s
     network : str or RCNetwork, optional
         Network of the default gray box, "2R2C"; refused beside a ``gray_box``, which has its own.
     known : dict of str to float, optional
@@ -199,14 +191,12 @@ class TwoStagePredictor(BaseTwoStage):
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
-        ``"linear"``: also, a baseline such as ``"ridge"`` is fitted again on training and history for every full week
-        of history (on its last weeks alone where those forecast the latest one clearly better); networks and other
-        regressors stay as they are.  ``"full"``: forecasts as with ``"linear"``; :meth:`partial_fit` also identifies
-        the network again and trains any forecaster anew, for which the measured rows are kept.
+        ``"linear"``: also, a baseline such as ``"ridge"`` is fitted again for every full week of history, on all rows
+        or, where clearly better, the last weeks.  ``"full"``: as ``"linear"``; :meth:`partial_fit` also identifies the
+        network again and trains any forecaster anew, for which the measured rows are kept.
     intervals : bool, default=True
-        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`, from forecasters that are fitted without a
-        part of the training: of a baseline without each week, of a network or a regressor without the last quarter,
-        so that False saves the second of its two trainings.
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles` from forecasters fitted without a part of the
+        training: a baseline without each week, others, trained a second time, without the last quarter.
     %(parts)s
     %(data)s
 

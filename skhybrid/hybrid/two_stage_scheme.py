@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -51,24 +52,19 @@ class TwoStageScheme(Scheme):
     steps: ZoneTable  # the disturbance that the forecaster was fitted on, and the inputs
 
     def __init__(self, gray_box: Any, forecaster: Any, *, disturbance: str, adapt: str | None, memory: Any) -> None:
-        self.gray_box = gray_box
-        self.forecaster = forecaster
-        self.network = get_network(gray_box.network)
-        self.disturbance = disturbance
-        self.adapt = adapt
-        self.memory = memory
+        self.gray_box, self.forecaster, self.network = gray_box, forecaster, get_network(gray_box.network)
+        self.disturbance, self.adapt, self.memory = disturbance, adapt, memory
 
     @property
     def zeta_(self) -> pd.Series:
-        """The disturbance that the forecaster was fitted on [kW or K]."""
         return pd.Series(self.steps.history["zeta"], self.steps.index, name="zeta")
 
     def fit(self, measured: ZoneTable) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
         dark = {"q_sol": None} if "q_sol" not in measured.inputs else None
-        identify = _memory(self.memory).cache(_fit_gray_box)
+        memory = self.memory if hasattr(self.memory, "cache") else Memory(location=self.memory, verbose=0)
         stamped = with_stamps(measured, ASSUMED_START)
-        self.gray_box_ = identify(self.gray_box, stamped, measured.history["T_za"], dark)
+        self.gray_box_ = memory.cache(_fit_gray_box)(self.gray_box, stamped, measured.history["T_za"], dark)
         self.disturbance_step_ = disturbance_step(measured.step)
         # the rows in between are wanted again only where the network is identified again
         self.rows = KnownRows.of(measured, keep_all=self.adapt == "full")
@@ -127,7 +123,6 @@ class TwoStageScheme(Scheme):
         return np.where(seen, zeta, np.nan)
 
     def forecast_ahead(self, future: ZoneTable) -> Paths:
-        """Forecast from the present state of the filter; the past is not filtered again."""
         rows = self._rows_of(future, np.full(future.n_rows, np.nan))
         steps = self._aggregation.extended(stamps_ns(future), rows, self._n_kept)
         known = steps.of_row[:1] - 1
@@ -206,10 +201,7 @@ class TwoStageScheme(Scheme):
         return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
 
     def left_out_errors(self, n_leads: int) -> LeftOut:
-        """Errors in weeks whose disturbance the forecaster was not fitted on; the network stays as identified.
-
-        Where the forecaster takes long to fit, one block is left out: the last quarter.
-        """
+        """Errors in weeks (or the last quarter, where fits are slow) that the forecaster was not fitted on."""
         table, quick = self.rows.training, refits_fast(self.forecaster_)
         per_day, target = rows_per_day(table.step), table.history["T_za"]
         _, step_of_row = steps_of_rows(with_stamps(table, ASSUMED_START), self.disturbance_step_)
@@ -240,10 +232,7 @@ class TwoStageScheme(Scheme):
         return np.take_along_axis(ahead, np.maximum(wanted, 0), axis=1)
 
     def _steps_of(self, table: ZoneTable, here: ZoneTable) -> tuple[Steps, int]:
-        """The steps up to the end of a table, and the place in ``of_row`` of its first row.
-
-        A table that follows the known rows is preceded by their steps.
-        """
+        """The steps up to the end of a table, after the known ones, and the place in ``of_row`` of its first row."""
         measured = here.history["T_za"]
         zeta = np.full(here.n_rows, np.nan)
         if np.isfinite(measured).any():
@@ -276,20 +265,15 @@ class TwoStageScheme(Scheme):
             if count == 0:
                 yield self.forecaster_, chosen
             elif n_steps <= early:  # steps that were taken in do not change
-                yield self._refitted_on_known(n_steps), chosen
+                yield self._refit.fitted_once(n_steps, partial(self._steps_since, n_steps)), chosen
             else:
                 since = steps.table.rows(slice(first, None))
                 since = concatenate_tables([self._aggregation.after(self._learned_to), since]) if following else since
                 yield here.fitted(join_steps(self.steps, since.rows(slice(0, n_steps)))), chosen
 
-    def _refitted_on_known(self, n_steps: int) -> Any:
-        """The forecaster refitted on so many steps after the training, which were all taken in."""
-        fitted = self._refit.after(n_steps)
-        if fitted is None:
-            since = self._aggregation.after(self._learned_to)
-            fitted = self._refit.fitted(join_steps(self.steps, since.rows(slice(0, n_steps))))
-            self._refit.keep(n_steps, fitted)
-        return fitted
+    def _steps_since(self, n_steps: int) -> ZoneTable:
+        """The training steps and so many after them, which were all taken in."""
+        return join_steps(self.steps, self._aggregation.after(self._learned_to).rows(slice(0, n_steps)))
 
 
 def refits_fast(forecaster: Any) -> bool:
@@ -312,7 +296,3 @@ def _after_history(table: ZoneTable) -> ZoneTable:
 def _fit_gray_box(gray_box: Any, table: ZoneTable, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
     """Fit on a table by roles; a function of its own, so that ``memory`` can keep it."""
     return gray_box.set_params(columns=columns, sampling_time=None).fit(table, target)
-
-
-def _memory(memory: Any) -> Memory:
-    return memory if hasattr(memory, "cache") else Memory(location=memory, verbose=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,31 +20,25 @@ _WEEK, _DAY = pd.Timedelta("7D"), pd.Timedelta("1D")
 
 
 class WeeklyRefit:
-    """New fits of a forecaster at the ends of weeks.
-
-    A fit at the end of a week takes the span whose fit a week earlier forecast that week best, a day ahead: a choice
-    made on days that it had not seen.  The forecaster is cloned for every fit.
-    """
+    """Fits of a forecaster's clones at the ends of weeks, on the span whose fit a week earlier forecast it best."""
 
     def __init__(self, forecaster: Any) -> None:
         self._forecaster = forecaster
         self._fits: dict[tuple[int, int], Any] = {}
         self._latest: tuple[int, Any] | None = None
 
-    def after(self, n_steps: int) -> Any:
-        """The fit that was kept of so many steps since the training; None where there is none."""
-        return self._latest[1] if self._latest is not None and self._latest[0] == n_steps else None
-
-    def keep(self, n_steps: int, fitted: Any) -> None:
-        """Keep the fit of so many steps since the training, which do not change any more."""
-        self._latest = n_steps, fitted
+    def fitted_once(self, n_steps: int, steps: Callable[[], ZoneTable]) -> Any:
+        """The fit on so many steps since the training, which do not change any more; ``steps`` gives their table."""
+        latest = self._latest
+        if latest is None or latest[0] != n_steps:
+            latest = self._latest = n_steps, self.fitted(steps())
+        return latest[1]
 
     def fitted(self, steps: ZoneTable) -> Any:
         """The forecaster fitted on steps that end with a week."""
-        return self._fit(steps, self.span(steps))
+        return self._fit(steps, self._span(steps))
 
-    def span(self, steps: ZoneTable) -> pd.Timedelta | None:
-        """The span to fit on."""
+    def _span(self, steps: ZoneTable) -> pd.Timedelta | None:
         before = steps.rows(slice(0, steps.n_rows - int(_WEEK / steps.step)))
         long_enough = [s for s in SPANS if s is None or int(s / steps.step) < before.n_rows]
         if len(long_enough) < 2:
@@ -76,10 +71,7 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
 
 
 def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Estimated and forecast disturbance (n_days, n_steps_per_day) of every whole local day but the first.
-
-    Each day is forecast from the last step before its midnight and stamped by the day.
-    """
+    """(n_days, n_steps_per_day) estimated disturbance of whole local days but the first, and forecast from midnight."""
     day = steps.time.normalize()
     per_day = round(_DAY / steps.step)
     begins = np.flatnonzero(day[1:] != day[:-1]) + 1

@@ -1,9 +1,9 @@
 """Schedule model: an RC network with schedules of gain and conductance, fitted on forecast errors at all leads.
 
 Reading order: ``channels`` (inputs with a coefficient), ``segment`` (rows), ``filter_model`` (matrices), ``responses``
-(simulation and filter), ``constrained_ridge`` and ``lead_problem`` (objective), ``left_out_blocks`` (shrinkage),
-``fit``; online, ``completed_forecasts``, ``online_network`` and ``rolling_network``; then ``schedule_loads`` and
-``scheduled_network`` (a fit in the user's terms).  The equations are in ``docs/user_guide/hybrid.rst``.
+(simulation and filter), ``constrained_ridge`` and ``lead_problem`` (objective), ``fit``; online, ``online_network`` and
+``rolling_network``; then ``schedule_loads`` and ``scheduled_network`` (a fit in the user's terms).  The equations are
+in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads

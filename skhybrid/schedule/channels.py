@@ -82,15 +82,12 @@ class Channels(NamedTuple):
     @property
     def scheduled(self) -> np.ndarray:
         """(J,) bool, unmeasured heat: schedules of gain and conductance."""
-        return self._named("gain", "ua")
+        return np.array([name.startswith(("gain", "ua")) for name in self.names])
 
     @property
     def solar(self) -> np.ndarray:
         """(J,) bool, irradiance."""
-        return self._named("q_sol")
-
-    def _named(self, *prefixes: str) -> np.ndarray:
-        return np.array([name.startswith(prefixes) for name in self.names])
+        return np.array([name.startswith("q_sol") for name in self.names])
 
     def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
         """(N,) heat of the schedules [kW]; the first J of ``coef`` are the channels' coefficients."""
@@ -105,11 +102,7 @@ class Channels(NamedTuple):
 
 
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
-    """Choose the channels that a table can feed; ``known`` are given capacities by parameter name [kW].
-
-    Measured heat needs no capacity.  Without it and without a given capacity the scale of a network is free: the
-    capacity of one stage is then set to 6 kW.
-    """
+    """Choose the channels that a table can feed; ``known`` are given capacities by parameter name [kW]."""
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
     stages = [role for role in table.inputs if role.startswith("u_")]
     stages.sort(key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
@@ -139,7 +132,7 @@ def _given_capacities(
     sign: Mapping[str, float],
     measured: bool,
 ) -> list[tuple[str, float]]:
-    """Stages with a capacity [kW]: the given ones, or a stage that runs where nothing else fixes the scale."""
+    """Stages with a capacity [kW]: the given ones, or one stage that runs, at 6 kW, where nothing fixes the scale."""
     capacity = {source.role: source.parameter for source in network.sources(stages)}
     given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
     if not measured and not given and stages:
@@ -178,7 +171,6 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
 
 
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
-    """Make the channels of a table."""
     makers = (_solar_channels, _equipment_channels, _schedule_channels, _swapped_day_channels)
     names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
     return Channels(
@@ -191,7 +183,7 @@ def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
 
 
 def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
-    """Each irradiance on each node; a single horizontal one is split into parts of the day, in place of facades."""
+    """Each irradiance on each node; a single one is split into parts of the day, in place of facades."""
     beams = {role: table.inputs[role] for role in plan.irradiance}
     if len(beams) == 1:
         role, light = next(iter(beams.items()))
@@ -221,10 +213,7 @@ def knot_name(role: str, knot: float) -> str:
 
 
 def deviation(stage: np.ndarray, knot: float, largest: float) -> np.ndarray:
-    """Deviation of a part-load curve from proportional heat: largest at the knot, 0 at stage 0 and from ``largest`` on.
-
-    So the heat of the full stage stays that of its capacity, and a stage that was not seen stays proportional.
-    """
+    """Deviation of a part-load curve from proportional: largest at the knot, 0 at stage 0 and from ``largest`` on."""
     return np.minimum(stage, knot) - np.minimum(stage, largest) * knot / largest
 
 

@@ -27,10 +27,9 @@ def gram(E: np.ndarray) -> np.ndarray:
 
 
 def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray) -> Solution:
-    """Coefficients (J,) with the least penalised sum of squares.
+    """Coefficients with the least sum of squares under ``penalty`` (J,), those in ``positive`` (J,) at least 0.
 
-    ``G`` (J + 1, J + 1) are sums of products of the columns and, last, the target; ``penalty`` (J,) is positive;
-    coefficients in ``positive`` (J,) are at least 0.
+    ``G`` (J + 1, J + 1) are sums of products of the columns and, last, the target.
     """
     J = len(penalty)
     H, b = G[:J, :J] + np.diag(penalty), G[:J, J]

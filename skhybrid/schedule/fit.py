@@ -11,10 +11,9 @@ from .._table import ZoneTable
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_plan, with_contrast
-from .constrained_ridge import Solution
+from .constrained_ridge import Solution, gram, solve_coefficients
 from .filter_model import FILTER_PARAMETERS, FilterModel
-from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise
-from .left_out_blocks import best_shrinkage, blocks_of_days, forecast_errors, left_out_errors
+from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
 
 #: leads of a sample on which the grid is scored
@@ -28,9 +27,13 @@ _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
 _LEAST_SPREAD = 0.1
 #: prior standard deviation of the parameters' logarithms around the grid's best point
 _PRIOR_SPREAD = 1.2
-_DAY = 24.0
 #: least standard deviation of a lead's errors in its weight [K]
 _LEAST_ERROR = 0.02
+#: shrinkages that are tried
+_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)
+#: numbers of blocks of days that are left out in turn
+_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3
+_DAY = 24.0
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,10 @@ class LeadFit:
 
     @property
     def model(self) -> FilterModel:
-        """Network and filter."""
         return self.problem.model
 
     @property
     def plan(self) -> ChannelPlan:
-        """Plan of the channels."""
         return self.problem.plan
 
     @property
@@ -99,8 +100,7 @@ def fit_leads(
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
-    ``T`` (N,) is the measured temperature [degC], NaN where missing; ``known`` are given capacities by parameter name
-    [kW]; without ``calendar`` there are no schedules.
+    ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.
     """
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
@@ -112,13 +112,13 @@ def fit_leads(
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     problem = _initial_problem(model, ScoredForecasts(segment, sample))
     best = minimise(problem, problem.centre, max_steps=10)
-    blocks = blocks_of_days(sample, step)
-    problem = replace(problem, shrinkage=best_shrinkage(problem, best, blocks))
+    blocks = _blocks_of_days(sample, step)
+    problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = minimise(problem, best.psi, max_steps=4)
     plan = with_contrast(plan, segment.channels.names, best.solution.coef)
     problem = replace(problem, forecasts=(ScoredForecasts(make_segment(plan, table, T, reference), sample),))
     best = problem.evaluate(best.psi)
-    left_out = left_out_errors(problem, best, blocks)
+    left_out = _left_out_errors(problem, best, blocks)
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference)
 
 
@@ -128,7 +128,7 @@ def _initial_problem(model: FilterModel, scored: ScoredForecasts) -> LeadProblem
     start = _best_of_grid(model, scored, spread).psi
     problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads))
     at = problem.evaluate(start)
-    errors = forecast_errors(problem, scored, at.designs[0], at.solution.coef)
+    errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
     known = np.isfinite(errors).sum(axis=0)
     variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)
     return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
@@ -159,3 +159,73 @@ def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:
     theta = dict(zip([*network.capacitances.values(), *network.resistors], values, strict=True))
     of_filter = {"sigma_x": 0.05, "sigma_g": 0.3 * model.heat_scale, "tau_g": 6.0, "tau_e": 0.5}
     return np.log([{**theta, **of_filter}[name] for name in (*model.builder.parameters, *FILTER_PARAMETERS)])
+
+
+def _blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
+    """(O,) block of days of each origin: weeks where there are enough; a single block where none can be left out."""
+    hours = (sample.origins - sample.origins[:1]) * step if len(sample.origins) else np.empty(0)
+    days = hours[-1] / _DAY if len(hours) else 0.0
+    length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
+    count = max(1, round(days / length))
+    if count < _LEAST_BLOCKS:
+        return np.zeros(len(hours), dtype=np.int64)
+    return np.minimum((hours / _DAY / length).astype(np.int64), count - 1)
+
+
+def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> Shrinkage:
+    """Shrinkage with the least error in blocks that are left out in turn."""
+    if not problem.plan.calendar or not _several(blocks):
+        return Shrinkage()
+    scored = problem.forecasts[0]
+    grams = _block_grams(at.designs[0], scored.sample, blocks)
+    scale, positive = problem.model.heat_scale, problem.positive
+
+    def error(shrinkage: Shrinkage) -> float:
+        penalty, out = penalty_of(scored.segment, shrinkage, scale), 0.0
+        for block, others in grams:
+            residual = np.append(-solve_coefficients(others, penalty, positive).coef, 1.0)
+            out += float(residual @ block @ residual)
+        return out
+
+    # one coordinate after the other: the three hardly depend on each other
+    best = min((Shrinkage(g, u) for g in _GAINS for u in _UAS), key=error)
+    return min((best._replace(day_type=d) for d in _DAY_TYPES), key=error)
+
+
+def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> np.ndarray:
+    """(O, L) errors [K] of forecasts whose block of days was left out; NaN where there is no measurement."""
+    scored, E = problem.forecasts[0], at.designs[0]
+    errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
+    if not _several(blocks):
+        return errors
+    for b, (_, others) in enumerate(_block_grams(E, scored.sample, blocks)):
+        coef = solve_coefficients(others, problem.penalty, problem.positive).coef
+        errors[blocks == b] = _forecast_errors(problem, scored, E, coef)[blocks == b]
+    return errors
+
+
+def _forecast_errors(problem: LeadProblem, scored: ScoredForecasts, design: np.ndarray, coef: np.ndarray) -> np.ndarray:
+    """(O, L) errors [K] of a weighted design under coefficients; NaN where there is no measurement."""
+    root = problem.root_weights(scored)
+    e = (design[:, -1] - design[:, :-1] @ coef).reshape(root.shape)
+    return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
+
+
+def _several(blocks: np.ndarray) -> bool:
+    return bool(len(blocks) and blocks.max())
+
+
+def _block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Sums of products (J + 1, J + 1) of each block of days, and of the forecasts that touch none of its days."""
+    by_origin = E.reshape(len(blocks), -1, E.shape[1])
+
+    def gram_of(chosen: np.ndarray) -> np.ndarray:
+        return gram(by_origin[chosen].reshape(-1, E.shape[1]))
+
+    grams = [gram_of(blocks == b) for b in range(int(blocks.max()) + 1)]
+    total = np.sum(grams, axis=0)
+    begins = sample.origins[np.searchsorted(blocks, np.arange(len(grams)))]
+    longest = int(sample.leads[-1])
+    # forecasts from just before a block have their targets in it
+    into = [gram_of((blocks < b) & (sample.origins + longest > begin)) for b, begin in enumerate(begins)]
+    return [(own, total - own - before) for own, before in zip(grams, into, strict=True)]

@@ -71,7 +71,6 @@ class LeadProblem:
 
     @property
     def plan(self) -> ChannelPlan:
-        """Plan of the channels."""
         return self.forecasts[0].segment.plan
 
     @property
@@ -82,7 +81,6 @@ class LeadProblem:
 
     @property
     def penalty(self) -> np.ndarray:
-        """(J,) penalty of each coefficient."""
         return penalty_of(self.forecasts[0].segment, self.shrinkage, self.model.heat_scale)
 
     def root_weights(self, scored: ScoredForecasts) -> np.ndarray:

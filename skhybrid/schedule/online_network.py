@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..filtering import lead_rows, simulate_path
-from .completed_forecasts import CompletedForecasts, OpenForecasts
+from ..filtering import lead_errors, lead_rows, simulate_path
 from .constrained_ridge import gram, solve_coefficients
 from .filter_model import Matrices
 from .fit import LeadFit
@@ -17,7 +16,67 @@ from .segment import Segment
 
 #: days after which evidence counts half: in a long memory, and in a short one that adapts to a change sooner
 HALF_LIVES = (30.0, 7.0)
+#: weight of a forecast of the history relative to one of the training
+HISTORY_WEIGHT = 3.0
 _DAY = 24.0
+
+
+class CompletedForecasts(NamedTuple):
+    """Forecasts, one per origin and lead, whose target has been measured."""
+
+    columns: np.ndarray  # (k, J + 1), weighted
+    root: np.ndarray  # (k,) square roots of the weights
+    origin: np.ndarray  # (k,) rows
+    lead: np.ndarray  # (k,) index of the lead
+    age: np.ndarray  # (k,) rows from the target to the last row
+
+
+class OpenForecasts:
+    """Forecasts at increasing ``leads`` (L,) that wait for their targets, with the rows that they need."""
+
+    def __init__(self, problem: LeadProblem, leads: np.ndarray, matrices: Matrices) -> None:
+        self._problem, self._leads = problem, leads
+        self._lead_rows, _ = lead_rows(matrices.F, matrices.dF[..., :0], problem.model.zone, leads)
+        self._first = 0  # row at which the kept series begin
+        self._series, self._seen = np.empty((0, 0)), np.empty(0, dtype=bool)
+        self._origins, self._weight = np.empty(0, dtype=np.int64), np.empty(0)
+        self._states = np.empty((0, 0, 0))
+
+    def advance(
+        self, responses: Responses, seen: np.ndarray, first: int, origins: np.ndarray, spacing: float
+    ) -> CompletedForecasts:
+        """Add rows from ``first`` on and the forecasts from ``origins`` (rows), which are ``spacing`` rows apart."""
+        self._append(responses, seen, first, origins, spacing)
+        end = first + len(seen)
+        targets = self._origins[:, None] + self._leads
+        known = (targets >= first) & (targets < end)
+        known &= self._seen[np.minimum(targets, end - 1) - self._first]
+        root = self._problem.root_weights_of(known, self._weight)
+        E = lead_errors(self._series, self._states, self._lead_rows, self._origins - self._first, self._leads, root)
+        place, lead = np.nonzero(root)
+        age = end - 1 - targets[place, lead]
+        completed = CompletedForecasts(E[root.ravel() > 0], root[place, lead], self._origins[place], lead, age)
+        self._drop_before(end)
+        return completed
+
+    def _append(self, responses: Responses, seen: np.ndarray, first: int, origins: np.ndarray, spacing: float) -> None:
+        if not len(self._origins):
+            self._first, self._series, self._seen, self._states = first, responses.series, seen, responses.states
+        else:
+            self._series = np.concatenate([self._series, responses.series])
+            self._seen = np.concatenate([self._seen, seen])
+            self._states = np.concatenate([self._states, responses.states])
+        weight = HISTORY_WEIGHT * self._problem.overlap_weight(spacing)
+        self._origins = np.concatenate([self._origins, origins])
+        self._weight = np.append(self._weight, np.full(len(origins), weight))
+
+    def _drop_before(self, end: int) -> None:
+        """Keep the forecasts with targets at row ``end`` or later, and their rows."""
+        is_open = self._origins + self._leads[-1] >= end
+        self._origins, self._states, self._weight = self._origins[is_open], self._states[is_open], self._weight[is_open]
+        first = int(self._origins[0]) if len(self._origins) else end
+        keep = slice(first - self._first, None)
+        self._first, self._series, self._seen = first, self._series[keep], self._seen[keep]
 
 
 class OriginState(NamedTuple):
@@ -32,10 +91,9 @@ class OriginState(NamedTuple):
 
 
 class CoefficientMemory:
-    """Coefficients that the training and later forecasts give, the weight of each fading with time.
+    """Coefficients by forecasts that count half after ``half_life`` rows.
 
-    ``products`` (J + 1, J + 1), the Gram matrix of the training forecasts, count fully at ``row``; a forecast counts
-    half after ``half_life`` rows.
+    The training's Gram matrix ``products`` (J + 1, J + 1) counts fully at ``row``.
     """
 
     def __init__(self, problem: LeadProblem, products: np.ndarray, row: int, half_life: float) -> None:
@@ -58,10 +116,7 @@ class CoefficientMemory:
 
 
 class OnlineNetwork:
-    """A network at one psi (p,) that goes through rows, and the coefficients that its completed forecasts give.
-
-    The memories begin with the training forecasts of the fit, at the fit's psi; ``begin`` is the first new row.
-    """
+    """A network at one psi (p,) that goes through rows, ``begin`` being the first new one, and its coefficients."""
 
     def __init__(self, fit: LeadFit, psi: np.ndarray, begin: int) -> None:
         self.psi, self._fit, self._begin = psi, fit, begin
@@ -105,10 +160,8 @@ class OnlineNetwork:
         return OriginState(self.psi, self._filter.matrices, coef, nodes, filtered[-1], output)
 
     def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """Forecast from the last row: (K, n_leads) deviations [K] and unmeasured heat [kW] under coefficients (K, J).
-
-        ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held.
-        """
+        """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J)."""
+        # ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held
         M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
         P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
         rows = np.minimum(leads - 1, n_known - 1)

@@ -46,11 +46,10 @@ class EmitterState(NamedTuple):
 def emitter_series(
     heat: np.ndarray, step: float, time_constant: float, state: EmitterState | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Heat that a lagging emitter gives off less the heat that it is given, ``z - heat`` (N,) [kW], and its slope.
+    """``z - heat`` (N,) [kW] of a lagging emitter that gives off ``z``, and its slope by the log of the time constant.
 
-    ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``, both [h]; the slope is by the
-    logarithm of the time constant.  Without a ``state`` of the row before the first, the first row's heat has always
-    been given.
+    ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``, both [h].  ``state`` is that of the
+    row before the first; by default the first row's heat has always been given.
     """
     a = np.exp(-step / time_constant)
     output, given = state if state is not None else (heat[0], heat[0])
@@ -62,10 +61,9 @@ def emitter_series(
 
 
 class ResponseFilter:
-    """Simulation and filter of all channels that go on from one segment to the next.
+    """Simulation and filter of all channels that go on from one segment to the next; ``node`` (J,) is that of each.
 
-    ``node`` (J,) is that of each channel without the emitter's.  At the last row, ``filtered`` (m, J + 1) are the
-    filtered states given it, and ``emitter`` is the emitter's state; None before the first row, and without an emitter.
+    At the last row, ``filtered`` (m, J + 1) are the filtered states given it, and ``emitter`` the emitter's, if any.
     """
 
     def __init__(self, model: FilterModel, psi: np.ndarray, plan: ChannelPlan, node: np.ndarray) -> None:
@@ -131,20 +129,14 @@ def simulate_responses(model: FilterModel, psi: np.ndarray, segment: Segment, or
 
 
 def error_columns(model: FilterModel, responses: Responses, sample: ForecastSample, root: np.ndarray) -> np.ndarray:
-    """Weighted forecast errors (O L, J + 1) of each channel and of the measurement less the known inputs.
-
-    ``root`` (O, L) are the square roots of the weights.
-    """
+    """(O L, J + 1) errors of each channel and of the measurement less known inputs, by root weights ``root`` (O, L)."""
     M = responses.matrices
     P, _ = lead_rows(M.F, M.dF[..., :0], model.zone, sample.leads)
     return lead_errors(responses.series, responses.states, P, sample.origins, sample.leads, root)
 
 
 def node_inputs(segment: Segment, coef: np.ndarray, lag: np.ndarray) -> np.ndarray:
-    """(N, nb + n) boundary temperatures [K] and heat into each node [kW] under coefficients (J,).
-
-    ``lag`` (N,) is the emitter's series; it is not read where there is no emitter.
-    """
+    """(N, nb + n) boundary temperatures [K] and heat into each node [kW]; ``lag`` (N,) is the emitter's series."""
     channels, plan = segment.channels, segment.plan
     heat = channels.heat(coef[: len(channels.names)], len(plan.network.nodes))
     heat[:, plan.heated] += segment.heat

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..filtering import ForecastSample
-from .completed_forecasts import HISTORY_WEIGHT, CompletedForecasts
 from .constrained_ridge import gram
 from .fit import LeadFit
 from .lead_problem import ScoredForecasts, minimise
-from .online_network import HALF_LIVES, OnlineNetwork, OriginState
+from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
 
 #: days between refits of the network
@@ -87,11 +86,10 @@ def _every_second(fit: LeadFit) -> ScoredForecasts:
 
 
 class RollingNetwork:
-    """A fitted model that goes through rows, learns from them and forecasts.
+    """A fitted model that goes through rows, of which ``row`` is the next, learns from them and forecasts.
 
-    ``begin`` is the first row that the training has not seen; where ``joined``, the rows before it are the training's
-    own.  With ``adapt`` None nothing is learned, with "linear" coefficients are re-solved, with "full" the network is
-    refitted too.  ``row`` is the next row; ``every`` rows (an hour, or one) lie between recorded forecasts.
+    ``begin`` and ``joined`` as of :class:`NumberedSegment`.  ``adapt``: None learns nothing, "linear" re-solves the
+    coefficients, "full" refits the network too.  ``every`` rows (an hour, or one) lie between recorded forecasts.
     """
 
     def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
@@ -110,10 +108,9 @@ class RollingNetwork:
 
     @property
     def errors(self) -> np.ndarray:
-        """Errors (n, L, K) [K] of each memory's forecasts from ``begin``, ``begin + every``, ... at the fit's leads.
+        """(n, L, K) errors [K] of each memory's forecasts from ``begin``, ``begin + every``, ..., NaN where unknown.
 
-        The coefficients are those known at the start of the forecast's day; NaN where unknown or not ended.  Only with
-        adaptation.
+        Only with adaptation; by the coefficients that were known at the start of the forecast's day.
         """
         return self._errors.values
 
@@ -176,12 +173,9 @@ class RollingNetwork:
         return self._network.state(self.coefs()[memory])
 
     def forecast(self, rows: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """Forecast from the last row: (K, n_leads) deviations from the reference [K], and unmeasured heat [kW].
-
-        Inputs after the rows of ``rows`` are held at the last of them.
-        """
+        """(K, n_leads) deviations from the reference [K] and unmeasured heat [kW] after the last row; inputs hold."""
         origin = self.row - 1
-        last = min(origin + n_leads, rows.end - 1)
+        last = min(origin + n_leads, rows.first + rows.segment.n_rows - 1)
         ahead = rows.between(min(origin + 1, last), last + 1)
         return self._network.forecast(ahead, last - origin, self.coefs(), n_leads)
 

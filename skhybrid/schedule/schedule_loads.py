@@ -35,14 +35,11 @@ def loads(
     setpoint: Band,
     limits: Limits,
 ) -> pd.DataFrame:
-    """Heat that keeps the last rows within their set-points; each origin serves the rows up to the next one.
+    """:meth:`GrayBoxRC.predict_load` and ``zeta`` [kW], from each of increasing origins up to the next one.
 
     A single temperature (a band whose sides are equal) is followed by a linear-quadratic path: heat that met each value
-    of a measured temperature would answer to the thermometer's noise.  A band is a thermostat's setting; it takes the
-    least heat that keeps within it (paper Eq. inverseQ2).
-
-    ``origins`` are increasing rows of ``segment``, whose rows ``table`` has; ``setpoint`` [degC] and ``limits`` [kW]
-    are of the rows from the first origin on.  The result is that of :meth:`GrayBoxRC.predict_load`, and ``zeta`` [kW].
+    of a measured temperature would answer to the thermometer's noise.  A band takes the least heat that keeps within it
+    (paper Eq. inverseQ2).  ``setpoint`` [degC] and ``limits`` [kW] are of the rows from the first origin on.
     """
     ends = np.append(origins[1:], table.n_rows)
     variation = _Variation.of(fit) if np.array_equal(*setpoint) else None
@@ -65,7 +62,6 @@ class _Variation(NamedTuple):
 
     @classmethod
     def of(cls, fit: LeadFit) -> _Variation:
-        """Variation of the training rows."""
         errors = fit.left_out[:, 0]
         known = np.isfinite(errors)
         noise = _NOISE_SHARE * float(np.sqrt(np.mean(errors[known] ** 2))) if known.any() else NOISE
@@ -76,11 +72,11 @@ class _Variation(NamedTuple):
         return cls(noise, change if change > 0 else fit.model.heat_scale)
 
     def penalty(self, wanted: np.ndarray) -> float:
-        """Penalty of a change of heat relative to an error of the wanted temperatures (N,) [K2/kW2].
+        """Penalty [K2/kW2] of a change of heat, relative to an error of the wanted temperatures (N,).
 
-        It makes the path the likeliest one, for heat that walks at random by its usual changes and a temperature with
-        noise.  A path that is smooth has little noise: white noise alone gives second differences of root 6 its size.
+        The path is then the likeliest one of heat that walks at random by its usual changes, and a noisy temperature.
         """
+        # a path that is smooth has little noise: white noise alone gives second differences of root 6 its size
         rough = float(np.sqrt(np.mean(np.diff(wanted, 2) ** 2) / 6.0)) if len(wanted) > 2 else self.noise
         return (max(min(self.noise, rough), _LEAST_NOISE) / self.change) ** 2
 
@@ -114,13 +110,12 @@ def _load_from(
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(at_origin, path[:-1]) + fit.reference
     out = load_frame(plant, index, clipped, unclipped, temperature)
-    return _at_part_load(out, segment.plan, plant, coef, fit.channel_names).assign(zeta=zeta)
+    return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
 
 
-def _at_part_load(
-    out: pd.DataFrame, plan: ChannelPlan, plant: Plant, coef: np.ndarray, names: tuple[str, ...]
-) -> pd.DataFrame:
+def _at_part_load(out: pd.DataFrame, fit: LeadFit, plant: Plant, coef: np.ndarray) -> pd.DataFrame:
     """Replace proportional stages by those whose part-load curve gives the same heat."""
+    plan, names = fit.plan, fit.channel_names
     full, largest = dict((*plant.heating, *plant.cooling)), dict(plan.max_stages)
     for role in full.keys() & {role for role, _, _ in plan.knots}:
         grid = np.linspace(0.0, plant.most[role], _GRID)
@@ -137,11 +132,8 @@ def _at_part_load(
 
 
 def increasing_curve(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
-    """The nearest curve that increases everywhere, between the same ends.
-
-    A part-load curve is learned from rooms whose thermostat chose the stage.  Where it is flat or falling, many stages
-    give the same heat, and the first of them may be far below the one at which a building runs.
-    """
+    """The nearest curve that increases everywhere, between the same ends."""
+    # where a curve is flat or falling many stages give the same heat, of which the first may be far too low
     least = _LEAST_SLOPE * proportional
     return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 

@@ -47,7 +47,6 @@ class ScheduledNetwork:
 
     @classmethod
     def of(cls, fit: LeadFit) -> ScheduledNetwork:
-        """Read a fit."""
         values = pd.Series(np.exp(fit.psi), fit.model.names)
         names = [*fit.channel_names, *(["emitter"] if fit.plan.emitter else [])]
         coef, of_filter = pd.Series(fit.coef, names), list(FILTER_PARAMETERS)

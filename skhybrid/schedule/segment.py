@@ -23,7 +23,6 @@ class Segment(NamedTuple):
 
     @property
     def n_rows(self) -> int:
-        """Number of rows."""
         return len(self.y)
 
     def between(self, begin: int, end: int) -> Segment:
@@ -43,7 +42,7 @@ def make_segment(plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: 
 
 
 class NumberedSegment(NamedTuple):
-    """Rows that are known by their numbers: those after the training rows, or of another table."""
+    """Rows known by their numbers: those after the training rows, or of another table."""
 
     segment: Segment
     begin: int  # first row that the training has not seen
@@ -51,13 +50,7 @@ class NumberedSegment(NamedTuple):
     first: int = 0  # number of the segment's first row, where the segment holds the last rows only
     whole: Callable[[], Segment] | None = None  # makes the segment of all rows from 0 on, where ``first`` is not 0
 
-    @property
-    def end(self) -> int:
-        """Number of the row after the last one."""
-        return self.first + self.segment.n_rows
-
     def between(self, begin: int, end: int) -> Segment:
-        """Rows from ``begin`` on, before ``end``."""
         if begin >= self.first:
             return self.segment.between(begin - self.first, end - self.first)
         assert self.whole is not None
