@@ -1,8 +1,4 @@
-"""Rolling-origin prediction: the meaning of ``predict`` that all forecasters of the package share (design 2).
-
-A forecast from origin row ``o`` knows every row up to and including ``o`` and, of later rows, the known future inputs.
-It covers the rows ``o + 1 ... o + n_leads``.
-"""
+"""Rolling-origin prediction, shared by all forecasters (design 2): origin row ``o`` knows rows up to and with ``o``."""
 
 from __future__ import annotations
 
@@ -25,11 +21,7 @@ _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
 
 
 class RollingForecastMixin(RegressorMixin):
-    """``predict`` and ``predict_from`` over one hook.
-
-    A subclass sets ``horizon`` (and may set ``origin_step``), keeps the end of its training table in ``_tail``, and
-    implements the hooks ``_read_X``, ``_forecast`` and ``_cold_value``.
-    """
+    """``predict`` and its kin; a subclass sets ``horizon`` and ``_tail``, and implements the hooks."""
 
     horizon: Any
     _tail: ZoneTable
@@ -97,8 +89,7 @@ class RollingForecastMixin(RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        y : array-like of shape (n_samples,)
-            Measured values, NaN where missing.
+        y : array-like of shape (n_samples,); measured values, NaN where missing
         sample_weight : array-like of shape (n_samples,), optional
         """
         predicted = self.predict(X)

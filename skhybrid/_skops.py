@@ -22,11 +22,7 @@ class _TorchIsAbsent(MetaPathFinder):
 
 
 def import_skops() -> Any:
-    """Import ``skops.io``.
-
-    skops lists scikit-learn's estimators, and on that way scikit-learn imports every array library that is installed.
-    A model file needs none of them, and torch alone would take two seconds.
-    """
+    """Import ``skops.io`` without torch, which takes scikit-learn two seconds when skops lists its estimators."""
     finder = _TorchIsAbsent()
     sys.meta_path.insert(0, finder)
     try:

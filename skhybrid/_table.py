@@ -98,10 +98,7 @@ class ZoneTable:
 
 
 def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
-    """Join tables that follow each other.
-
-    Inputs that one of them lacks are dropped, and history that one of them lacks is NaN in its rows.
-    """
+    """Join tables that follow each other; inputs that one lacks are dropped, history that one lacks is NaN there."""
     first, last = tables[0], tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
     kept = {role for table in tables for role in table.history}
@@ -296,10 +293,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
 
 
 def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:
-    """One target per role, (n_samples,) for one role and (n_samples, n_roles) for several; see :func:`read_target`.
-
-    A frame's columns are found by role, otherwise they are in the order of ``roles``.
-    """
+    """(n_samples,) target of one role or (n_samples, n_roles), by role from a frame; see :func:`read_target`."""
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])
     frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))

@@ -17,11 +17,7 @@ def _controller() -> ThreadpoolController:
 
 
 def one_blas_thread(method: _Method) -> _Method:
-    """Run a method with one BLAS thread, and restore the previous number after it.
-
-    Matrices here have a few dozen columns, where a second thread costs more time than it saves.  Also, the last bits
-    of a product depend on the number of threads, so that a worker process would differ from the main one.
-    """
+    """Run a method with one BLAS thread: faster for small matrices, and the last bits depend on their number."""
 
     @wraps(method)
     def limited(*args: Any, **kwargs: Any) -> Any:

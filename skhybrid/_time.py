@@ -43,11 +43,8 @@ def read_index(
 
 
 def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
-    """First rows of the segments between long gaps; (0,) where the index is not evenly spaced but for such gaps.
-
-    A gap is a jump by a whole number of steps, of :data:`SHORTEST_GAP` or more.  A shorter one is better filled, since
-    each segment needs an initial state of its own.
-    """
+    """First rows of the segments between gaps of whole steps; (0,) where the index is not evenly spaced otherwise."""
+    # A gap below SHORTEST_GAP is better filled, since each segment needs an initial state of its own.
     jumps = np.diff(utc.as_unit("ns").asi8)
     usual = int(np.median(jumps))
     long = jumps >= max(SHORTEST_GAP.value, 2 * usual)

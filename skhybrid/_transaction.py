@@ -10,10 +10,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 def unchanged_on_failure(method: _Method) -> _Method:
-    """Restore the attributes of the estimator if the method raises.
-
-    The method may replace attributes, but must not modify the objects that they hold.
-    """
+    """Restore the attributes of the estimator if the method raises; it may replace, but not modify, what they hold."""
 
     @wraps(method)
     def guarded(self: Any, *args: Any, **kwargs: Any) -> Any:

@@ -41,17 +41,12 @@ _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.gene
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Write to a temporary file that replaces ``path`` if the block ends without an error.
+    """Path of a temporary file that replaces ``path`` if the block ends without an error, and else is removed.
 
     Parameters
     ----------
     path : path-like
         The file to create or replace; its folder is created if needed.
-
-    Yields
-    ------
-    Path
-        A temporary file in the same folder; it is removed if the block raises.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -80,8 +75,6 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
 
     Raises
     ------
-    sklearn.exceptions.NotFittedError
-        If the estimator is not fitted.
     TypeError
         If it contains an object that cannot be written as data, such as a lambda.
     """
@@ -104,24 +97,16 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:
-    """Read an estimator written by :func:`save_model`.
+    """Read an estimator written by :func:`save_model`; nothing in the file is executed.
 
     Parameters
     ----------
     path : path-like
-        The file to read.
-
-    Returns
-    -------
-    fitted estimator
 
     Raises
     ------
     skhybrid.exceptions.ModelFileError
-        If the file is truncated, altered, from another version (major.minor), or not a model file.  Nothing in the
-        file is executed.
-    OSError
-        If the file cannot be read.
+        If the file is truncated, altered, from another version (major.minor), or not a model file.
     """
     content = Path(path).read_bytes()
     header = _HEADER.match(content)

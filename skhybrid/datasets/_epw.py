@@ -24,7 +24,6 @@ def read_epw(
     Parameters
     ----------
     path : path-like
-        The EPW file to read.
     window_azimuth, window_tilt : float
         Orientation of the window that receives ``q_sol`` [degrees]: 180 faces south, 90 is vertical.
     year : int, optional
@@ -37,28 +36,13 @@ def read_epw(
         Hourly rows: ``T_oa`` [degC], the value at the stamp; ``q_sol`` (isotropic sky), ``ghi``, ``dni``, ``dhi``
         [kW/m2], means over [t, t + 1 h).  The index is local standard time with a fixed offset from UTC.
         ``attrs`` contains the site and whether the year is typical.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is not an EPW file with one row per hour of the year.
-
-    Notes
-    -----
-    An EPW row is labelled with the hour that *ends*: powers are means over that hour, temperatures are values at its
-    end.
     """
     frame, site = _read_typical_year(Path(path))
     if year is not None:
         frame = _with_year(frame, year)
     stamps = pd.DatetimeIndex(frame.index)
     middle = stamps + pd.Timedelta("30min")
-    q_sol = window_irradiance(
-        middle, frame["ghi"], frame["dni"], frame["dhi"], site, azimuth=window_azimuth, tilt=window_tilt
-    )
-    frame.insert(1, "q_sol", q_sol)
+    frame.insert(1, "q_sol", window_irradiance(middle, frame, site, window_azimuth, window_tilt))
     frame.index = stamps.tz_localize(timezone(timedelta(hours=site["utc_offset"])))
     frame.attrs = {"typical_year": year is None, "site": site}
     return frame
@@ -118,11 +102,7 @@ def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:
 
 
 def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
-    """Interpolate ``T_oa`` and ``q_sol`` of a weather table linearly to the stamps ``time``, which it must cover.
-
-    Air temperatures are values at the stamps; irradiance is a mean over each row's step, so it is placed at the middle
-    of the step.  A typical year from :func:`read_epw` is used for any year, by month, day and hour.
-    """
+    """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
     for column in ("T_oa", "q_sol"):
         if column not in weather:
             raise ValueError(f"weather has no column {column!r}, only {', '.join(map(str, weather.columns))}.")

@@ -48,6 +48,8 @@ def make_office(
 ) -> Bunch:
     """Simulate the paper's office at 5 min (exact zero-order hold); return its thermostat log together with the truth.
 
+    See paper section 2.1, Eqs. gray_state and gray_mes.
+
     Parameters
     ----------
     n_days : int
@@ -80,11 +82,6 @@ def make_office(
         dict, see Notes; ``setpoints`` DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs,
         lights, air] [kW], whose sum is ``heat_gain``; ``DESCR``.  The index has no time zone.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or ``weather`` does not cover the run; the message names the missing span.
-
     Notes
     -----
     With ``sampling_time="5min"`` every input is constant over a step, so ``X`` and ``heat_gain`` reproduce ``states``.
@@ -92,10 +89,6 @@ def make_office(
     Infiltration is a conductance of 0.008 kW/K on average in parallel with ``R_zo``, and measurements cannot separate
     the two.  ``theta_effective`` has ``R_zo = 1 / (1 / 9 + 0.008)`` K/kW (-6.7 %), the value that an exact
     identification without ``heat_gain`` finds.  With ``pattern="none"`` there is no infiltration.
-
-    References
-    ----------
-    Paper section 2.1, Eqs. gray_state and gray_mes.
 
     Examples
     --------

@@ -9,10 +9,7 @@ from sklearn.utils import check_random_state
 
 
 def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
-    """Return ``n`` independent generators from an int, None, a RandomState or a Generator.
-
-    With one stream per purpose, switching one off (no excitation, no noise) leaves the others unchanged.
-    """
+    """``n`` independent generators, one per purpose, so that switching one off leaves the others unchanged."""
     if isinstance(random_state, np.random.Generator):
         entropy = random_state.integers(2**31, size=4)
     else:

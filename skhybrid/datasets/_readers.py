@@ -48,7 +48,6 @@ def read_zone_csv(
     dayfirst : bool, optional
         Whether dates such as 02/03/2024 begin with the day; only needed if no date in the file shows it.
     sep, decimal : str
-        Column separator and decimal mark.
 
     Returns
     -------
@@ -57,8 +56,6 @@ def read_zone_csv(
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
     ValueError
         If the file cannot be read with these settings; the message names the row and the column.
     """
@@ -83,10 +80,7 @@ def read_zone_csv(
 
 
 def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
-    """Move right-labelled means to the start of their interval; temperatures (``T_...``) stay at their stamp.
-
-    The means of the first row and the temperatures of the last have no counterpart in the log and are dropped.
-    """
+    """Move right-labelled means to the start of their interval; temperatures stay, rows without a counterpart go."""
     instant = [c for c in frame if str(c).startswith("T_")]
     means = frame.drop(columns=instant)
     if len(frame) < 2:

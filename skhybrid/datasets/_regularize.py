@@ -25,7 +25,6 @@ class RegularizeReport:
     Attributes
     ----------
     step : Timedelta
-        Step of the result.
     source_step : Timedelta
         Typical spacing of the stamps in the log.
     rows_before, rows_after : int
@@ -76,7 +75,6 @@ def regularize(
     max_gap : timedelta-like
         Longest gap in an input to fill by linear interpolation; longer gaps stay NaN.
     return_report : bool
-        Whether to return the report as well.
 
     Returns
     -------
@@ -84,11 +82,6 @@ def regularize(
         The same columns, float64, at every multiple of ``step``; ``attrs["report"]`` is the report as text.
     report : RegularizeReport
         Only with ``return_report=True``.
-
-    Raises
-    ------
-    ValueError
-        If the index is not a DatetimeIndex, a stamp is missing, a column is not numeric, or the step is not positive.
 
     Notes
     -----

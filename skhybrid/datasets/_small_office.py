@@ -30,8 +30,7 @@ def load_small_office(control: str = "irregular") -> Bunch:
 
     Parameters
     ----------
-    control : {"irregular", "shifted"}
-        The usual set-points, or the same autumn under shifted and randomised set-points.
+    control : {"irregular", "shifted"}; the usual set-points, or the same autumn under shifted and randomised set-points
 
     Returns
     -------
@@ -39,17 +38,6 @@ def load_small_office(control: str = "irregular") -> Bunch:
         ``X`` DataFrame [T_oa, q_sol, Q_hvac, T_za]; ``y`` Series T_za [degC]; ``heat_gain`` Series, true internal
         gains [kW], never part of ``X``; ``frame`` DataFrame [set_heat, set_cool, stage_heat, stage_cool, dni, dhi,
         people]; ``DESCR``.
-
-    Raises
-    ------
-    ValueError
-        If ``control`` is unknown.
-
-    Examples
-    --------
-    >>> from skhybrid.datasets import load_small_office
-    >>> list(load_small_office().X.columns)
-    ['T_oa', 'q_sol', 'Q_hvac', 'T_za']
     """
     if control not in ("irregular", "shifted"):
         raise ValueError(f"control={control!r} is unknown; choose 'irregular' or 'shifted'.")

@@ -36,11 +36,7 @@ def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) 
 
 
 def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
-    """Parse the time stamps of a log, in their own zone or in ``timezone``; without either they stay naive.
-
-    Refused are cells that are no date or lie in an hour that daylight saving skips, an offset in some cells only, and
-    ambiguous dates such as 02/03/2024.
-    """
+    """Time stamps of a log, in their own zone or in ``timezone``, else naive; unclear or impossible ones refused."""
     text = cells.astype(str).str.strip()
     absent = cells.isna().to_numpy()
     offsets = text.str.extract(_OFFSET)[0]

@@ -31,7 +31,9 @@ def make_prbs(
     high: float = 1.0,
     random_state: Any = None,
 ) -> np.ndarray:
-    """Make a maximum-length pseudo-random binary sequence, for set-points that excite a building.
+    """(duration / step,) float64 maximum-length pseudo-random binary sequence, for set-points that excite a building.
+
+    The paper (2.1) takes order 4 and scale 2 h, between 18 and 25 degC.
 
     Parameters
     ----------
@@ -44,22 +46,8 @@ def make_prbs(
     step : timedelta-like
         Sampling time; ``scale`` must be a multiple of it.
     low, high : float
-        The two levels.
     random_state : int, RandomState, Generator or None
         Seed of the position in the period at which the sequence begins.
-
-    Returns
-    -------
-    ndarray of shape (duration / step,), float64
-
-    Raises
-    ------
-    ValueError
-        If the order is out of range, or a duration is not a multiple of the step.
-
-    References
-    ----------
-    Paper 2.1: order 4, scale 2 h, between 18 and 25 degC.
     """
     from scipy.signal import max_len_seq
 

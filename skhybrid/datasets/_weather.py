@@ -1,7 +1,4 @@
-"""Generator of synthetic weather.
-
-Its monthly constants (``data/climate.json``) are fitted to TMY3 weather files by ``benchmarks/data/fit_climate.py``.
-"""
+"""Generator of synthetic weather; ``benchmarks/data/fit_climate.py`` fits its constants to TMY3 weather files."""
 
 from __future__ import annotations
 
@@ -45,28 +42,17 @@ def make_weather(
 
     Parameters
     ----------
-    n_days : int
-        Length [days].
+    n_days : int; length [days]
     climate : {"oakland", "chicago"}
-        Embedded climate to draw from.
-    start : timestamp-like
-        First day, in local standard time.
+    start : timestamp-like; first day, in local standard time
     step : timedelta-like
-        Sampling time.
-    window_azimuth, window_tilt : float
-        Orientation of the window [degrees]: 180 faces south, 90 is vertical.
+    window_azimuth, window_tilt : float; orientation of the window [degrees]: 180 faces south, 90 is vertical
     random_state : int, RandomState, Generator or None
-        Seed of the generator.
 
     Returns
     -------
     DataFrame
         ``T_oa`` [degC], ``q_sol`` (on the window), ``ghi``, ``dni`` and ``dhi`` [kW/m2]; the index has no time zone.
-
-    Raises
-    ------
-    ValueError
-        If the climate is unknown or ``n_days`` is not positive.
     """
     known = climates()
     if climate not in known:
@@ -83,9 +69,7 @@ def make_weather(
     middle = time + delta / 2
     beam = _irradiance(site, middle, clear_day, cloud_rng, delta)
     beam.index = time
-    window = window_irradiance(
-        middle, beam["ghi"], beam["dni"], beam["dhi"], site, azimuth=window_azimuth, tilt=window_tilt
-    )
+    window = window_irradiance(middle, beam, site, window_azimuth, window_tilt)
     return pd.DataFrame({"T_oa": air, "q_sol": window, **beam}, index=time)
 
 
@@ -147,22 +131,15 @@ def sun(site: dict[str, Any], standard_time: pd.DatetimeIndex) -> pd.DataFrame:
 
 
 def window_irradiance(
-    middle: pd.DatetimeIndex,
-    ghi: pd.Series,
-    dni: pd.Series,
-    dhi: pd.Series,
-    site: dict[str, Any],
-    *,
-    azimuth: float,
-    tilt: float,
+    middle: pd.DatetimeIndex, light: pd.DataFrame, site: dict[str, Any], azimuth: float, tilt: float
 ) -> np.ndarray:
-    """(n,) irradiance on a tilted plane [units of ``ghi``]; ``middle`` is that of each step, in local standard time."""
+    """(n,) irradiance on a tilted plane [units of ``light``]; ``middle`` is that of each step, in standard time."""
     from pvlib.irradiance import get_total_irradiance
 
     position = sun(site, middle)
     zenith, facing = position["zenith"].to_numpy(), position["azimuth"].to_numpy()
-    light = dni.to_numpy(), ghi.to_numpy(), dhi.to_numpy()
-    total = get_total_irradiance(tilt, azimuth, zenith, facing, *light, albedo=ALBEDO, model="isotropic")
+    parts = [light[name].to_numpy() for name in ("dni", "ghi", "dhi")]
+    total = get_total_irradiance(tilt, azimuth, zenith, facing, *parts, albedo=ALBEDO, model="isotropic")
     return np.maximum(np.nan_to_num(np.asarray(total["poa_global"])), 0.0)
 
 

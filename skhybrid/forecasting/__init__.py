@@ -1,7 +1,4 @@
-"""Forecasts of the disturbance (networks, ridge, baselines) and, for comparison, of the temperature itself.
-
-Importing this loads neither torch nor skorch; a network loads them when it is fitted.
-"""
+"""Forecasts of the disturbance (networks, ridge, baselines) and, for comparison, of the temperature itself."""
 
 from .arx import ARXRegressor
 from .cases import ModelCase, list_cases, list_sizes

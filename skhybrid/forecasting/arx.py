@@ -60,15 +60,12 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     coef_ : ndarray of shape (n_columns,)
         Coefficients of the standardised columns: temperatures (newest first), inputs, calendar, constant.
     alpha_ : float
-        The penalty.
     input_names_ : list of str
         Roles of the inputs, in the order of ``coef_``.
     intervals_ : LeadIntervals
         Learned from errors in weeks of the training table that are left out in turn.
     sampling_time_ : Timedelta
-        Step of the training table.
     n_features_in_, feature_names_in_ : int, ndarray of str
-        Number of columns of X, and their names where it has names.
     """
 
     def __init__(
@@ -107,11 +104,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Inputs by role; a column ``T_za`` is not read here.
         y : Series or array-like of shape (n_samples,)
             Zone temperature [degC], NaN where missing.
-
-        Raises
-        ------
-        ValueError
-            If a parameter, the table or the target is refused (design 9).
         """
         self._check_parameters()
         table = read_table(self, X, columns=self.columns, sampling_time=self.sampling_time, reset=True, min_rows=3)
@@ -164,16 +156,12 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        table : ZoneTable
-            The training table.
-        T : ndarray of shape (n_rows,)
-            Its temperature [degC], NaN where missing.
-        origins : ndarray of int, shape (n_origins,)
-            Rows of the table, increasing.
-        n_leads : int
+        table, T : ZoneTable, ndarray of shape (n_rows,)
+            The training table and its temperature [degC], NaN where missing.
+        origins, n_leads : ndarray of int, shape (n_origins,), and int
+            Rows of the table, increasing, and rows to forecast.
         blocks : ndarray of int, shape (n_origins,)
-            The block of every origin, which reaches from its first origin to its last target; forecasts are NaN where
-            no other rows are left to fit on.
+            The block of every origin, from its first origin to its last target; NaN where no other rows are left.
         """
         view = self.view(table, T)
         pairs = self._design.pairs(view)
@@ -228,11 +216,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        table : ZoneTable
-        T : ndarray of shape (n_rows,)
-            Measured temperature [degC], NaN where missing.
-        first : int
-            Number of the table's first row.
+        table, T : ZoneTable, ndarray of shape (n_rows,); rows and their measured temperature [degC], NaN where missing
+        first : int; number of the table's first row
         """
         return self._design.view(table, T, first)
 
@@ -243,8 +228,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         ----------
         view : ARXData
             The temperature is read up to each origin; after the last row the inputs are held.
-        origins : ndarray of int, shape (n_origins,)
-        n_leads : int
+        origins, n_leads : ndarray of int, shape (n_origins,), and int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
         """
         return self._design.iterate(view, origins, n_leads, coefs)
@@ -254,8 +238,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        begin : int
-            First row after the training table.
+        begin : int; first row after the training table
         """
         return RecursiveARX(self._design, self._moments, self.alpha_, begin)
 
@@ -264,10 +247,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        view : ARXData
-        origins : ndarray of int, shape (n_origins,)
-        begin : int
-            First row after the training table.
+        view, origins : ARXData, ndarray of int, shape (n_origins,)
+        begin : int; first row after the training table
         """
         regression = self.recursive(begin)
         coefs = np.empty((len(origins), len(self.coef_)))

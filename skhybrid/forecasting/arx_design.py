@@ -116,10 +116,7 @@ class ARXDesign:
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
-        """Pairs whose row k lies in [begin, end).
-
-        A missing lag is held at the one before it, as in a forecast; at least half of the lags must be known.
-        """
+        """Pairs whose row k lies in [begin, end); a missing lag is held as in a forecast, half must be known."""
         earliest = min(self.n_lags, view.end - 1) - 1
         rows = np.arange(max(begin, earliest), view.end - 1 if end is None else min(end, view.end - 1))
         here = rows - view.first

@@ -1,8 +1,4 @@
-"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5).
-
-A baseline has ``fit(table, target)``, ``forecast(table, origins, n_leads)`` and ``expected(table)``, its expectation of
-each row when no past disturbance is known.  The ridge is in :mod:`~skhybrid.forecasting.ridge`.
-"""
+"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5)."""
 
 from __future__ import annotations
 
@@ -31,11 +27,7 @@ def _means(levels: np.ndarray, target: np.ndarray, n_levels: int, fallback: np.n
 
 
 class WeeklyProfile:
-    """``"profile"``: the mean by hour of week (by time step of week where the step is not an hour).
-
-    A time of the week that was seen less than twice takes the mean of its hour of day on weekdays or on weekends, and
-    failing that the mean of all.
-    """
+    """``"profile"``: the mean by hour (or step) of week, else by hour of weekday or weekend, else of all."""
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Average the training target."""
@@ -50,7 +42,7 @@ class WeeklyProfile:
         return self
 
     def expected(self, table: ZoneTable) -> np.ndarray:
-        """The profile at each row."""
+        """Expectation of each row when no past disturbance is known: the profile."""
         slots = slot_of_day(table.time, table.step)
         return self.profile_[table.time.day_of_week.to_numpy() * self.n_slots_ + slots]
 

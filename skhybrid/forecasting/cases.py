@@ -32,11 +32,6 @@ class ModelCase:
         week), ``weekday``, ``T_oa``, ``q_sol``, ``i_heat`` and ``i_cool`` (whether heating or cooling runs).
     future : tuple of str
         Features of the rows to forecast; not ``zeta``, the quantity that is forecast.
-
-    Raises
-    ------
-    ValueError
-        If a feature is unknown, ``future`` has ``zeta``, both are empty, or the window is shorter than a day.
     """
 
     name: str
@@ -71,11 +66,7 @@ class ModelCase:
 
     @property
     def ingredients(self) -> dict[str, int]:
-        """Regressors of the case in the regression of paper 3.3 (Eq. regression).
-
-        ``time``, ``past-w`` and ``future-w`` are 1 where it has a time feature, or weather of the past or of the
-        future; ``pattern`` is the length of the disturbance's past [d].
-        """
+        """Regressors of paper 3.3 (Eq. regression): ``time``, ``past-w``, ``future-w`` (0 or 1) and ``pattern`` [d]."""
         return {
             "time": int(any(f in TIME_FEATURES for f in self.features)),
             "pattern": self.pattern_days if "zeta" in self.past else 0,
@@ -172,10 +163,7 @@ def cases_of(model: str) -> Mapping[str, ModelCase]:
 
 
 def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
-    """The case with a given name, short (``"case01"``) or long (``"DEEP_AR_LSTM_FORECAST-case01"``), or a case itself.
-
-    Cases are numbered within a framework; the long name of another one is refused.
-    """
+    """The case named ``"case01"`` or, of its own framework, ``"DEEP_AR_LSTM_FORECAST-case01"``; or a case itself."""
     if isinstance(case, ModelCase):
         return case
     known = cases_of(model)
@@ -192,17 +180,11 @@ def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
 
 
 def list_cases(model: str | None = None) -> pd.DataFrame:
-    """All model cases of the paper's appendix as a table.
+    """Model cases of the paper's appendix, one per row: ``model``, ``name``, ``pattern_days``, ``past``, ``future``.
 
     Parameters
     ----------
     model : {"mlp", "cnn", "rnn", "lstm"}, optional
-        Only this framework.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``model``, ``name``, ``pattern_days``, ``past``, ``future``; one row per case.
     """
     names = NETWORKS if model is None else (model,)
     columns = [field.name for field in fields(ModelCase)]
@@ -211,17 +193,11 @@ def list_cases(model: str | None = None) -> pd.DataFrame:
 
 
 def list_sizes(model: str) -> dict[str, list[int | str]]:
-    """The model sizes of the paper (3.2) as a parameter grid.
+    """The model sizes of the paper (3.2): lists of values by parameter of :class:`DisturbanceForecaster`.
 
     Parameters
     ----------
     model : {"mlp", "cnn", "rnn", "lstm"}
-        The framework.
-
-    Returns
-    -------
-    dict of str to list
-        Values by parameter of :class:`DisturbanceForecaster`.
     """
     cases_of(model)
     return {name: list(values) for name, values in SIZES[model].items()}

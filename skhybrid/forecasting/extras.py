@@ -17,10 +17,7 @@ def networks_available() -> bool:
 
 
 def require_networks(model: Any) -> None:
-    """Raise an ImportError for a network whose libraries are missing; ask before anything expensive is computed.
-
-    ``model`` is any that :class:`~skhybrid.DisturbanceForecaster` takes; those that are no network are accepted.
-    """
+    """Raise an ImportError for a network whose libraries are missing; any other model of a forecaster is accepted."""
     if isinstance(model, str) and model in NETWORKS and not networks_available():
         raise ImportError(
             f'model={model!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'

@@ -53,11 +53,7 @@ def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
 
 
 def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarray:
-    """(n, n_columns) float64 columns of ``"how"`` (hour of week), ``"hod"`` (hour of day), ``"dow"`` or ``"weekday"``.
-
-    ``"cyclic"`` gives sines and cosines, ``"onehot"`` a column per level, ``"ordinal"`` the plain number; ``"weekday"``
-    is always one 0/1 column.
-    """
+    """(n, n_columns) of how, hod or dow (sines and cosines, one-hot, or the plain number), or of weekday (0 or 1)."""
     if feature == "weekday":
         return (~is_weekend(time)).astype(np.float64)[:, None]
     day, hour = time.day_of_week.to_numpy().astype(np.float64), hour_of_day(time)
@@ -82,11 +78,7 @@ def plant_roles(inputs: dict[str, Any]) -> list[str]:
 
 
 def plant_mode(inputs: dict[str, np.ndarray], mode: str, n_rows: int) -> np.ndarray:
-    """Whether the plant heats (``mode="heat"``) or cools in a row, (n,) float64 of 0 and 1.
-
-    It follows from the stages ``u_<mode>...`` where there are any, otherwise from the sign of the measured heat
-    ``Q_...``; it is 0 where the table has neither.
-    """
+    """(n,) 0 or 1: whether the plant heats (``mode="heat"``) or cools, by its stages or else the sign of ``Q_...``."""
     stages = [v for role, v in inputs.items() if role.startswith(f"u_{mode}")]
     if stages:
         return (np.max(stages, axis=0) > 0).astype(np.float64)
@@ -131,11 +123,7 @@ def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.nd
 
 
 def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
-    """(n_origins, n_leads) last known value of ``series`` (n,) a whole number of periods before each target row.
-
-    ``period`` is in rows; of the periods before the origin, ``n_back`` are tried.  NaN where the value is unknown in
-    all.
-    """
+    """(n_origins, n_leads) last known value of ``n_back`` whole periods [rows] before the origin, NaN if unknown."""
     # the smallest number of periods that leads to a row at or before the origin
     first = np.maximum(1, -(-(rows - origins[:, None]) // period))
     out = np.full(rows.shape, np.nan)

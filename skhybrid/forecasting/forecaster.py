@@ -44,7 +44,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     hidden_size : int, default 20
         Width of the hidden layers.
     activation : {"relu", "selu", "gelu"}, default "relu"
-        Activation of a network.
     dropout : float, default 0.1
         Share of hidden values dropped in training, in [0, 1).
     n_channels, filter_size, pool_size : int, default 10, 6 and 0
@@ -105,7 +104,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     sampling_time_ : Timedelta
         Step of the training table.
     n_features_in_, feature_names_in_ : int, ndarray of str
-        Number of columns of X, and their names where it has names.
     """
 
     def __init__(
@@ -179,7 +177,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Parameters
         ----------
         model : {"mlp", "cnn", "rnn", "lstm"}, default "lstm"
-            Framework.
         case : str or ModelCase, default "case01"
             Features; the paper's choice is ``"DEEP_AR_LSTM_FORECAST-case01"``.
         **changes : dict
@@ -210,8 +207,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
         Raises
         ------
-        ValueError
-            If a parameter, the table or the target is refused (design 9).
         ImportError
             If ``model`` is a network and torch or skorch is missing; nothing has been read then.
         """
@@ -290,17 +285,12 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         history : DataFrame or None
             Rows up to the origin, with ``zeta`` as far as it is known; None: the end of the training table.
         future : DataFrame
-            The rows after it with their known inputs; a ``zeta`` in it is not read.
+            The rows right after it with their known inputs; a ``zeta`` in it is not read.
 
         Returns
         -------
         Series
             Forecast disturbance at the index of ``future``, named ``zeta``.
-
-        Raises
-        ------
-        ValueError
-            If ``future`` does not continue ``history``, or a column is missing.
         """
         check_is_fitted(self)
         ahead = self._read_X(as_fitted(self, future))

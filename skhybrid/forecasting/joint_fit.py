@@ -31,7 +31,6 @@ def fit_many(
     forecasters : iterable of DisturbanceForecaster
         Candidates; they are cloned, and left as they are.
     X : DataFrame or array-like of shape (n_samples, n_features)
-        As in :meth:`DisturbanceForecaster.fit`.
     y : Series or array-like of shape (n_samples,)
         Disturbance over each row [kW, or degC for an output disturbance].
     on_error : {"raise", "return"}, default "raise"
@@ -44,11 +43,6 @@ def fit_many(
     -------
     list of DisturbanceForecaster
         Fitted clones, in order; exceptions among them where ``on_error="return"``.
-
-    Raises
-    ------
-    ValueError
-        If ``on_error`` is unknown, or a forecaster refuses its parameters or the table.
     """
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")

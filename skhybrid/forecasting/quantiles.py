@@ -32,11 +32,7 @@ class LeftOut(NamedTuple):
 
 
 class QuantileForecastMixin(RollingForecastMixin):
-    """``predict_quantiles`` beside ``predict``.
-
-    A subclass sets ``_intervals`` in ``fit``: what it learned, or None where the training table was too short; nothing
-    is learned later.  ``_no_intervals`` is the error where there are none.
-    """
+    """``predict_quantiles``; ``fit`` sets ``_intervals``, None where the training table was too short."""
 
     _intervals: LeadIntervals | None
     _no_intervals = (
@@ -57,7 +53,7 @@ class QuantileForecastMixin(RollingForecastMixin):
 
     @one_blas_thread
     def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
-        """Forecast quantiles of every row from the last origin before it.
+        """Forecast quantiles of every row from the last origin before it; refused if fitted on too short a table.
 
         Parameters
         ----------
@@ -70,11 +66,6 @@ class QuantileForecastMixin(RollingForecastMixin):
         -------
         ndarray of shape (n_samples, n_quantiles), float64
             Increasing along each row.  The median is the forecast, shifted by its recent errors.
-
-        Raises
-        ------
-        ValueError
-            If a quantile is not in (0, 1) or they do not increase, or the training table was too short.
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
@@ -101,23 +92,14 @@ class QuantileForecastMixin(RollingForecastMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            As in :meth:`predict_quantiles`.
-        origins : sequence of int
-            Row numbers of X.
-        quantiles : sequence of float, default (0.1, 0.5, 0.9)
-            In (0, 1), increasing.
+        origins : sequence of int; row numbers of X
+        quantiles : sequence of float, default (0.1, 0.5, 0.9); in (0, 1), increasing
         horizon : timedelta-like, optional
-            As in :meth:`predict_from`.
 
         Returns
         -------
         ndarray of shape (n_origins, n_leads, n_quantiles), float64
             Quantiles of the rows ``origin + 1, origin + 2, ...``; NaN after the last row of X.
-
-        Raises
-        ------
-        ValueError
-            As :meth:`predict_quantiles`, and if an origin is no row of X.
         """
         levels = read_quantiles(quantiles)
         return self._paths_from(X, origins, horizon, partial(self._quantile_paths, levels=levels), levels.shape)
@@ -171,10 +153,7 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
 
 
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
-    """Leads, hours and days of the rows after each origin (-1: before the first row).
-
-    Leads count from the last measurement up to the origin.
-    """
+    """Leads (since the last measurement), hours and days of the rows after each origin (-1: before the first row)."""
     measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
     last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
     seen = np.where(origins < 0, -rows_per_day(table.step), last[np.maximum(origins, 0)])

@@ -69,12 +69,8 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[RidgeFit, np.ndarray]:
-    """Ridge regression with the penalty that forecasts left-out blocks best, and the left-out prediction (n,).
-
-    ``D`` (n, p) and ``y`` (n,) are finite; ``blocks`` (n,) is the block of time of each row.  With one block the
-    penalty is 10.  scikit-learn's searches refit for every pair of penalty and block; here the blocks' moments are
-    summed once.
-    """
+    """Ridge with the penalty (10 for one block of time) that forecasts left-out blocks best, and that forecast (n,)."""
+    # The blocks' moments are summed once; scikit-learn's searches would refit for every pair of penalty and block.
     names = np.unique(blocks)
     parts = [_moments(D[blocks == b], y[blocks == b]) for b in names]
     total = np.sum(parts, axis=0)

@@ -18,10 +18,7 @@ class Split(NamedTuple):
 
 
 def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
-    """Cut the share ``fraction`` of the rows from the end to validate, with a gap of one horizon before it.
-
-    No validation where it would be no longer than one horizon, or leave less than two days or horizons to train on.
-    """
+    """Validate on the last ``fraction`` of the rows, one horizon after training; on none if either were too short."""
     n_valid = round(fraction * n_rows)
     valid_start = n_rows - n_valid
     train_end = valid_start - n_leads

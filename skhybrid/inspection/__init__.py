@@ -1,7 +1,4 @@
-"""Displays of fitted models and back-tests, made with ``from_estimator`` or ``from_predictions`` as in scikit-learn.
-
-Matplotlib is imported when a figure is drawn, not when this module is imported.
-"""
+"""Displays of fitted models and back-tests, as in scikit-learn; matplotlib is imported when a figure is drawn."""
 
 from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay, ScheduleDisplay

@@ -60,8 +60,6 @@ class DayAheadDisplay(Display):
     def plot(self, ax: Any = None, *, title: str | None = None) -> DayAheadDisplay:
         """Draw the temperature and, if there is one, the load.
 
-        Parameters
-        ----------
         %(ax)s
         %(title)s
         """

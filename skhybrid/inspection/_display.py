@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from inspect import cleandoc, isfunction
-from textwrap import indent
+from inspect import isfunction
 from typing import Any, Self
 
 import numpy as np
+
+from .._docs import filled
 
 _BLOCKS = {
     "attributes": """
@@ -16,9 +16,10 @@ _BLOCKS = {
     ax_ : matplotlib Axes or ndarray of Axes
         Axes that :meth:`plot` drew on, one per panel.
     figure_ : matplotlib Figure
-        Figure of the axes.
     """,
     "ax": """
+    Parameters
+    ----------
     ax : matplotlib Axes or array of Axes, optional
         Axes to draw on, one per panel; default is a new figure.
     """,
@@ -34,7 +35,6 @@ _BLOCKS = {
     """,
     "title": """
     title : str, optional
-        Title of the figure.
 
     Returns
     -------
@@ -42,16 +42,19 @@ _BLOCKS = {
         With ``ax_`` and ``figure_``.
     """,
     "backtest": """
+    Parameters
+    ----------
     estimator : fitted estimator or mapping
         A fitted estimator, or a mapping of label to fitted estimator.
     X : DataFrame or array-like of shape (n_samples, n_features)
-        Consecutive rows.
     y : Series or array-like of shape (n_samples,)
         Measured zone temperature [degC].
     horizon, origin_step : timedelta-like
         As in :func:`skhybrid.model_selection.backtest`.
     """,
     "models": """
+    Parameters
+    ----------
     estimator : fitted identification, StateSpace or mapping
         A model, or a mapping of label to model.
     truth : StateSpace or fitted identification, optional
@@ -67,7 +70,6 @@ _BLOCKS = {
         Inputs to draw; default is those of any model.
     """,
 }
-_PLACE = re.compile(r"^( *)%\((\w+)\)s$", re.MULTILINE)
 
 
 class Display:
@@ -77,16 +79,12 @@ class Display:
     figure_: Any
 
     def __init_subclass__(cls) -> None:
-        cls.__doc__ = _filled(cls.__doc__)
+        cls.__doc__ = filled(cls.__doc__, _BLOCKS)
         for member in vars(cls).values():
             function = getattr(member, "__func__", member)
             if isfunction(function):
-                function.__doc__ = _filled(function.__doc__)
+                function.__doc__ = filled(function.__doc__, _BLOCKS)
 
     def _drawn_on(self, axes: Any) -> Self:
         self.ax_, self.figure_ = axes, np.ravel(axes)[0].figure
         return self
-
-
-def _filled(text: str | None) -> str | None:
-    return text and _PLACE.sub(lambda place: indent(cleandoc(_BLOCKS[place[2]]), place[1]), text)

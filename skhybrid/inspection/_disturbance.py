@@ -26,7 +26,6 @@ class DisturbanceWeekDisplay(Display):
     week : DataFrame
         Columns ``low``, ``median``, ``high`` and, if known, ``truth``, by hour of the week (0 is Monday 00:00).
     unit : str
-        Unit of the disturbance.
 
     %(attributes)s
     """
@@ -50,16 +49,11 @@ class DisturbanceWeekDisplay(Display):
 
         Parameters
         ----------
-        estimator : fitted estimator
-            A gray box, or a predictor with one in ``gray_box_``.
-        X : DataFrame
-            Consecutive rows with the measured ``T_za``.
-        truth : Series or array-like of shape (n_samples,), optional
-            True disturbance, if it is known [kW].
-        kind : {"input", "output"}, default="input"
-            Heat into the zone [kW], or a shift of the measured temperature [K].
-        smooth : bool, default=True
-            Whether each estimate uses the whole table, or only the rows up to its own.
+        estimator : fitted estimator; a gray box, or a predictor with one in ``gray_box_``
+        X : DataFrame; consecutive rows with the measured ``T_za``
+        truth : Series or array-like of shape (n_samples,), optional; true disturbance, if it is known [kW]
+        kind : {"input", "output"}, default="input"; heat into the zone [kW], or a shift of the measured temperature [K]
+        smooth : bool, default=True; whether each estimate uses the whole table, or only the rows up to its own
         %(drawing)s
         """
         gray_box = getattr(estimator, "gray_box_", estimator)
@@ -83,7 +77,6 @@ class DisturbanceWeekDisplay(Display):
         truth : Series or array-like of shape (n_samples,), optional
             True disturbance of every row.
         unit : str
-            Unit of the disturbance.
         %(drawing)s
         """
         return cls(_week(pd.Series(zeta), truth), unit).plot(ax, **kwargs)
@@ -91,8 +84,6 @@ class DisturbanceWeekDisplay(Display):
     def plot(self, ax: Any = None, *, title: str | None = None) -> DisturbanceWeekDisplay:
         """Draw the median, the range of 80 % of the weeks, and the truth.
 
-        Parameters
-        ----------
         %(ax)s
         %(title)s
         """
@@ -157,13 +148,7 @@ class ScheduleDisplay(Display):
         Parameters
         ----------
         estimator : fitted HybridPredictor
-            A predictor of the default scheme.
         %(drawing)s
-
-        Raises
-        ------
-        ValueError
-            If the predictor has learned no schedules.
         """
         check_is_fitted(estimator)
         schedule = getattr(getattr(estimator, "gray_box_", None), "schedule_", None)
@@ -180,8 +165,7 @@ class ScheduleDisplay(Display):
 
         Parameters
         ----------
-        schedule : DataFrame
-            ``gain`` [kW] and ``ua`` [kW/K] by day type and hour.
+        schedule : DataFrame; ``gain`` [kW] and ``ua`` [kW/K] by day type and hour
         %(drawing)s
         """
         return cls(schedule).plot(ax, **kwargs)
@@ -189,8 +173,6 @@ class ScheduleDisplay(Display):
     def plot(self, ax: Any = None, *, title: str | None = None) -> ScheduleDisplay:
         """Draw both schedules, with one line per type of day.
 
-        Parameters
-        ----------
         %(ax)s
         %(title)s
         """

@@ -43,8 +43,6 @@ class ForecastDisplay(Display):
     ) -> ForecastDisplay:
         """Back-test fitted estimators and draw their forecasts.
 
-        Parameters
-        ----------
         %(backtest)s
         quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
@@ -73,8 +71,6 @@ class ForecastDisplay(Display):
 
         If a back-test has quantiles, the pairs around its median are shaded and labelled with their probability.
 
-        Parameters
-        ----------
         %(ax)s
         start, end : timestamp, optional
             Limits of the time to draw.
@@ -106,8 +102,7 @@ class LeadErrorDisplay(Display):
 
     Parameters
     ----------
-    errors : DataFrame
-        Errors [K] by lead, one column per model.
+    errors : DataFrame; errors [K] by lead, one column per model
 
     %(attributes)s
     """
@@ -128,8 +123,6 @@ class LeadErrorDisplay(Display):
     ) -> LeadErrorDisplay:
         """Back-test fitted estimators and draw their errors by lead.
 
-        Parameters
-        ----------
         %(backtest)s
         %(drawing)s
         """
@@ -153,8 +146,6 @@ class LeadErrorDisplay(Display):
     def plot(self, ax: Any = None, *, title: str | None = None) -> LeadErrorDisplay:
         """Draw one line per model.
 
-        Parameters
-        ----------
         %(ax)s
         %(title)s
         """

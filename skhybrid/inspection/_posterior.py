@@ -46,7 +46,6 @@ class PosteriorDisplay(Display):
         Parameters
         ----------
         estimator : PatternExpressiveness
-            Fitted regression.
         %(drawing)s
         """
         return cls(estimator.draws_, estimator.summary_, log=estimator.log).plot(ax, level=estimator.level, **kwargs)
@@ -59,12 +58,9 @@ class PosteriorDisplay(Display):
 
         Parameters
         ----------
-        draws : DataFrame of shape (n_draws, n_terms)
-            Draws of the effects, one column per term.
+        draws : DataFrame of shape (n_draws, n_terms); draws of the effects, one column per term
         level : float, default=0.9
-            Probability of the interval.
         log : bool, default=False
-            As in the class.
         %(drawing)s
         """
         tail = 0.5 * (1.0 - level)
@@ -75,8 +71,6 @@ class PosteriorDisplay(Display):
     def plot(self, ax: Any = None, *, level: float = 0.9, title: str | None = None) -> PosteriorDisplay:
         """Draw the densities, the intervals and the probability that each term reduces the error.
 
-        Parameters
-        ----------
         %(ax)s
         level : float, default=0.9
             Probability of the interval in ``summary``, for the legend.
@@ -140,9 +134,7 @@ class RobustnessDisplay(Display):
     Attributes
     ----------
     axes_ : ndarray of matplotlib Axes of shape (2,)
-        Axes that :meth:`plot` drew on.
     figure_ : matplotlib Figure
-        Figure of the axes.
     """
 
     errors: pd.Series
@@ -157,7 +149,6 @@ class RobustnessDisplay(Display):
         Parameters
         ----------
         estimator : RobustnessComparison
-            Fitted comparison.
         %(drawing)s
         """
         found = estimator.errors_, estimator.difference_, estimator.probability_, estimator.indistinguishable_
@@ -187,13 +178,10 @@ class RobustnessDisplay(Display):
     def plot(self, ax: Any = None, *, n_cases: int | None = None, title: str | None = None) -> RobustnessDisplay:
         """Draw both panels.
 
-        Parameters
-        ----------
         %(ax)s
         n_cases : int, optional
             Number of cases to draw, those with the lowest medians; default is all.
         title : str, optional
-            Title of the figure.
 
         Returns
         -------

@@ -18,8 +18,7 @@ class ProfileDisplay(Display):
 
     Parameters
     ----------
-    profile : ProfileLikelihood
-        As returned by :func:`skhybrid.identification.profile_likelihood`.
+    profile : ProfileLikelihood; as returned by :func:`skhybrid.identification.profile_likelihood`
 
     %(attributes)s
     """
@@ -37,13 +36,11 @@ class ProfileDisplay(Display):
         estimator : GrayBoxRC, InputDisturbanceID, OutputDisturbanceID or PeriodicDisturbanceID
             Fitted on ``X`` and ``y``; if it is not fitted, a clone of it is.
         X : DataFrame of shape (n_samples, n_features)
-            Rows of the fit.
         y : array-like of shape (n_samples,)
             Measured temperature [degC].
         parameter : str
             Name of a parameter, such as ``"C_w"``.
         level : float, default=0.9
-            Probability of the interval.
         %(drawing)s
         """
         found = profile_likelihood(estimator, X, y, parameter, level=level)
@@ -58,8 +55,7 @@ class ProfileDisplay(Display):
 
         Parameters
         ----------
-        profile : ProfileLikelihood
-            As returned by :func:`skhybrid.identification.profile_likelihood`.
+        profile : ProfileLikelihood; as returned by :func:`skhybrid.identification.profile_likelihood`
         %(drawing)s
         """
         return cls(profile).plot(ax, **kwargs)
@@ -67,8 +63,6 @@ class ProfileDisplay(Display):
     def plot(self, ax: Any = None, *, truth: float | None = None, title: str | None = None) -> ProfileDisplay:
         """Draw the deviance, its threshold and the interval.
 
-        Parameters
-        ----------
         %(ax)s
         truth : float, optional
             True value, if it is known, drawn as a dotted line.

@@ -44,7 +44,6 @@ class ResidualDisplay(Display):
         Parameters
         ----------
         estimator : fitted identification
-            Model to diagnose.
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows with the measured temperature in column ``T_za``.
         max_lag : timedelta-like, default="1D"
@@ -60,7 +59,6 @@ class ResidualDisplay(Display):
         Parameters
         ----------
         diagnostics : Diagnostics
-            As in the class.
         %(drawing)s
         """
         return cls(diagnostics).plot(ax, **kwargs)
@@ -68,8 +66,6 @@ class ResidualDisplay(Display):
     def plot(self, ax: Any = None, *, title: str | None = None) -> ResidualDisplay:
         """Draw four panels, and one per input.
 
-        Parameters
-        ----------
         %(ax)s
         title : str, optional
             Title of a new figure; default is the name of the model.

@@ -59,8 +59,6 @@ class BodeDisplay(_ResponseDisplay):
     ) -> BodeDisplay:
         """Compute the responses of models and draw them.
 
-        Parameters
-        ----------
         %(models)s
         periods : sequence of timedelta-like, optional
             Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days.
@@ -81,8 +79,6 @@ class BodeDisplay(_ResponseDisplay):
     ) -> BodeDisplay:
         """Draw one panel per input.
 
-        Parameters
-        ----------
         %(ax)s
         %(inputs)s
         phase : bool, default=False
@@ -142,8 +138,6 @@ class StepResponseDisplay(_ResponseDisplay):
     ) -> StepResponseDisplay:
         """Compute the responses of models and draw them.
 
-        Parameters
-        ----------
         %(models)s
         duration : timedelta-like, default="12h"
             Time after the step.
@@ -158,8 +152,6 @@ class StepResponseDisplay(_ResponseDisplay):
     ) -> StepResponseDisplay:
         """Draw one panel per input.
 
-        Parameters
-        ----------
         %(ax)s
         %(inputs)s
         %(title)s

@@ -44,12 +44,9 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) ->
 
     Parameters
     ----------
-    n_rows : int
-        Number of axes, one below the other.
-    figsize : tuple of float
-        Width and height [inch].
-    share : bool
-        Whether the axes share their horizontal axis.
+    n_rows : int; number of axes, one below the other
+    figsize : tuple of float; width and height [inch]
+    share : bool; whether the axes share their horizontal axis
     """
     from matplotlib.figure import Figure
 

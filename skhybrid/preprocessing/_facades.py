@@ -48,13 +48,10 @@ class FacadeIrradiance(TableTransformer):
     Attributes
     ----------
     sampling_time_ : Timedelta
-        Step of the table in ``fit``.
     facades_ : dict of str to float
-        Azimuth [deg] of each facade.
     positions_ : dict of str to int
         Positions of the columns of ``q_sol`` and, if given, ``dni`` and ``dhi``.
     n_features_in_, feature_names_in_ : int, ndarray of str
-        Number of columns and, if fitted on a DataFrame, their names.
 
     Notes
     -----

@@ -21,30 +21,16 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         y : ignored
-
-        Raises
-        ------
-        ValueError
-            If a parameter is out of range or does not suit the columns and time stamps of ``X``.
         """
         self._fit_table(read_input(self, X, reset=True))
         return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
-        """Transform a table.
+        """Transform a table; the result, (n_samples, n_features_out), has the type of ``X``; what changes is float64.
 
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-
-        Returns
-        -------
-        DataFrame or ndarray of shape (n_samples, n_features_out), of the type of ``X``; changed columns are float64
-
-        Raises
-        ------
-        ValueError
-            If the columns are not those of ``fit``, or a column or a time stamp cannot be used.
         """
         check_is_fitted(self)
         return self._transform_table(read_input(self, X, reset=False))

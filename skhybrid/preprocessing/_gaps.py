@@ -25,9 +25,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     Attributes
     ----------
     max_gap_ : Timedelta
-        ``max_gap`` as a duration.
     n_features_in_, feature_names_in_ : int, ndarray of str
-        Number of columns and, if fitted on a DataFrame, their names.
 
     Notes
     -----

@@ -87,7 +87,6 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
     conversions_ : dict of int to tuple
         Kind, scale and offset of each conversion, by the position of the column.
     n_features_in_, feature_names_in_ : int, ndarray of str
-        Number of columns and, if fitted on a DataFrame, their names.
 
     Notes
     -----

@@ -18,97 +18,78 @@ _PAPER = "Ham and Kim, Hybrid modeling approach for better identification of bui
 _BACHER = "Bacher and Madsen 2011, Energy and Buildings 43(7), 1511-1522, doi:10.1016/j.enbuild.2011.02.005"
 _MADSEN = "Madsen and Holst 1995, Energy and Buildings 22(1), 67-79"
 
-#: resistors of the Bacher and Madsen family, with their ends
+#: resistors with their ends
 _RESISTORS = {
     "R_zm": ("za", "m"),
+    "R_zw": ("za", "w"),
     "R_ze": ("za", "e"),
     "R_zh": ("za", "h"),
     "R_zs": ("za", "s"),
+    "R_wo": ("w", "T_oa"),
     "R_eo": ("e", "T_oa"),
     "R_zo": ("za", "T_oa"),
 }
 #: bounds of heater and sensor, which are lighter than the paper's bounds allow
 _LIGHT = {"C_h": (0.01, 40.0), "R_zh": (0.01, 40.0), "C_s": (0.001, 1.0)}
-_SPLIT = {"za": "f", "w": None}
 
 
-def _bacher(name: str, nodes: str, resistors: str, description: str, *, sun_on_envelope: bool = False) -> RCNetwork:
-    """Network of the Bacher and Madsen family with these nodes, ``za`` and these resistors."""
+def _network(
+    name: str, nodes: str, resistors: str, description: str, sun: str = "", reference: str = _BACHER
+) -> RCNetwork:
+    """Network with these nodes, ``za`` and these resistors, with the remainder of the sun on the node ``sun``."""
     others = nodes.split()
     return RCNetwork(
         name,
         {**{node: f"C_{node}" for node in others}, "za": "C_za"},
         {name: _RESISTORS[name] for name in resistors.split()},
-        {"za": "f", "e": None} if sun_on_envelope else {"za": None},
+        {"za": "f", sun: None} if sun else {"za": None},
         measured="s" if "s" in others else "za",
         heated="h" if "h" in others else "za",
         bounds={name: bounds for name, bounds in _LIGHT.items() if name[-1] in others},
         description=description,
-        reference=_BACHER,
+        reference=reference,
     )
 
 
+_HAM = f"{_PAPER}, Eq. gray_state; two time constants as in {_MADSEN}"
 _SIMPLE = (
-    RCNetwork(
-        "1R1C",
-        {"za": "C_za"},
-        {"R_zo": ("za", "T_oa")},
-        {"za": None},
-        description="a single node (Bacher and Madsen's Ti)",
-        reference=_BACHER,
-    ),
-    RCNetwork(
-        "2R2C",
-        {"w": "C_w", "za": "C_za"},
-        {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")},
-        _SPLIT,
-        description="zone air and a wall mass that is not connected to the outside",
-        reference=f"{_PAPER}, Eq. gray_state; two time constants as in {_MADSEN}",
-    ),
-    RCNetwork(
+    _network("1R1C", "", "R_zo", "a single node (Bacher and Madsen's Ti)"),
+    _network("2R2C", "w", "R_zw R_zo", "zone air and a wall mass that is not connected to the outside", "w", _HAM),
+    _network(
         "3R2C",
-        {"w": "C_w", "za": "C_za"},
-        {"R_zw": ("za", "w"), "R_wo": ("w", "T_oa"), "R_zo": ("za", "T_oa")},
-        _SPLIT,
-        description="zone air, an envelope, and windows in parallel (Bacher and Madsen's TiTeAeRia)",
-        reference=_BACHER,
+        "w",
+        "R_zw R_wo R_zo",
+        "zone air, an envelope, and windows in parallel (Bacher and Madsen's TiTeAeRia)",
+        "w",
     ),
-    RCNetwork(
+    _network(
         "3R3C",
-        {"w": "C_w", "m": "C_m", "za": "C_za"},
-        {"R_zm": ("za", "m"), "R_zw": ("za", "w"), "R_wo": ("w", "T_oa")},
-        {"za": "f", "m": None},
-        description="zone air, inner mass and envelope (Bacher and Madsen's TiTmTe, with sun on the mass)",
-        reference=_BACHER,
+        "w m",
+        "R_zm R_zw R_wo",
+        "zone air, inner mass and envelope (Bacher and Madsen's TiTmTe, with sun on the mass)",
+        "m",
     ),
-    RCNetwork(
-        "4R3C",
-        {"w": "C_w", "m": "C_m", "za": "C_za"},
-        {"R_zm": ("za", "m"), "R_zw": ("za", "w"), "R_wo": ("w", "T_oa"), "R_zo": ("za", "T_oa")},
-        {"za": "f", "m": None},
-        description="3R3C with windows in parallel with the envelope",
-        reference=_BACHER,
-    ),
+    _network("4R3C", "w m", "R_zm R_zw R_wo R_zo", "3R3C with windows in parallel with the envelope", "m"),
 )
 
 _FAMILY = (
-    _bacher("TiTe", "e", "R_ze R_eo", "zone air and an envelope"),
-    _bacher("TiTm", "m", "R_zm R_zo", "zone air and an internal medium"),
-    _bacher("TiTh", "h", "R_zh R_zo", "zone air and a heater that warms up first"),
-    _bacher("TiTs", "s", "R_zs R_zo", "zone air and a sensor that lags"),
-    _bacher("TiTmTe", "m e", "R_zm R_ze R_eo", "zone air, medium and envelope"),
-    _bacher("TiTmTh", "m h", "R_zm R_zh R_zo", "zone air, medium and heater"),
-    _bacher("TiTeTh", "e h", "R_ze R_zh R_eo", "zone air, envelope and heater"),
-    _bacher("TiTeThRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeTh with windows in parallel with the envelope"),
-    _bacher("TiTeThAeRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeThRia with sun on the envelope", sun_on_envelope=True),
-    _bacher("TiTmTeTh", "m e h", "R_zm R_ze R_zh R_eo", "zone air, medium, envelope and heater"),
-    _bacher("TiTeThTs", "e h s", "R_ze R_zh R_zs R_eo", "zone air, envelope, heater and a sensor that lags"),
-    _bacher(
+    _network("TiTe", "e", "R_ze R_eo", "zone air and an envelope"),
+    _network("TiTm", "m", "R_zm R_zo", "zone air and an internal medium"),
+    _network("TiTh", "h", "R_zh R_zo", "zone air and a heater that warms up first"),
+    _network("TiTs", "s", "R_zs R_zo", "zone air and a sensor that lags"),
+    _network("TiTmTe", "m e", "R_zm R_ze R_eo", "zone air, medium and envelope"),
+    _network("TiTmTh", "m h", "R_zm R_zh R_zo", "zone air, medium and heater"),
+    _network("TiTeTh", "e h", "R_ze R_zh R_eo", "zone air, envelope and heater"),
+    _network("TiTeThRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeTh with windows in parallel with the envelope"),
+    _network("TiTeThAeRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeThRia with sun on the envelope", sun="e"),
+    _network("TiTmTeTh", "m e h", "R_zm R_ze R_zh R_eo", "zone air, medium, envelope and heater"),
+    _network("TiTeThTs", "e h s", "R_ze R_zh R_zs R_eo", "zone air, envelope, heater and a sensor that lags"),
+    _network(
         "TiTmTeThTsAeRia",
         "m e h s",
         "R_zm R_ze R_zh R_zs R_eo R_zo",
         "the full model of the family",
-        sun_on_envelope=True,
+        sun="e",
     ),
 )
 

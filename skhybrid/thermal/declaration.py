@@ -22,10 +22,8 @@ class Source(NamedTuple):
     Attributes
     ----------
     role : str
-    parameter : str or None
-        None where the input is in kW already.
-    shares : tuple of (node, fraction parameter or None)
-        None stands for the remainder.
+    parameter : str or None; None where the input is in kW already
+    shares : tuple of (node, fraction parameter or None); None stands for the remainder
     """
 
     role: str
@@ -135,16 +133,11 @@ class Declaration:
         return role in self.boundaries or bool(self.sources([role]))
 
     def sources(self, roles: Iterable[str]) -> tuple[Source, ...]:
-        """Heat sources among the given roles, in the order of the inputs.
+        """Heat sources among the given roles, in the order of the inputs; a plant role without a node is refused.
 
         Parameters
         ----------
         roles : iterable of str
-
-        Raises
-        ------
-        ValueError
-            If the network does not say which node a heating or cooling role acts on.
         """
         out = []
         for role in sorted(set(roles), key=_role_order):
@@ -168,7 +161,6 @@ class Declaration:
         Parameters
         ----------
         roles : iterable of str
-            Roles that a table has.
         """
         roles = set(roles)
         return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
@@ -178,12 +170,7 @@ class Declaration:
 
         Parameters
         ----------
-        roles : iterable of str, optional
-            Roles that a table has; by default :attr:`usual_roles`.
-
-        Returns
-        -------
-        tuple of Parameter
+        roles : iterable of str, default :attr:`usual_roles`
         """
         sources = self.sources(self.usual_roles if roles is None else roles)
         used = {fraction for source in sources for _, fraction in source.shares}

@@ -65,8 +65,7 @@ def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
     Parameters
     ----------
     network : RCNetwork
-    roles : iterable of str, optional
-        Roles that a table has; by default the usual roles of the network.
+    roles : iterable of str, default :attr:`usual_roles`
     """
     roles = tuple(network.usual_roles if roles is None else roles)
     rail = _Rail(network, roles)

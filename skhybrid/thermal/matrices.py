@@ -22,15 +22,11 @@ class Continuous(NamedTuple):
 
     Attributes
     ----------
-    A : ndarray of shape (n, n)
-        [1/h].
-    B : ndarray of shape (n, m)
-        The last columns are 1 kW of heat gain on each disturbed node.
-    dA : ndarray of shape (p, n, n)
-        Derivatives with respect to the values of the parameters.
+    A : ndarray of shape (n, n); [1/h]
+    B : ndarray of shape (n, m); the last columns are 1 kW of heat gain on each disturbed node
+    dA : ndarray of shape (p, n, n); derivatives with respect to the values of the parameters
     dB : ndarray of shape (p, n, m)
-    capacitance : ndarray of shape (n,)
-        [kWh/K].
+    capacitance : ndarray of shape (n,); [kWh/K]
     """
 
     A: np.ndarray
@@ -108,17 +104,11 @@ class MatrixBuilder:
         return np.array([theta[name] for name in self.parameters], dtype=np.float64)
 
     def matrices(self, theta: np.ndarray) -> Continuous:
-        """Continuous state-space matrices and their derivatives.
+        """A (S, n, n), B (S, n, m), dA (S, p, n, n), dB (S, p, n, m) and capacitance (S, n).
 
         Parameters
         ----------
-        theta : ndarray of shape (S, p)
-            One parameter vector per row, in the order of ``parameters``.
-
-        Returns
-        -------
-        Continuous
-            A (S, n, n), B (S, n, m), dA (S, p, n, n), dB (S, p, n, m), capacitance (S, n).
+        theta : ndarray of shape (S, p); one parameter vector per row, in the order of ``parameters``
         """
         theta = np.asarray(theta, dtype=np.float64)
         size, p, n = len(theta), len(self.parameters), len(self.capacitances)

@@ -1,7 +1,4 @@
-"""RC networks: a declaration with its checks, its matrices and its display.
-
-Time is in hours, capacitance in kWh/K, resistance in K/kW, heat in kW.
-"""
+"""RC networks: a declaration with its checks, its matrices and its display, in h, kWh/K, K/kW and kW."""
 
 from __future__ import annotations
 
@@ -18,15 +15,11 @@ from .checks import check
 from .declaration import Declaration
 from .equations import equations
 from .matrices import Continuous, MatrixBuilder
-from .parameters import parameter_table
 
 
 @singledispatch
 def diagram(network: Declaration) -> str:
-    """SVG that a notebook shows for a network.
-
-    The module ``drawing`` imports this one, never the reverse; it registers :func:`~skhybrid.thermal.draw` here.
-    """
+    """SVG that a notebook shows; ``drawing``, which imports this module, registers :func:`~skhybrid.thermal.draw`."""
     raise NotImplementedError(f"no diagram is registered for {type(network).__name__}.")
 
 
@@ -133,8 +126,7 @@ class RCNetwork(Declaration):
         ----------
         theta : mapping of parameter to value
         roles : iterable of str
-        dt : float
-            Step [h].
+        dt : float; step [h]
         """
         c = self.matrices(theta, tuple(roles))
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
@@ -144,20 +136,19 @@ class RCNetwork(Declaration):
 
         Parameters
         ----------
-        roles : iterable of str, optional
-            Roles that a table has; by default :attr:`usual_roles`.
+        roles : iterable of str, default :attr:`usual_roles`
         """
-        return parameter_table(self.parameters(roles))
+        columns = ["name", "unit", "lower", "upper", "transform", "description"]
+        rows = [[getattr(parameter, column) for column in columns] for parameter in self.parameters(roles)]
+        return pd.DataFrame(rows, columns=columns).set_index("name")
 
     def equations(self, roles: Iterable[str] | None = None, *, latex: bool = False) -> str:
         """Heat balance of every node, one line each, in the paper's form.
 
         Parameters
         ----------
-        roles : iterable of str, optional
-            Roles that a table has; by default :attr:`usual_roles`.
-        latex : bool
-            Return the lines of an ``aligned`` environment instead of text.
+        roles : iterable of str, default :attr:`usual_roles`
+        latex : bool; return the lines of an ``aligned`` environment instead of text
         """
         return equations(self, roles, latex=latex)
 

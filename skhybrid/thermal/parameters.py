@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
 #: unit and bounds of each kind of parameter: paper 2.2.1 for C, R, f and A_win; wide for a capacity
 _KINDS = {
@@ -100,8 +98,7 @@ class Parameter:
 
         Parameters
         ----------
-        bounds : tuple of (lower, upper) or None
-            None keeps the present bounds.
+        bounds : tuple of (lower, upper) or None; None keeps the present bounds
         """
         if bounds is None:
             return self
@@ -118,9 +115,3 @@ def make_parameter(name: str, kind: str, description: str) -> Parameter:
     elif kind == "Q" and not name.startswith("Q_h"):  # a stage that may heat or cool
         lower, transform = -upper, "identity"
     return Parameter(name, unit, lower, upper, description, transform)
-
-
-def parameter_table(parameters: Sequence[Parameter]) -> pd.DataFrame:
-    """Name, unit, bounds, transform and description, one row per parameter."""
-    rows = [(p.name, p.unit, p.lower, p.upper, p.transform, p.description) for p in parameters]
-    return pd.DataFrame(rows, columns=["name", "unit", "lower", "upper", "transform", "description"]).set_index("name")

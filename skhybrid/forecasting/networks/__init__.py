@@ -1,4 +1,1 @@
-"""The paper's four networks in torch: windows, modules, training through skorch, fitted networks.
-
-The only folder of the package that imports torch and skorch; others import it when a network is asked for.
-"""
+"""The paper's four networks; only this folder imports torch and skorch, and others import it when they need one."""

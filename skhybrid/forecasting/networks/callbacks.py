@@ -39,18 +39,14 @@ class GradientClippingPerNetwork(Callback):
 
 
 class EarlyStoppingPerNetwork(Callback):
-    """Early stopping, best weights and history of each network; one that stops leaves the stack.
-
-    ``patience`` is None where there is no validation block.  ``ended_`` tells whether all networks have stopped or the
-    last epoch was run.
-    """
+    """Early stopping, best weights and history of each network; one that stops leaves the stack."""
 
     def __init__(self, patience: int | None) -> None:
-        self.patience = patience
+        self.patience = patience  # None where there is no validation block
 
     def on_train_begin(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
         n = len(net.module_.numbers)
-        self.ended_ = False
+        self.ended_ = False  # whether all networks have stopped or the last epoch was run
         self.flat_ = net.module_.flat.detach().clone()
         self.histories_: list[list[dict[str, float]]] = [[] for _ in range(n)]
         self.best_ = np.full(n, np.inf)

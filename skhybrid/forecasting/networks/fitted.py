@@ -30,10 +30,7 @@ def make_stack(specs: Sequence[NetworkSpec]) -> NetworkStack:
 
 @dataclass(eq=False)
 class FittedNetwork:
-    """One fitted network, or several whose mean forecasts: arrays, from which the module is built when it is needed.
-
-    ``weights`` are named as :meth:`NetworkStack.weights` names them, (n_networks, ...).
-    """
+    """One fitted network, or several whose mean forecasts; ``weights`` as :meth:`NetworkStack.weights` names them."""
 
     spec: NetworkSpec
     case: ModelCase
@@ -44,12 +41,9 @@ class FittedNetwork:
     def forecast(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, base: Any = None, expected: np.ndarray | None = None
     ) -> np.ndarray:
-        """Forecasts (n_origins, n_leads); beyond the trained horizon its own forecasts become history.
-
-        ``base`` (n_origins, n_leads) is the baseline forecast that is corrected; ``expected`` (n_rows,) stands in for a
-        missing disturbance.
-        """
+        """Forecasts (n_origins, n_leads) that correct ``base``; ``expected`` (n_rows,) replaces missing history."""
         spec, scaler = self.spec, self.scaler
+        # beyond the trained horizon its own forecasts become history
         n_rounds = -(-n_leads // spec.n_leads)
         columns = columns_of(table, self.case, spec.kind, self.encoding)
         after = (n_rounds + 1) * spec.n_leads

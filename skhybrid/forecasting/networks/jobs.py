@@ -1,7 +1,4 @@
-"""Training jobs of several forecasters: networks of equal shape are trained as one stack.
-
-The validation block is the end of the training table, with a gap of one horizon before it; no test block is ever seen.
-"""
+"""Training jobs of several forecasters: networks of equal shape are trained as one stack."""
 
 from __future__ import annotations
 
@@ -53,10 +50,7 @@ class _Plan(NamedTuple):
 
 
 def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str = "raise") -> list[Any]:
-    """A JobResult of each job, to rounding as if it were alone; networks of equal shape are trained as one stack.
-
-    With ``on_error="return"`` an exception takes the place of a job that fails.
-    """
+    """A JobResult of each job, to rounding as if alone; with ``on_error="return"`` an exception if it fails."""
     plans: dict[int, _Plan] = {}
     results: dict[int, JobResult | Exception] = {}
     shared: dict[Any, _Data] = {}
@@ -193,10 +187,8 @@ def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
 
 
 def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
-    """The share in [0, 1] of the correction to use, by least squares on the validation block less one standard error.
-
-    The block that stopped the training flatters it: without the discount, corrections that do not last are kept.
-    """
+    """Share in [0, 1] of the correction to use, by least squares on the validation block less one standard error."""
+    # The block that stopped the training flatters it: without the discount, corrections that do not last are kept.
     stack = network.build()
     valid = cast(Windows, plan.data.valid)
     inputs, targets = valid.take(torch.arange(len(valid)), stack.numbers)
@@ -212,11 +204,7 @@ def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
 
 
 def discounted_share(cross: np.ndarray, power: np.ndarray, n_blocks: int) -> float:
-    """``sum(cross) / sum(power)`` less its jackknife standard error over blocks of consecutive windows, in [0, 1].
-
-    ``cross`` and ``power`` (n_windows,) are each window's product of correction and remainder, and its squared
-    correction.
-    """
+    """``sum(cross) / sum(power)`` [both (n_windows,)] less its jackknife standard error over blocks, in [0, 1]."""
     crosses, powers = (np.array([part.sum() for part in np.array_split(v, n_blocks)]) for v in (cross, power))
     rest = powers.sum() - powers
     if not np.isfinite(crosses).all() or not (rest > 0).all():

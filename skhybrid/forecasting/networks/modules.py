@@ -28,30 +28,24 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F
 
 
 class NetworkStack(nn.Module):
-    """Networks of equal shape, which may differ in activation and dropout.
-
-    ``flat`` (n_networks, n_weights) holds all weights; those of the layers are views of it, so that an optimiser steps
-    one tensor.  ``numbers`` has the number of the network in each row, which stays when others leave the stack.
-    """
+    """Networks of equal shape, which may differ in activation and dropout."""
 
     def __init__(self, specs: Sequence[NetworkSpec]) -> None:
         super().__init__()
         self.spec = specs[0]
         if any(one.shape != self.spec.shape for one in specs):
             raise ValueError("networks of a stack must be of equal shape.")
-        self.numbers = list(range(len(specs)))
+        self.numbers = list(range(len(specs)))  # of the network in each row, which stays when others leave the stack
         self._set_specs(specs)
         self.layers = layers_of(self.spec)
         self._shapes = [shape for layer in self.layers for shape in (layer.shape, layer.shape[:1])]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
+        # (n_networks, n_weights) all weights; those of the layers are views, so that an optimiser steps one tensor
         self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
 
     @torch.no_grad()
     def draw_weights(self, generators: Sequence[torch.Generator], corrects: bool = False) -> NetworkStack:
-        """Draw each network's initial weights from its own generator, and return the stack.
-
-        Where networks correct a baseline, their last layer begins at zero, which is the baseline itself.
-        """
+        """Draw initial weights, each network's from its own generator; a correction of a baseline begins at zero."""
         weights = self.weights()
         for layer in self.layers[:-1] if corrects else self.layers:
             for row, generator in enumerate(generators):

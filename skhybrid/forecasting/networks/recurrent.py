@@ -40,10 +40,7 @@ class RNNStep(torch.autograd.Function):
 
 
 class LSTMStep(torch.autograd.Function):
-    """A step of torch's documented LSTM cell for every network; gates stand in the order i, f, o, g.
-
-    ``c' = f c + i g`` and ``h' = o tanh(c')``; shapes as in :class:`RNNStep`.
-    """
+    """A step of torch's LSTM cell, ``c' = f c + i g`` and ``h' = o tanh(c')``; gates in the order i, f, o, g."""
 
     @staticmethod
     def forward(ctx: Any, weight: Tensor, z: Tensor, c: Tensor) -> _State:

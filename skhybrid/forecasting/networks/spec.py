@@ -42,10 +42,7 @@ class NetworkSpec(NamedTuple):
         return self._replace(activation="", dropout=0.0)
 
     def draw_dropped(self, n_windows: int, share: float, generator: torch.Generator) -> Tensor:
-        """(n_layers, hidden_size, n_windows) bool: the hidden values that dropout drops in the windows of an epoch.
-
-        A CNN drops in one layer, its head; the layers of a recurrent network are the leads.
-        """
+        """(n_layers, hidden_size, n_windows) bool: values to drop; a CNN has one layer, RNN and LSTM the leads."""
         width, device = rounded_up(self.hidden_size), generator.device
         if self.kind in N_GATES:
             drawn = torch.empty(self.n_leads, width, n_windows, device=device).uniform_(generator=generator)

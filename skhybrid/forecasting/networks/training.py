@@ -109,12 +109,7 @@ class SquaredErrorsPerNetwork(torch.nn.Module):
 
 
 class StackNet(NeuralNet):
-    """skorch's net over a stack of networks, with one generator per network for its order of windows and its dropout.
-
-    The loss is the sum of the networks' mean squared errors, so that no network's gradient contains anything of
-    another's.  Of every batch the history has the sums of squared errors by network (``train_squares``,
-    ``valid_squares``) and the numbers of known targets (``train_known``, ``valid_known``).
-    """
+    """skorch's net over a stack of networks, one generator per network for its order of windows and its dropout."""
 
     def __init__(self, *args: Any, generators: Sequence[torch.Generator] = (), **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -127,7 +122,7 @@ class StackNet(NeuralNet):
         return WindowBatches(dataset, max(self.batch_size, _VALIDATED_AT_ONCE), self.module_)
 
     def get_loss(self, y_pred: Tensor, y_true: Tensor, X: Any = None, training: bool = False) -> Tensor:
-        """Sum of the networks' mean squared errors, which the history records one by one."""
+        """Sum of the networks' mean squared errors: no gradient mixes networks.  The history has each one's sums."""
         squares, n_known = super().get_loss(y_pred, y_true, X, training)
         part = "train" if training else "valid"
         self.history.record_batch(f"{part}_squares", squares.detach())
@@ -160,10 +155,7 @@ def train_stack(
     settings: TrainingSettings,
     verbose: int = 0,
 ) -> list[TrainingResult]:
-    """Train the networks of a stack with initial weights: results in order, to rounding what each would be alone.
-
-    Networks leave the stack when they stop; without ``valid`` all of ``max_epochs`` are run.
-    """
+    """Results of the networks of a stack, in order, to rounding as if alone; without ``valid`` all epochs are run."""
     device = settings.device
     stopping = EarlyStoppingPerNetwork(None if valid is None else settings.patience)
     net = StackNet(

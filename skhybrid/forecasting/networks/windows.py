@@ -59,17 +59,12 @@ class WindowViews(NamedTuple):
 
 
 class WindowTable:
-    """The windows of one table as a network reads them.
-
-    ``base`` (n_windows, n_leads) is the baseline forecast that is corrected, 0 where there is none; ``target``
-    (n_windows, n_leads) the disturbance, NaN where unknown.
-    """
+    """The windows of one table as a network reads them."""
 
     def __init__(self, kind: str, reads_zeta: bool, views: WindowViews, base: Tensor, target: Tensor) -> None:
-        self.base = base
-        self.target = target
-        self._kind = kind
-        self._reads_zeta = reads_zeta
+        self.base = base  # (n_windows, n_leads) baseline forecast that is corrected, 0 where there is none
+        self.target = target  # (n_windows, n_leads) disturbance, NaN where unknown
+        self._kind, self._reads_zeta = kind, reads_zeta
         self._views = views = WindowViews(*(view[: len(target)] for view in views))
         fits = len(target) * sum(view[0].numel() for view in views) <= _MOST_IN_MEMORY
         self._inputs = network_inputs(kind, reads_zeta, *views) if fits else None
@@ -154,11 +149,7 @@ def scaled_views(
     n_leads: int,
     after: int,
 ) -> WindowViews:
-    """Windows of a table in z-scores, with ``after`` padded rows after its end.
-
-    ``columns`` are those of past and future (:func:`columns_of`); ``expected`` (n_rows,) stands in for a missing
-    disturbance, or else its mean.
-    """
+    """Windows in z-scores, ``after`` rows padded; ``expected`` (n_rows,) or else its mean replaces missing zeta."""
     zeta = zeta_of(table)
     filled = np.where(np.isfinite(zeta), zeta, scaler.zeta_mean if expected is None else expected)
     past = (columns[0] - scaler.past_mean) / scaler.past_std
