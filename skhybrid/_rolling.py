@@ -26,7 +26,6 @@ class RollingForecastMixin(RegressorMixin):
     horizon: Any
     _tail: ZoneTable
 
-    # ------------------------------------------------------------------------------------------------------- hooks
     def _read_X(self, X: Any) -> ZoneTable:
         raise NotImplementedError
 
@@ -41,7 +40,6 @@ class RollingForecastMixin(RegressorMixin):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_tail")  # fit sets it last
 
-    # ------------------------------------------------------------------------------------------------------ public
     @one_blas_thread
     def predict(self, X: Any) -> np.ndarray:
         """Forecast every row from the last origin before it.
@@ -104,7 +102,6 @@ class RollingForecastMixin(RegressorMixin):
         tags.regressor_tags.poor_score = True
         return tags
 
-    # ----------------------------------------------------------------------------------------------------- origins
     def _roll(self, segment: ZoneTable, paths_of: _Paths, first_of: Callable[[ZoneTable], Any]) -> np.ndarray:
         """(n_rows, ...) forecasts of a segment, each row from the last origin before it."""
         table, n_tail = self._after_tail(segment)
