@@ -59,7 +59,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        firsts = tuple(float(segment.firsts.mean()) for segment in experiment.segments)
+        firsts = tuple(segment.first for segment in experiment.segments)
         return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
