@@ -157,6 +157,11 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.scorer_ = getattr(scorer, "_scorers", scorer)
         return self
 
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X; only with ``refit``."""
+        return super().n_features_in_
+
     def _get_scorers(self) -> tuple[Any, Any]:
         return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()
 
