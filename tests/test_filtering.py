@@ -25,6 +25,7 @@ from skhybrid.filtering import (
     smooth_states,
     solve_lq_path,
 )
+from skhybrid.filtering.covariance import propagate
 from skhybrid.thermal import CATALOGUE, RCNetwork
 
 ROLES = ("T_oa", "q_sol", "u_heat", "u_cool", "Q_other")
@@ -534,3 +535,12 @@ def test_kernels_leave_their_arguments_alone():
     solve_lq_path(m.A, m.forcing, m.forcing[0], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)
+
+
+def test_a_propagated_covariance_is_that_of_matrices_and_symmetric_to_the_bit():
+    rng = np.random.default_rng(3)
+    A, root = rng.standard_normal((2, 4, 4))
+    P, Q, out = root @ root.T, np.diag(rng.random(4)), np.empty((4, 4))
+    propagate(A, P, Q, np.empty((4, 4)), out)
+    np.testing.assert_allclose(out, A @ P @ A.T + Q, rtol=1e-12)
+    np.testing.assert_array_equal(out, out.T)
