@@ -75,6 +75,15 @@ def test_errors_are_those_of_a_plain_filter(case, filtered):
         np.testing.assert_allclose(found[b], plain_filter(m, b, inputs, y, filtered), rtol=1e-9, atol=1e-10)
 
 
+def test_stages_that_are_full_or_off_act_as_any_other_input(case):
+    m, inputs, y = case
+    stages = (np.arange(inputs.size).reshape(inputs.shape) % 2).astype(float)
+    near = stages + 1e-7 * (1.0 - 2.0 * stages)
+    exact, beside = (one_step_sensitivities(m, values, y, 20, False) for values in (stages, near))
+    np.testing.assert_allclose(exact.errors, beside.errors, atol=1e-4)
+    np.testing.assert_allclose(exact.derrors, beside.derrors, atol=1e-4)
+
+
 @pytest.mark.parametrize("filtered", [0, 20, N])
 def test_derivatives_are_exact(case, filtered):
     m, inputs, y = case
