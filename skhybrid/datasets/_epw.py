@@ -12,8 +12,7 @@ import pandas as pd
 
 from ._weather import window_irradiance
 
-#: stamp of a typical year if no year is given: not a leap year, and it begins on a Monday.
-TYPICAL_YEAR = 2001
+TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
 
 
 def read_epw(

@@ -176,5 +176,4 @@ def _none(calendar: _Calendar, rng: np.random.Generator) -> Gains:
     return Gains(*(np.zeros(len(calendar.day)) for _ in Gains._fields))
 
 
-#: who uses the room
-PATTERNS = {"office": _office, "home": _home, "shop": _shop, "none": _none}
+PATTERNS = {"office": _office, "home": _home, "shop": _shop, "none": _none}  # who uses the room

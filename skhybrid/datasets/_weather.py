@@ -15,8 +15,7 @@ from ._random import ar1, spawn_generators
 
 #: largest fraction of the clear-sky irradiance; above 1, because thin broken cloud reflects additional light.
 MAX_CLEARNESS = 1.1
-#: albedo of the ground in front of the window [-].
-ALBEDO = 0.2
+ALBEDO = 0.2  # albedo of the ground in front of the window [-]
 _CLOUD_HOURS = 1.0  # time constant of passing clouds [h]
 _AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and standard deviation [K] of random changes of air temperature
 

@@ -12,10 +12,8 @@ from .._table import ZoneTable
 from ..filtering import iterate_lags
 from .features import day_type_hour, one_hot
 
-#: share of a window's temperatures that must be known for a row to be learned from
-_MIN_KNOWN = 0.5
-#: penalty of the constant: none, but where no pair is known the equations must stay regular
-_CONSTANT_PENALTY = 1e-9
+_MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
+_CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
 
 
 class ARXData(NamedTuple):

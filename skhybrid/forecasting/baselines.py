@@ -9,8 +9,7 @@ import numpy as np
 from .._table import ZoneTable
 from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
 
-#: a mean over fewer values than this is left to the next coarser one.
-MIN_COUNT = 2
+MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
 
 
 def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:

@@ -33,8 +33,7 @@ ALPHAS = np.logspace(-1.0, 5.0, 13)
 _WEATHER_SCALE = 10.0
 #: how freely the effect of the outdoor temperature may differ by hour; left-out blocks choose.
 _HOURLY_SHARES = (0.0, 0.3, 1.0)
-#: (origin, lead) pairs that are learned from; beyond it origins are thinned evenly.
-_MOST_PAIRS = 150_000
+_MOST_PAIRS = 150_000  # (origin, lead) pairs that are learned from; beyond it origins are thinned evenly
 _DECAYS_H = (2.0, 8.0, 24.0)
 
 

@@ -14,8 +14,7 @@ from .tables import KEPT, fit_forecaster, forecast_steps
 
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))
-#: share of the error by all steps below which fewer steps are believed
-_CLEARLY = 0.9
+_CLEARLY = 0.9  # share of the error by all steps below which fewer steps are believed
 _WEEK, _DAY = pd.Timedelta("7D"), pd.Timedelta("1D")
 
 

@@ -24,8 +24,7 @@ from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
 
-#: factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
-_WIDER = 10.0
+_WIDER = 10.0  # factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
 
 
 @shared_docs

@@ -19,8 +19,7 @@ from ..thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
-#: knots of the part-load curve, as shares of a stage's largest training value
-_KNOTS = (0.2, 0.45)
+_KNOTS = (0.2, 0.45)  # knots of the part-load curve, as shares of a stage's largest training value
 _HOURS, _DAYS = 24, 7
 #: a unit of the conductance schedule is the heat at this difference from the mean outdoor temperature [K]
 UA_DIFFERENCE = 10.0

@@ -16,8 +16,7 @@ from .segment import Segment
 
 #: days after which evidence counts half: in a long memory, and in a short one that adapts to a change sooner
 HALF_LIVES = (30.0, 7.0)
-#: weight of a forecast of the history relative to one of the training
-HISTORY_WEIGHT = 3.0
+HISTORY_WEIGHT = 3.0  # weight of a forecast of the history relative to one of the training
 _DAY = 24.0
 
 

@@ -13,12 +13,10 @@ from .lead_problem import ScoredForecasts, minimise
 from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
 
-#: days between refits of the network
-_REFIT_DAYS = 10
+_REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
 _WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
-#: days of rows that a refitted network goes through at once, which bounds the memory
-_PIECE_DAYS = 7
+_PIECE_DAYS = 7  # days of rows that a refitted network goes through at once, which bounds the memory
 _DAY = 24.0
 
 

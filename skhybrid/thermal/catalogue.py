@@ -87,8 +87,7 @@ _FAMILY = (
     _network("TiTmTeThTsAeRia", "m e h s", "R_zm R_ze R_zh R_zs R_eo R_zo", "the full model of the family", sun="e"),
 )
 
-#: the networks by name
-CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}
+CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}  # the networks by name
 
 
 def get_network(network: str | RCNetwork) -> RCNetwork:

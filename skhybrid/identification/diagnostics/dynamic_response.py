@@ -13,8 +13,7 @@ from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
 from ..state_space import StateSpace, state_space_of
 
-#: inputs of the paper's network
-_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
+_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")  # inputs of the paper's network
 
 
 def make_state_space(

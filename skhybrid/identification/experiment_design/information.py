@@ -14,8 +14,7 @@ from ..disturbance_models import first_covariance
 from ..gain_model import LEVEL_SD
 from .zone import CLASSES, Calendar, Zone
 
-#: heat of the plant for which LEVEL_SD was chosen [kW]
-_PLANT = 6.0
+_PLANT = 6.0  # heat of the plant for which LEVEL_SD was chosen [kW]
 #: parameters of the gain and of the thermometer that an identification finds besides the network's
 NUISANCE = ("tau", *(f"sigma_{c}" for c in CLASSES.names), "sigma_y")
 _HOURS = 24

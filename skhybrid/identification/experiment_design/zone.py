@@ -13,8 +13,7 @@ from ...filtering import Discrete
 from ...thermal import RCNetwork
 from ..gain_model import HOUR_CLASSES, profile_cell
 
-#: classes of hours that have a variance of their own, by cell of the weekly profile
-CLASSES = HOUR_CLASSES["day_night"]
+CLASSES = HOUR_CLASSES["day_night"]  # classes of hours that have a variance of their own, by cell of the weekly profile
 _HOURS = 24
 
 

@@ -19,10 +19,8 @@ from .gauss_newton import Minimum
 from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
 
-#: standard deviation of a log parameter's prior; the data dominate it wherever they are informative
-PRIOR_LOG_SD = 1.2
-#: units of what enters linearly: a weak prior in the middle of its bounds would pull it
-_NO_PRIOR = ("-", "m2", "kW")
+PRIOR_LOG_SD = 1.2  # standard deviation of a log parameter's prior; the data dominate it wherever they are informative
+_NO_PRIOR = ("-", "m2", "kW")  # units of what enters linearly: a weak prior in the middle of its bounds would pull it
 #: typical uncertainty of a parameter on the searched scale, the unit of the search's steps
 _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 

@@ -16,8 +16,7 @@ from .gauss_newton import Minimum, minimise_together
 
 #: evaluations and tolerance of the search from every start, and those that carry the best ones to the end
 ROUGH, FINE = (40, 1e-5), (150, 1e-10)
-#: memory that the sensitivities of starts evaluated together may take [bytes]
-_MEMORY = 2**25
+_MEMORY = 2**25  # memory that the sensitivities of starts evaluated together may take [bytes]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,8 @@ from joblib import Parallel, delayed, effective_n_jobs
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
-#: starts that have to end at the best minimum before the search ends
-ENOUGH = 5
-#: two minima are one where their log-likelihoods differ by no more than this
-SAME = 0.05
+ENOUGH = 5  # starts that have to end at the best minimum before the search ends
+SAME = 0.05  # two minima are one where their log-likelihoods differ by no more than this
 
 Minimise = Callable[[np.ndarray], list[Minimum]]
 

@@ -15,11 +15,9 @@ from ...thermal import Parameter
 
 #: a direction is flat by a singular value below this share of the largest, or a standard deviation of e^5 or more
 FLAT, FLAT_SD = 1e-6, 5.0
-#: a direction is weak when its leading parameter may be off by more than this share at 90 %
-WEAK = 0.25
+WEAK = 0.25  # a direction is weak when its leading parameter may be off by more than this share at 90 %
 _LEVEL = 0.9
-#: members of a direction below this share of its leading one are not named
-_MINOR = 0.1
+_MINOR = 0.1  # members of a direction below this share of its leading one are not named
 #: weak directions, and members of each, that are named, so that the report fits one screen
 _MOST_WEAK, _MOST_MEMBERS = 4, 4
 

@@ -15,12 +15,9 @@ from scipy.special import expit, logit
 from ..._threads import one_blas_thread
 from .constrained_problem import ConstrainedProblem, free_point
 
-#: a chain is refused above this R-hat, or below this many effective draws
-WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0
-#: how near a bound the search for the starting point may come, as a share of the range
-_MARGIN = 1e-3
-#: largest standard deviation that the scaling of the sampler assumes along any direction
-_WIDEST = 3.0
+WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0  # a chain is refused above this R-hat, or below this many effective draws
+_MARGIN = 1e-3  # how near a bound the search for the starting point may come, as a share of the range
+_WIDEST = 3.0  # largest standard deviation that the scaling of the sampler assumes along any direction
 
 
 @dataclass(frozen=True)
