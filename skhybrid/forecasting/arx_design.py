@@ -107,8 +107,7 @@ class ARXDesign:
 
     def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        lagged = _lagged_inputs(table, self.roles, self.n_input_lags)
-        blocks = [(lagged - self.input_mean) / self.input_scale]
+        blocks = [(_lagged_inputs(table, self.roles, self.n_input_lags) - self.input_mean) / self.input_scale]
         if self.calendar:
             blocks.append(one_hot(day_type_hour(table.time), 48))
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)

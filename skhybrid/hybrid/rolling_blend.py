@@ -73,8 +73,7 @@ class RollingBlend:
         weights = by_lead(shares, record.n_leads, n_leads)
         path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
         if self.adapt is not None:
-            missed = self._missed(shares[record.groups])
-            path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, missed)
+            path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
         return path, heat
 
     def _share(self, row: Any, later: int) -> Any:
@@ -87,8 +86,7 @@ class RollingBlend:
         first = max(0, (before - int(record.sample.leads[-1]) - self._begin) // record.every)
         errors, origins = self._history(first)
         ends = origins[:, None] + record.sample.leads
-        share = np.where(ends > before, self._share(ends, self.row), 0.0)
-        return moments(errors, record.groups, share)
+        return moments(errors, record.groups, np.where(ends > before, self._share(ends, self.row), 0.0))
 
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""

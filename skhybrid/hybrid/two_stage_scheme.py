@@ -130,8 +130,7 @@ class TwoStageScheme(Scheme):
         forecaster, _ = next(self._forecasters(steps, known, True))
         zeta = _path(forecaster, steps, known, int(wanted[-1]) + 1)[0, wanted]
         acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
-        temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
-        return Paths(temperature[None], zeta[None, 1:])
+        return Paths(drive_on(self.gray_box_, future, acting, self.disturbance)[None], zeta[None, 1:])
 
     @property
     def _n_kept(self) -> int:
@@ -212,8 +211,7 @@ class TwoStageScheme(Scheme):
             origins = block_origins(block, per_day)
             if len(origins) and np.isfinite(known).any():
                 without = fit_forecaster(clone(self.forecaster_), self.steps, known)
-                other = self._with(adapt=None, forecaster_=without)
-                paths = other.forecast(table, origins, n_leads).temperature
+                paths = self._with(adapt=None, forecaster_=without).forecast(table, origins, n_leads).temperature
                 found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
         return joined(found)
 

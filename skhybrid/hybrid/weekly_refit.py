@@ -53,8 +53,7 @@ class WeeklyRefit:
         if key not in self._fits:
             self._fits[key] = fit_forecaster(clone(self._forecaster), steps.rows(slice(n - length, None)))
             # only the fits of this week and of the one before are wanted again
-            week = int(_WEEK / steps.step)
-            self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - week}
+            self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - int(_WEEK / steps.step)}
         return self._fits[key]
 
 
@@ -77,8 +76,7 @@ def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFra
     begins = begins[begins + per_day <= steps.n_rows]
     at = begins[:, None] + np.arange(per_day)
     measured = pd.DataFrame(steps.history["zeta"][at], index=day[begins])
-    paths = forecast_steps(forecaster, steps, begins - 1, per_day)
-    return measured, pd.DataFrame(paths, index=measured.index)
+    return measured, pd.DataFrame(forecast_steps(forecaster, steps, begins - 1, per_day), index=measured.index)
 
 
 def reference_days(steps: ZoneTable, forecaster: Any, refit: bool) -> tuple[pd.DataFrame, pd.DataFrame]:

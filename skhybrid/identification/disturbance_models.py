@@ -125,8 +125,7 @@ class Conventional(_Disturbance):
         model = append_states(d, np.zeros((S, 0)), 0, 0)
         Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
         s0, P0 = first_state(network, segment), first_covariance(network)
-        R = measurement_variance(segment.hours)
-        return _complete(model, _outputs(network, 0, False), s0, R, Q=Q, P0=P0)
+        return _complete(model, _outputs(network, 0, False), s0, measurement_variance(segment.hours), Q=Q, P0=P0)
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ DAY_TYPES = ("weekday", "weekend")
 DAY_HOURS = (6, 21)  # weekday hours of ventilation
 #: prior standard deviations, for a plant of 6 kW: of the profile's level [kW] and of the ventilation [kW/K]
 LEVEL_SD, VENTILATION_SD = 3.0, 0.03
-#: harmonics of the day that a profile is made of, out of twelve; the others cost more time than they gain
-N_HARMONICS = 8
+N_HARMONICS = 8  # harmonics of the day in a profile, out of twelve; the others cost more time than they gain
 #: prior of a standard deviation [6 kW plant], as mean and standard deviation of its logarithm; and of a day's factor
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
 MOST_DAYS = 56  # most days that have a factor of their own; in longer logs two or more days in a row share one

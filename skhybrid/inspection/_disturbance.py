@@ -61,8 +61,7 @@ class DisturbanceWeekDisplay(Display):
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
             X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
-        unit = "kW" if kind == "input" else "K"
-        return cls.from_predictions(zeta, truth=truth, unit=unit, ax=ax, **kwargs)
+        return cls.from_predictions(zeta, truth=truth, unit="kW" if kind == "input" else "K", ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(

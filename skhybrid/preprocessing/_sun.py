@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-#: largest zenith angle [deg] at which direct irradiance is computed from global and diffuse irradiance.
-LOWEST_SUN = 87.0
+LOWEST_SUN = 87.0  # largest zenith angle [deg] at which direct irradiance is computed from global and diffuse one
 _W_PER_KW = 1000.0
 
 

@@ -21,8 +21,7 @@ from ..thermal import RCNetwork
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
 _KNOTS = (0.2, 0.45)  # knots of the part-load curve, as shares of a stage's largest training value
 _HOURS, _DAYS = 24, 7
-#: a unit of the conductance schedule is the heat at this difference from the mean outdoor temperature [K]
-UA_DIFFERENCE = 10.0
+UA_DIFFERENCE = 10.0  # a unit of the conductance schedule is the heat at this difference from the mean T_oa [K]
 #: parts of the day that replace facades where there is one irradiance only: centre [h from solar noon], half-width [h]
 _DAY_PARTS = {"morning": -3.5, "noon": 0.0, "afternoon": 3.5}
 _HALF_WIDTH = 3.5

@@ -106,8 +106,7 @@ def _load_from(
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
-    temperature = np.append(at_origin, path[:-1]) + fit.reference
-    out = load_frame(plant, index, clipped, unclipped, temperature)
+    out = load_frame(plant, index, clipped, unclipped, np.append(at_origin, path[:-1]) + fit.reference)
     return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
 
 

@@ -126,8 +126,7 @@ class MatrixBuilder:
         capacitance = theta[:, self.capacitances]
         rate = ((first * second)[:, None, :] @ self.coefficients).reshape(size, n, -1) / capacitance[:, :, None]
         d_rate = (d_product[:, :p] @ self.coefficients).reshape(size, p, n, -1) / capacitance[:, None, :, None]
-        node = np.arange(n)
-        d_rate[:, self.capacitances, node] -= rate / capacitance[:, :, None]
+        d_rate[:, self.capacitances, np.arange(n)] -= rate / capacitance[:, :, None]
         return Continuous(
             np.ascontiguousarray(rate[..., :n]),
             np.ascontiguousarray(rate[..., n:]),

@@ -54,9 +54,8 @@ class GainStatistics:
     noise_std: float = 0.03
 
     def __post_init__(self) -> None:
-        numbers = {k: v for k, v in vars(self).items() if k != "profile"}
-        for name, value in numbers.items():
-            if not np.isfinite(value) or value <= 0:
+        for name, value in vars(self).items():
+            if name != "profile" and (not np.isfinite(value) or value <= 0):
                 raise ValueError(f"GainStatistics: {name}={value!r} must be a positive number.")
         if np.shape(self.profile) != (_HOURS, 2) or not np.isfinite(self.profile).all():
             raise ValueError(

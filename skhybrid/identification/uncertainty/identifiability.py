@@ -18,8 +18,7 @@ FLAT, FLAT_SD = 1e-6, 5.0
 WEAK = 0.25  # a direction is weak when its leading parameter may be off by more than this share at 90 %
 _LEVEL = 0.9
 _MINOR = 0.1  # members of a direction below this share of its leading one are not named
-#: weak directions, and members of each, that are named, so that the report fits one screen
-_MOST_WEAK, _MOST_MEMBERS = 4, 4
+_MOST_WEAK, _MOST_MEMBERS = 4, 4  # weak directions, and members of each, that are named: the report fits one screen
 
 
 @dataclass(frozen=True)

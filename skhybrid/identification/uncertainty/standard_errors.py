@@ -13,8 +13,7 @@ from ...thermal import Parameter
 
 _MOST = 1e3  # largest standard error of a logarithm that is computed; beyond it a direction is as good as free
 _BEYOND = 50.0  # an interval of more than this many e-foldings is that of all values
-#: most parts that a periodic log is left without; in a longer log each is two days or more, which saves time
-MOST_PARTS = 56
+MOST_PARTS = 56  # most parts that a periodic log is left without; in a longer log each is two days or more
 FEW_DAYS = 3  # fewer days than this give no useful scatter
 
 

@@ -281,5 +281,4 @@ def _table(
     cases = overview.assign(kind="case", probability=robust.probability_, verdict=verdicts)
     verdict = np.where(baselines["sufficient"].astype(bool), "sufficient", "worse than the choice")
     others = baselines.assign(kind="baseline", history=np.nan, verdict=verdict)
-    both = [part[columns] for part in (cases, others) if len(part)]
-    return pd.concat(both).sort_values("median", kind="stable")
+    return pd.concat([part[columns] for part in (cases, others) if len(part)]).sort_values("median", kind="stable")
