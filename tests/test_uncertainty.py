@@ -350,12 +350,12 @@ def test_posterior_is_about_normal_on_an_easy_problem(office):
 
 def test_bad_chains_are_errors(office, output):
     good = pd.DataFrame({"r_hat": [1.0, 1.01], "ess": [400.0, 500.0]}, index=["C_w", "C_za"])
-    posterior._refuse_bad(good)
+    posterior.refuse_bad_chains(good, "or give a prior")
     with pytest.raises(RuntimeError, match="disagree about C_za"):
-        posterior._refuse_bad(good.assign(r_hat=[1.0, 1.2]))
+        posterior.refuse_bad_chains(good.assign(r_hat=[1.0, 1.2]), "or give a prior")
     with pytest.raises(RuntimeError, match="draws of C_w are worth 20"):
-        posterior._refuse_bad(good.assign(ess=[20.0, 500.0]))
+        posterior.refuse_bad_chains(good.assign(ess=[20.0, 500.0]), "or give a prior")
     with pytest.raises(RuntimeError, match="disagree"):
-        posterior._refuse_bad(good.assign(r_hat=[1.0, np.nan]))
+        posterior.refuse_bad_chains(good.assign(r_hat=[1.0, np.nan]), "or give a prior")
     with pytest.raises(ValueError, match="chains=1 is less than 2"):
         sample_posterior(output, office.X, office.y, chains=1)

@@ -61,8 +61,7 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
     gram = moments[:-2, :-2] - n * np.outer(mean, mean)
     cross = moments[:-2, -1] - n * mean * y_mean
     values, vectors = eigh(gram)
-    projected = vectors.T @ cross
-    coefs = (vectors @ (projected[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
+    coefs = (vectors @ ((vectors.T @ cross)[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
     return mean, coefs, np.asarray(y_mean)
 
 

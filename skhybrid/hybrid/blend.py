@@ -68,5 +68,4 @@ def _faces(K: int) -> np.ndarray:
 
 def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
     """Weights (span, K) of leads 1 ... span, joined by straight lines between the groups of ``n_leads``."""
-    at = _CENTRES * n_leads
-    return np.column_stack([np.interp(np.arange(1, span + 1), at, w) for w in weights.T])
+    return np.column_stack([np.interp(np.arange(1, span + 1), _CENTRES * n_leads, w) for w in weights.T])

@@ -161,8 +161,7 @@ class DriftMonitor:
             return "quiet"
         known = np.isfinite(error).any(axis=0)
         profile = np.nanmean(error[:, known], axis=0) - self._bias[known]
-        level = abs(float(np.nanmean(profile)))
-        return "level" if level > float(np.nanstd(profile)) else "schedule"
+        return "level" if abs(float(np.nanmean(profile))) > float(np.nanstd(profile)) else "schedule"
 
 
 class _Sum:

@@ -95,8 +95,7 @@ class TwoStageScheme(Scheme):
         training, step = self.rows.training, self.disturbance_step_
         empty = HourlyAggregation([*self.steps.inputs, "zeta"], step, training.step < step, zone_of(training))
         stamps = stamps_ns(training)
-        added = empty.added(stamps, self._rows_of(training, zeta))
-        self._aggregation = added.since(int(stamps[-1] - KEPT.value))
+        self._aggregation = empty.added(stamps, self._rows_of(training, zeta)).since(int(stamps[-1] - KEPT.value))
         self._learned_to = int(stamps_ns(self.steps)[-1])
         self._seen_since = False  # whether a temperature was measured after the training
         self._refit = WeeklyRefit(self.forecaster_)
@@ -119,8 +118,7 @@ class TwoStageScheme(Scheme):
 
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
-        seen = np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since
-        return np.where(seen, zeta, np.nan)
+        return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
 
     def forecast_ahead(self, future: ZoneTable) -> Paths:
         rows = self._rows_of(future, np.full(future.n_rows, np.nan))

@@ -63,8 +63,7 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
     recent = steps.rows(slice(max(0, steps.n_rows - week - int(KEPT / steps.step)), None))
     origins = np.arange(recent.n_rows - week - 1, recent.n_rows - day, day)
     paths = forecast_steps(forecaster, recent, origins, day)
-    truth = recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]
-    error = (paths - truth) ** 2
+    error = (paths - recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]) ** 2
     return float(np.sqrt(np.nanmean(error))) if np.isfinite(error).any() else np.inf
 
 
@@ -74,8 +73,7 @@ def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFra
     per_day = round(_DAY / steps.step)
     begins = np.flatnonzero(day[1:] != day[:-1]) + 1
     begins = begins[begins + per_day <= steps.n_rows]
-    at = begins[:, None] + np.arange(per_day)
-    measured = pd.DataFrame(steps.history["zeta"][at], index=day[begins])
+    measured = pd.DataFrame(steps.history["zeta"][begins[:, None] + np.arange(per_day)], index=day[begins])
     return measured, pd.DataFrame(forecast_steps(forecaster, steps, begins - 1, per_day), index=measured.index)
 
 

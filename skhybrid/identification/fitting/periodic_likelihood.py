@@ -195,16 +195,14 @@ class PeriodicProblem:
             dB[names.index(name), i, k + i] = -1.0 / c.capacitance[i] ** 2
         return discretize(c.A, B, c.dA, dB, c.capacitance, self.experiment.hours)
 
-    def _log_sigma(self, values: Mapping[str, float]) -> np.ndarray:
-        """(k,) logarithms that add up to those of the standard deviations: of the hours, then of the days."""
-        return np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
-
     def _matrices(self, values: dict[str, float]) -> PeriodicMatrices:
         layout, d = self.layout, self._discrete(values)
         n, k, m = len(layout.place), len(self.network.boundaries), len(layout.disturbed)
         heat = d.B[:, k:]
         phi = float(np.exp(-self.experiment.hours / values["tau"]))
-        sigma = np.exp(self.variance.variance @ self._log_sigma(values)) * self.heat_scale
+        # logarithms of the hours, then of the days, which add up
+        logs = np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
+        sigma = np.exp(self.variance.variance @ logs) * self.heat_scale
         A, Q = np.zeros((n + m, n + m)), np.zeros((len(sigma), n + m, n + m))
         A[:n, :n], A[:n, n:], A[n:, n:] = d.A, heat[:, layout.disturbed], phi * np.eye(m)
         for i in range(n, n + m):

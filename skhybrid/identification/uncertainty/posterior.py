@@ -130,7 +130,7 @@ def sample_posterior(
     for name in table:
         data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
     summary = summarise_chains(table)
-    _refuse_bad(summary)
+    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
     return Posterior(table, summary, data)
 
 
@@ -238,10 +238,6 @@ def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
         out[name] = (*spread, float(az.rhat(by_chain)), float(az.ess(by_chain)))
     names = ["mean", "std", "median", "lower", "upper", "r_hat", "ess"]
     return pd.DataFrame.from_dict(out, orient="index", columns=names)
-
-
-def _refuse_bad(summary: pd.DataFrame) -> None:
-    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
 
 
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:

@@ -119,8 +119,7 @@ def identify(
         quick = DisturbanceForecaster("persistence", horizon=last_step(estimator).horizon or "1D")
         outer = prefix.removesuffix("forecaster__")
         estimator.set_params(**{f"{outer}forecaster": quick, f"{outer}intervals": False})
-        fitted = estimator.fit(*given.training_rows(split, [estimator]))
-        return {(name, split): IdentifiedNetwork(fitted, None)}
+        return {(name, split): IdentifiedNetwork(estimator.fit(*given.training_rows(split, [estimator])), None)}
     except Exception:
         if not catch_errors:
             raise
