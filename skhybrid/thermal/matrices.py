@@ -22,11 +22,14 @@ class Continuous(NamedTuple):
 
     Attributes
     ----------
-    A : ndarray of shape (n, n); [1/h]
-    B : ndarray of shape (n, m); the last columns are 1 kW of heat gain on each disturbed node
-    dA : ndarray of shape (p, n, n); derivatives with respect to the values of the parameters
-    dB : ndarray of shape (p, n, m)
-    capacitance : ndarray of shape (n,); [kWh/K]
+    A : ndarray of shape (n, n)
+        [1/h]
+    B : ndarray of shape (n, m)
+        The last columns are 1 kW of heat gain on each disturbed node.
+    dA, dB : ndarray of shape (p, n, n) and (p, n, m)
+        Derivatives with respect to the values of the parameters.
+    capacitance : ndarray of shape (n,)
+        [kWh/K]
     """
 
     A: np.ndarray
@@ -108,7 +111,8 @@ class MatrixBuilder:
 
         Parameters
         ----------
-        theta : ndarray of shape (S, p); one parameter vector per row, in the order of ``parameters``
+        theta : ndarray of shape (S, p)
+            One parameter vector per row, in the order of ``parameters``.
         """
         theta = np.asarray(theta, dtype=np.float64)
         size, p, n = len(theta), len(self.parameters), len(self.capacitances)
