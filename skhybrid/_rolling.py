@@ -87,7 +87,8 @@ class RollingForecastMixin(RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        y : array-like of shape (n_samples,); measured values, NaN where missing
+        y : array-like of shape (n_samples,)
+            Measured values, NaN where missing.
         sample_weight : array-like of shape (n_samples,), optional
         """
         predicted = self.predict(X)

@@ -14,8 +14,7 @@ from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
-#: longest time to the next row, in source steps, over which a row is held; beyond it there is a gap.
-_CONTIGUOUS = 1.5
+_CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
 
 
 @dataclass(frozen=True)

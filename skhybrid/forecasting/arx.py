@@ -19,8 +19,7 @@ from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
-#: left-out blocks of the choice of alpha
-_MIN_BLOCKS, _MAX_BLOCKS = 3, 6
+_MIN_BLOCKS, _MAX_BLOCKS = 3, 6  # left-out blocks of the choice of alpha
 
 
 class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):

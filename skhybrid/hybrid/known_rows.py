@@ -11,8 +11,7 @@ from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import spell
 from .tables import KEPT, in_zone_of
 
-#: number of recent rows that are joined to the older ones at once: joining one row costs as much as joining many
-_JOINED = 96
+_JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,7 @@ class KnownRows:
 
     def retrained(self, training: ZoneTable) -> KnownRows:
         """Rows whose training table is another one, which ends where these end."""
-        n_end = min(self.n_end + self._n_recent, training.n_rows)
-        return replace(self, settled=(training,), recent=(), n_end=n_end)
+        return replace(self, settled=(training,), recent=(), n_end=min(self.n_end + self._n_recent, training.n_rows))
 
     @property
     def _n_recent(self) -> int:

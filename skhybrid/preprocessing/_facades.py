@@ -106,8 +106,7 @@ class FacadeIrradiance(TableTransformer):
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
             raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
-        step = self._stamps(table, None)[1]
-        self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, self._stamps(table, None)[1]
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)

@@ -16,23 +16,17 @@ from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
 
-#: leads of a sample on which the grid is scored
-_COARSE = slice(2, None, 4)
+_COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
 _SCALES, _PACES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.3, 1.0, 3.0)
 #: rough guess of a network for 2.5 kW of spread in its heat: capacitance of the measured node and of others [kWh/K],
 #: resistance inside and to the outside [K/kW]
 _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
-#: least spread of the known heat, as a share of its largest value
-_LEAST_SPREAD = 0.1
-#: prior standard deviation of the parameters' logarithms around the grid's best point
-_PRIOR_SPREAD = 1.2
-#: least standard deviation of a lead's errors in its weight [K]
-_LEAST_ERROR = 0.02
-#: shrinkages that are tried
-_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)
-#: numbers of blocks of days that are left out in turn
-_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3
+_LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest value
+_PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms around the grid's best point
+_LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
+_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
+_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
 _DAY = 24.0
 
 

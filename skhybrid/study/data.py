@@ -19,8 +19,7 @@ SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-#: missing T_za at the end of a log is a failed sensor if shorter than this, else the next day
-_SHORTEST_FUTURE = pd.Timedelta("1h")
+_SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 _STANDSTILL = pd.Timedelta("1D")  # a temperature that does not change for this long comes from a stuck sensor
 
 

@@ -121,8 +121,7 @@ def identify(
         quick = DisturbanceForecaster("persistence", horizon=last_step(estimator).horizon or "1D")
         outer = prefix.removesuffix("forecaster__")
         estimator.set_params(**{f"{outer}forecaster": quick, f"{outer}intervals": False})
-        fitted = estimator.fit(*given.training_rows(split, [estimator]))
-        return {(name, split): IdentifiedNetwork(fitted, None)}
+        return {(name, split): IdentifiedNetwork(estimator.fit(*given.training_rows(split, [estimator])), None)}
     except Exception:
         if not catch_errors:
             raise
@@ -170,8 +169,7 @@ def _fit(given: Problem, fitted: Any, candidates: Sequence[Mapping[str, Any]], s
     models = last_step(fitted).with_forecasters([one.forecaster for one in inner], inner[0].disturbance)
     if not isinstance(fitted, Pipeline):
         return models
-    name = fitted.steps[-1][0]
-    return [Pipeline([*fitted.steps[:-1], (name, model)]) for model in models]
+    return [Pipeline([*fitted.steps[:-1], (fitted.steps[-1][0], model)]) for model in models]
 
 
 def _score(given: Problem, model: Any, split: int, fit_time: float, catch_errors: bool) -> Result:
