@@ -31,11 +31,16 @@ def office():
 def gray_box(office, X=None, y=None, **settings):
     """A fit with all parameters known, which takes no time."""
     X, y = (office.X if X is None else X), (office.y if y is None else y)
-    return GrayBoxRC(**{"known": office.theta, **settings}).fit(X, y)
+    return GrayBoxRC(**{"known": office.theta, "sampling_time": step_of(X), **settings}).fit(X, y)
 
 
 def read(X, **settings):
-    return read_table(BaseEstimator(), X, **{"reset": True, **settings})
+    return read_table(BaseEstimator(), X, **{"reset": True, "sampling_time": step_of(X), **settings})
+
+
+def step_of(X):
+    """The sampling time that an array needs, which has no stamps."""
+    return "15min" if isinstance(X, np.ndarray) else None
 
 
 def stamped(n, start="2023-07-08", step="15min", tz=None, **columns):
@@ -91,7 +96,7 @@ def test_roles_of_an_array():
     assert table.utc is None
     assert table.time[0] == ASSUMED_START
     assert read(np.zeros((8, 2)), sampling_time="1h").step == pd.Timedelta("1h")
-    assert read(np.zeros((8, 2)), default_step="5min").step == pd.Timedelta("5min")
+    assert read(np.zeros((8, 2)), expected_step=pd.Timedelta("5min"), sampling_time=None).step == pd.Timedelta("5min")
 
 
 def test_other_columns_are_left_alone():
@@ -154,7 +159,7 @@ def test_positions_that_cannot_be(columns, message):
 def test_frame_without_roles_is_taken_by_position(office):
     X = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
     with pytest.warns(RoleWarning, match="taken by position .'a' as T_oa") as caught:
-        model = gray_box(office, X, office.y.to_numpy(), known=BY_POSITION)
+        model = gray_box(office, X, office.y.to_numpy(), known=BY_POSITION, sampling_time="15min")
     assert {w.filename for w in caught if w.category is RoleWarning} == {__file__}
     np.testing.assert_allclose(model.theta_["Q_3"], -6.0)
     # with time stamps it is a log whose columns nobody has named: refused
@@ -271,8 +276,9 @@ def test_likely_units_are_named(office, role, change, unit):
     X = office.X.assign(Q_hvac=0.0)
     X[role] = change(X[role])
     low, high = X[role].min(), X[role].max()
+    y = X["T_za"]  # the same quantity
     with pytest.warns(UnitWarning, match=f"column '{role}' .*{unit}") as caught:
-        gray_box(office, X)
+        gray_box(office, X, y)
     (warning,) = caught
     assert f"{low:.4g} to {high:.4g}" in str(warning.message)
     assert "UnitConverter" in str(warning.message)

@@ -43,7 +43,7 @@ class FacadeIrradiance(TableTransformer):
     start : timestamp-like, optional
         Stamp of the first row of a table without time stamps; such a table is refused if it is not given.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps or with one row; default is the step of ``fit``, or 15 min.
+        Step of a table without time stamps or with one row; default is the step of ``fit``.
 
     Attributes
     ----------
@@ -185,13 +185,13 @@ class FacadeIrradiance(TableTransformer):
         index = table.index if isinstance(table, pd.DataFrame) else pd.RangeIndex(len(table))
         if isinstance(index, pd.DatetimeIndex):
             stamps = _in_utc(index, self.timezone)
-            return stamps, read_index(stamps, self.sampling_time, "15min", known, gaps=True)[0]
-        step = read_index(index, self.sampling_time, "15min", known)[0]
+            return stamps, read_index(stamps, self.sampling_time, known, gaps=True)[0]
         if self.start is None:
             raise ValueError(
                 "X has no time stamps, but the position of the sun depends on them; give it a DatetimeIndex, or pass "
                 "the stamp of its first row as start=."
             )
+        step = read_index(index, self.sampling_time, known)[0]
         first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0]
         return pd.date_range(first, periods=len(index), freq=step), step
 
