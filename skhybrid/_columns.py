@@ -56,6 +56,8 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
             RoleWarning,
         )
         return {role: X.columns[j] for role, j in columns_by_position(X.shape[1], None).items()}
+    if not found and not columns:
+        warn_user(f"no column of X has the name of a role, so none is read: X has {listed(X.columns)}.", RoleWarning)
     absent = missing_roles(required, columns, found)
     if absent:
         raise ValueError(

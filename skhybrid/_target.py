@@ -9,10 +9,10 @@ import pandas as pd
 
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
 _MOST_APART = 5.0
-#: rows from which on the two are compared by their movement
+#: rows from which on what two columns have in common is no chance
 _ENOUGH_ROWS = 24
-#: different values from which on an input that is a multiple of y is no chance
-_ENOUGH_VALUES = 10
+#: different values from which on an input that is y is no chance
+_ENOUGH_VALUES = 5
 
 
 def refuse_order(given: pd.Index, index: pd.Index) -> None:
@@ -48,8 +48,9 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
     known, wanted = history[both], y[both]
     means = f"role {role!r} of X and y are not the same quantity: {role} is {known.mean():.4g} on average, y "
     means += f"{wanted.mean():.4g}"
-    if np.median(np.abs(known - wanted)) > _MOST_APART:
-        raise ValueError(f"{means}; {_cause(known, wanted)}.")
+    most = _MOST_APART if role.startswith("T_") else _MOST_APART * max(np.std(wanted), 0.1)
+    if np.median(np.abs(known - wanted)) > most:
+        raise ValueError(f"{means}; {_cause(known, wanted, role)}.")
     if len(known) < _ENOUGH_ROWS or np.ptp(wanted) == 0:
         return
     for earlier, later, word in ((history, y, "later"), (y, history, "earlier")):
@@ -62,10 +63,12 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
         raise ValueError(f"{means}, but they do not move together; give both the same rows in the same order.")
 
 
-def _cause(known: np.ndarray, wanted: np.ndarray) -> str:
+def _cause(known: np.ndarray, wanted: np.ndarray, role: str) -> str:
     """Why two measurements differ, and what to do."""
+    if not role.startswith("T_"):
+        return "give both in kW, and unscaled"
     for unit, scale, offset in (("degF", 1.8, 32.0), ("K", 1.0, 273.15)):
-        for name, a, b in (("T_za", known, wanted), ("y", wanted, known)):
+        for name, a, b in ((role, known, wanted), ("y", wanted, known)):
             if np.median(np.abs(a - (scale * b + offset))) < 1.0:
                 return f"likely {name} is in {unit}; convert it with skhybrid.preprocessing.UnitConverter"
     return (
@@ -75,19 +78,23 @@ def _cause(known: np.ndarray, wanted: np.ndarray) -> str:
 
 
 def refuse_target_among(inputs: Mapping[str, np.ndarray], y: np.ndarray, *, columns: Mapping[str, int] | None) -> None:
-    """Refuse an input (n,) that is y (n,) or a multiple of it; ``columns`` are positions where X is an array."""
+    """Refuse an input (n,) that is y (n,); in an array, of which ``columns`` are the positions, scaled or not."""
     seen = np.isfinite(y)
     wanted = y[seen]
-    if len(np.unique(wanted)) < _ENOUGH_VALUES:
+    if len(wanted) < _ENOUGH_ROWS or len(np.unique(wanted)) < _ENOUGH_VALUES:
         return
-    wanted = wanted - wanted.mean()
     for role, values in inputs.items():
-        v = values[seen] - values[seen].mean()
-        scale = (v @ wanted) / (wanted @ wanted)
-        if scale and np.abs(v - scale * wanted).max() <= 1e-6 * np.abs(v).max():
+        if _scaled(values[seen], wanted) if columns else np.array_equal(values[seen], wanted):
             where = f"column {columns[role]} of X, taken as {role!r}," if columns else f"column {role!r} of X"
             remedy = f"columns={{'T_za': {columns[role]}}}" if columns else f"columns={{'T_za': {role!r}}}"
             raise ValueError(
-                f"{where} is y itself or a multiple of it, which no forecast knows ahead; keep the names of the columns "
+                f"{where} is y itself, scaled or not, which no forecast knows ahead; keep the names of the columns "
                 f"in the steps before (.set_output(transform='pandas')), or pass {remedy}."
             )
+
+
+def _scaled(values: np.ndarray, wanted: np.ndarray) -> bool:
+    """Whether values (n,) are a multiple of others, and an offset."""
+    v, w = values - values.mean(), wanted - wanted.mean()
+    scale = (v @ w) / (w @ w)
+    return bool(scale and np.abs(v - scale * w).max() <= 1e-6 * np.abs(v).max())

@@ -10,7 +10,14 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from skhybrid.preprocessing import GapFiller, UnitConverter
 
 
-@parametrize_with_checks([UnitConverter(), UnitConverter({0: "degF"}), GapFiller(), GapFiller(max_gap="30min")])
+@parametrize_with_checks(
+    [
+        UnitConverter(),
+        UnitConverter({0: "degF"}),
+        GapFiller(sampling_time="15min"),
+        GapFiller(max_gap="30min", sampling_time="15min"),
+    ]
+)
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
 
