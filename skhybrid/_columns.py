@@ -56,14 +56,14 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
             RoleWarning,
         )
         return {role: X.columns[j] for role, j in columns_by_position(X.shape[1], None).items()}
-    if not found and not columns:
-        warn_user(f"no column of X has the name of a role, so none is read: X has {listed(X.columns)}.", RoleWarning)
     absent = missing_roles(required, columns, found)
     if absent:
         raise ValueError(
             f"role {absent[0]!r} is missing: X has {listed(X.columns)}; name a column {absent[0]!r}, pass "
             f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without it."
         )
+    if not found and not columns:
+        warn_user(f"no column of X has the name of a role, so none is read: X has {listed(X.columns)}.", RoleWarning)
     return found
 
 
@@ -105,7 +105,7 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
 def unmasked(values: Any, label: str) -> Any:
     """Values, NaN where a mask hides them; refused where they are times."""
     _refuse_times(values, label)
-    return values.astype(np.float64).filled(np.nan) if isinstance(values, np.ma.MaskedArray) else values
+    return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
 
 
 def _refuse_times(values: Any, label: str) -> None:

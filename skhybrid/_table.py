@@ -149,6 +149,12 @@ def refuse_gap(table: ZoneTable) -> None:
         )
 
 
+def refuse_other_clock(table: ZoneTable, training: ZoneTable) -> None:
+    """Raise a ValueError where only one of two tables has time stamps, for their hours of the day do not compare."""
+    if (table.utc is None) != (training.utc is None):
+        raise ValueError("X has time stamps and the training table has none, or the reverse; give both or neither.")
+
+
 def read_table(
     estimator: Any,
     X: Any,

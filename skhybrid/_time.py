@@ -23,7 +23,7 @@ def read_index(
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
     """Step, local wall clock, stamps in UTC and first rows of the segments; without ``gaps`` there is one segment.
 
-    An index without stamps, or of one row, needs a given or expected step; a frame ``X`` may hold the stamps in a column.
+    An index without stamps, or of one row, needs a given or an expected step; a column of ``X`` may hold stamps.
     """
     given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
@@ -112,7 +112,7 @@ def _refuse_disorder(index: pd.Index) -> None:
     """Refuse an index of time stamps as text, or of numbers that do not belong to consecutive rows."""
     if isinstance(index, pd.MultiIndex):
         raise ValueError(
-            f"the index has {index.nlevels} levels ({', '.join(map(str, index.names))}); rows are the time steps of one "
+            f"the index has {index.nlevels} levels ({', '.join(map(str, index.names))}); rows are the steps of one "
             "zone, so give one zone at a time, with the time stamps as the only level (X.xs, X.droplevel)."
         )
     if not pd.api.types.is_numeric_dtype(index):

@@ -29,7 +29,9 @@ def _expected(estimator):
 @parametrize_with_checks(
     [
         FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", sampling_time="15min"),
-        FacadeIrradiance(**CHICAGO, facades={"roof_edge": 10.0}, dhi=0, start="2024-06-01 06:00-06:00", sampling_time="1h"),
+        FacadeIrradiance(
+            **CHICAGO, facades={"roof_edge": 10.0}, dhi=0, start="2024-06-01 06:00-06:00", sampling_time="1h"
+        ),
     ],
     expected_failed_checks=_expected,
 )
@@ -212,7 +214,9 @@ def test_columns_in_and_out(sky):
         assert list(out.columns) == ["T_oa", "ghi", "u_heat", "q_sol_beam", "note", "q_sol_garden"]
         assert list(fitted.get_feature_names_out()) == list(out.columns)
         pd.testing.assert_frame_equal(out[log.columns], log)
-    named = FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", dni=3, sampling_time="1h").fit(np.zeros((4, 5)))
+    named = FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", dni=3, sampling_time="1h").fit(
+        np.zeros((4, 5))
+    )
     assert list(named.get_feature_names_out()) == ["T_oa", "q_sol", "u_2", "u_4", *FACADES]
 
 

@@ -92,7 +92,7 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -
         given = numeric(given, name)
     try:
         values = np.asarray(absent if given is None else unmasked(given, name), dtype=np.float64)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is not numeric ({error}); give a number or one value per row.") from None
     if values.ndim == 0:
         values = np.full(table.n_rows, float(values))

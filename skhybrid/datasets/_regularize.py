@@ -166,7 +166,7 @@ def _even_index(index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelt
     n_rows = (end - begin) // step.value + 1
     if n_rows > _MOST_ROWS:
         raise ValueError(
-            f"a step of {spell(step)} from {index[0]} to {index[-1]} makes {n_rows:.3g} rows, but the log has one every "
+            f"a step of {spell(step)} from {index[0]} to {index[-1]} makes {n_rows:.3g} rows, but the log has one per "
             f"{spell(source)}; give a longer step, or drop rows whose stamps are wrong."
         )
     stamps = pd.DatetimeIndex(np.arange(begin, end + 1, step.value).astype("datetime64[ns]"), name=index.name)

@@ -30,6 +30,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     theta_: pd.Series
     filtered_network_: FilteredNetwork
     _plant: Plant
+    _reads_clock = False
 
     @property
     def _tail(self) -> ZoneTable:  # type: ignore[override]

@@ -107,8 +107,8 @@ def fit_leads(
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     if not len(sample.leads):
         raise ValueError(
-            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a day or "
-            "more, or a shorter horizon."
+            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
+            "day or more, or a shorter horizon."
         )
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0

@@ -81,7 +81,9 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     frame, report = cast("tuple[pd.DataFrame, RegularizeReport]", regularize(raw, settings.step, return_report=True))
     if 2 * report.step < report.source_step:  # then T_za is missing in most rows
         given, logged = spell(report.step), spell(report.source_step)
-        raise ValueError(f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}.")
+        raise ValueError(
+            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
+        )
     return frame, str(report)
 
 
