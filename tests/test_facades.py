@@ -242,3 +242,12 @@ def test_a_pipeline_feeds_an_estimator_and_is_saved(sky, tmp_path):
 def test_the_example_of_the_docstring_runs():
     (example,) = doctest.DocTestFinder(recurse=False).find(FacadeIrradiance)
     assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
+
+
+@pytest.mark.parametrize("column", ["q_sol", "beam", "sky"])
+def test_irradiance_that_cannot_be_is_refused(column, sky):
+    """Such as a fill value, which would count as zero."""
+    sky = sky.assign(beam=0.1, sky=0.1)
+    sky.iloc[[5, 7], sky.columns.get_loc(column)] = -999.0
+    with pytest.raises(ValueError, match=f"column '{column}' holds -999 kW/m2 in 2 rows .first at .*fill value"):
+        FacadeIrradiance(**CHICAGO, dni="beam", dhi="sky").fit_transform(sky)

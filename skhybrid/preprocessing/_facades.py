@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from .._ranges import check_range
 from .._table import role_of
 from .._time import read_index
 from ._frames import TableTransformer, numeric, position_of, roles_by_position
@@ -112,6 +113,10 @@ class FacadeIrradiance(TableTransformer):
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
+        stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
+        for kind, j in self.positions_.items():
+            name = table.columns[j] if isinstance(table, pd.DataFrame) else j
+            check_range(light[kind], "q_sol", f"column {name!r}", utc, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
