@@ -112,7 +112,7 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
     index = zeta.index
     if not isinstance(index, pd.DatetimeIndex):
         raise ValueError(
-            "the disturbance has no time stamps, so its hours are unknown; give the table a DatetimeIndex."
+            "the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex."
         )
     wall = index.tz_localize(None) if index.tz is not None else index
     hour = wall.day_of_week * 24 + wall.hour
