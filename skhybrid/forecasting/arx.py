@@ -50,7 +50,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     columns : mapping of role to column, optional
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default 15 min.
+        Step of a table without time stamps, which is refused without it.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
 

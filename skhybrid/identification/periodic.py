@@ -76,6 +76,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     """
 
     variance: Any
+    _reads_clock = True
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._time import ASSUMED_START
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
 
@@ -77,7 +76,7 @@ class DisturbanceWeekDisplay(Display):
         Parameters
         ----------
         zeta : Series
-            The disturbance; without time stamps it is assumed to begin on a Monday at 00:00 with a step of 15 min.
+            The disturbance, with time stamps.
         truth : Series or array-like of shape (n_samples,), optional
             True disturbance of every row.
         unit : str
@@ -115,10 +114,11 @@ class DisturbanceWeekDisplay(Display):
 def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
     """Compute median, 10th and 90th percentile by hour of the week, and the mean of the truth."""
     index = zeta.index
-    if isinstance(index, pd.DatetimeIndex):
-        wall = index.tz_localize(None) if index.tz is not None else index
-    else:
-        wall = pd.DatetimeIndex(ASSUMED_START + np.arange(len(zeta)) * pd.Timedelta("15min"))
+    if not isinstance(index, pd.DatetimeIndex):
+        raise ValueError(
+            "the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex."
+        )
+    wall = index.tz_localize(None) if index.tz is not None else index
     hour = wall.day_of_week * 24 + wall.hour
     groups = pd.Series(zeta.to_numpy(dtype=float)).groupby(np.asarray(hour))
     week = pd.DataFrame({"low": groups.quantile(0.1), "median": groups.median(), "high": groups.quantile(0.9)})

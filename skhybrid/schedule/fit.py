@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_plan, with_contrast
@@ -96,14 +97,19 @@ def fit_leads(
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.
     """
+    step = table.step / pd.Timedelta("1h")
+    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
+    if not len(sample.leads):
+        raise ValueError(
+            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
+            "day or more, or a shorter horizon."
+        )
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
     segment = make_segment(plan, table, T, reference)
-    step = table.step / pd.Timedelta("1h")
     # a plant that hardly ran does not make the building small
     scale = max(float(segment.heat.std()), _LEAST_SPREAD * float(np.abs(segment.heat).max()))
     model = FilterModel.of(network, step, scale if scale > 1e-6 else 1.0)
-    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     problem = _initial_problem(model, ScoredForecasts(segment, sample))
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(sample, step)
