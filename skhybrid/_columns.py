@@ -67,6 +67,14 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
     return found
 
 
+def roles_as_fitted(columns: Mapping[str, Any] | None, fitted: Iterable[Any]) -> list[str]:
+    """Roles of a training table with the columns ``fitted``; empty where none of them has the name of a role."""
+    columns = dict(columns or {})
+    role_by_column = {column: role for role, column in columns.items() if column is not None}
+    roles = [role_by_column.get(name) or role_of(name) for name in fitted]
+    return [role for role in roles if role is not None and columns.get(role, role) is not None]
+
+
 def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: Iterable[str]) -> list[str]:
     """Required roles that are neither present nor left out on purpose; a facade's irradiance stands for ``q_sol``."""
     given = {*present, *(role for role, column in columns.items() if column is None)}

@@ -19,7 +19,7 @@ from .extras import require_networks
 from .features import rows_per_day, zeta_of
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
-from .reading import as_fitted, read_weather
+from .reading import frame_only, read_weather
 from .training_job import JobResult, TrainingJob, chronological_split, draw_seed, repeat_seeds
 
 
@@ -293,7 +293,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             Forecast disturbance at the index of ``future``, named ``zeta``.
         """
         check_is_fitted(self)
-        ahead = self._read_X(as_fitted(self, future))
+        ahead = self._read_X(frame_only(future))
         ahead = ahead.replace(history={"zeta": np.full(ahead.n_rows, np.nan)})
         past = self._tail if history is None else self._past(history)
         if past.utc is not None and ahead.utc is not None and not ahead.follows(past):
@@ -309,15 +309,14 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _past(self, history: pd.DataFrame) -> ZoneTable:
         """The rows before the origin, after those of the training table where they continue it."""
-        table = self._read_X(as_fitted(self, history))
-        column = (self.columns or {}).get("zeta", "zeta")
-        if "zeta" not in table.history and column in history:
-            values = history[column].to_numpy(dtype=np.float64, na_value=np.nan)
-            table = table.replace(history={**table.history, "zeta": values})
+        table = self._read_X(frame_only(history))
         return append_tables(self._tail, table) if table.follows(self._tail) else table
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_weather(self, X, reset=False)
+
+    def _past_roles(self) -> tuple[str, ...]:
+        return ("zeta",)
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = zeta_of(table)[0]

@@ -217,9 +217,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if isinstance(future, ZoneTable):
             table = self._read_following(unmeasured(future, self._scheme.rows.training))
         else:
-            names = list(getattr(self, "feature_names_in_", future.columns))
-            refuse_absent(names, future, self._past_columns(), "the training table")
-            table = self._read_following(future.reindex(columns=names))
+            refuse_absent(self._input_columns(future), future, "the training table")
+            table = self._read_following(future)
         self._scheme.rows.refuse_unless_following(table)
         return table
 
@@ -228,14 +227,18 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if isinstance(history, ZoneTable):
             whole: Any = join_tables(history, future, self._scheme.rows.training)
         else:
-            names = list(getattr(self, "feature_names_in_", history.columns))
-            whole = join_frames(history, future, names, self._past_columns())
+            whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
         table, n_tail = self._with_history(whole)
         return table, np.array([n_tail + len(history.index) - 1])
 
-    def _past_columns(self) -> set[str]:
-        """Columns of the measured temperature, which is known up to an origin only."""
-        return {"T_za", (self._reading()[0] or {}).get("T_za", "T_za")}
+    def _column_of(self, role: str) -> Any:
+        return (self._reading()[0] or {}).get(role, role)
+
+    def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
+        """Columns of a frame that are read and known in advance."""
+        names = list(getattr(self, "feature_names_in_", frame.columns))
+        by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
+        return by_role if set(by_role) <= set(names) else names
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
@@ -301,7 +304,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         elif table.T_za is not None:
             target = table.T_za
         else:
-            raise ValueError("X has no column 'T_za'; give what was measured there or as y, with NaN where missing.")
+            raise ValueError(
+                "X has no column 'T_za'; give what was measured there or as y, with NaN where missing (rows ahead are "
+                "for predict and forecast)."
+            )
         self._scheme = self._scheme.advanced(table.replace(history={"T_za": target}))
         return self
 
