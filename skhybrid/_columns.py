@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .exceptions import RoleWarning, UnitWarning, warn_user
+from ._warnings import warn_user
+from .exceptions import RoleWarning, UnitWarning
 
 #: role (or its pattern), unit and meaning of every column that an estimator can read
 ROLES: tuple[tuple[str, str, str], ...] = (

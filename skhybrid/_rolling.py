@@ -12,6 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted
 
+from ._summary import SummaryMixin
 from ._table import ZoneTable, append_tables, refuse_gap
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
@@ -20,7 +21,7 @@ from ._time import origin_rows, rows_of
 _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
 
 
-class RollingForecastMixin(RegressorMixin):
+class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict`` and its kin; a subclass sets ``horizon`` and ``_tail``, and implements the hooks."""
 
     horizon: Any

@@ -252,7 +252,9 @@ def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[
     columns = wanted.columns or {}
     places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
     taken = {column for role, column in columns.items() if column != role}
-    found = {role: column for role, column in places.items() if column in X and (role in columns or column not in taken)}
+    found = {
+        role: column for role, column in places.items() if column in X and (role in columns or column not in taken)
+    }
     wanted.refuse_absent(known, found, columns, X.columns)
     return found
 

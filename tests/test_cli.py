@@ -30,10 +30,10 @@ from skhybrid.study import (
     read_log,
     read_settings,
     run_study,
-    settings_from,
     split_log,
 )
 from skhybrid.study.run import INTERVAL
+from skhybrid.study.settings import settings_from
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",

@@ -250,7 +250,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         -------
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need, and
+            the expected disturbance ``zeta`` [kW, or K of an output disturbance].
 
         Notes
         -----

@@ -7,7 +7,6 @@ from ._posterior import PosteriorDisplay, RobustnessDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
 from ._response_display import BodeDisplay, StepResponseDisplay
-from ._style import blank_axes
 
 __all__ = [
     "BodeDisplay",
@@ -21,5 +20,4 @@ __all__ = [
     "RobustnessDisplay",
     "ScheduleDisplay",
     "StepResponseDisplay",
-    "blank_axes",
 ]
