@@ -41,7 +41,7 @@ from skhybrid.model_selection import (
     quantile_scorer,
 )
 from skhybrid.persistence import load_model, save_model
-from skhybrid.preprocessing import GapFiller, UnitConverter
+from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
 
 DAY = 96
 ROOT = Path(__file__).resolve().parents[1]
@@ -380,3 +380,16 @@ def is_own(value, module):
     if not hasattr(module, "__path__"):
         return home == module.__name__
     return not inspect.ismodule(value) and home.startswith(("skhybrid", "builtins"))
+
+
+def test_a_transformer_finds_its_columns_by_name_too(log):
+    raw, ahead = log[:-DAY], log[-DAY:]
+    for transformer in (
+        clone(CONVERTED).fit(raw),
+        GapFiller().fit(raw),
+        FacadeIrradiance(40.0, 0.0, timezone="UTC").fit(raw),
+    ):
+        turned = ahead[ahead.columns[::-1]].assign(note="b")
+        pd.testing.assert_frame_equal(transformer.transform(turned), transformer.transform(ahead))
+        with pytest.raises(ValueError, match=r"X has no column 'T_za'.*; for rows ahead take preprocess="):
+            transformer.transform(ahead.drop(columns="T_za"))

@@ -10,6 +10,8 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from .._table import HISTORY_ROLES, role_of
+
 
 class TableTransformer(TransformerMixin, BaseEstimator):
     """Base of the transformers, which learn nothing from values and accept missing ones."""
@@ -53,12 +55,26 @@ def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame
     """Return a frame as it is, its names checked, and anything else as a float64 array without inf; NaN is allowed."""
     if not isinstance(X, pd.DataFrame):
         return validate_data(estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True)
+    if not reset:
+        X = _in_fitted_order(estimator, X)
     validate_data(estimator, X, reset=reset, skip_check_array=True)
     if X.shape[1] == 0:
         raise ValueError(f"0 feature(s) (shape=({len(X)}, 0)) while a minimum of 1 is required.")
     if not X.columns.is_unique:
         raise ValueError(f"column {X.columns[X.columns.duplicated()][0]!r} appears twice in X; keep one of them.")
     return X
+
+
+def _in_fitted_order(estimator: BaseEstimator, X: pd.DataFrame) -> pd.DataFrame:
+    """The columns of ``fit``, found by name; frames without any role are left to scikit-learn's check."""
+    names = list(getattr(estimator, "feature_names_in_", ()))
+    if not any(role_of(name) for name in names):
+        return X
+    absent = [name for name in names if name not in X.columns]
+    if absent:
+        hint = "; for rows ahead take preprocess= of a predictor, or give NaN" if absent[0] in HISTORY_ROLES else ""
+        raise ValueError(f"X has no column {absent[0]!r}, which {type(estimator).__name__} was fitted on{hint}.")
+    return X[names]
 
 
 def numeric(column: pd.Series) -> np.ndarray:
