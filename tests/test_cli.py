@@ -24,7 +24,6 @@ from skhybrid.schedule import ScheduledNetwork
 from skhybrid.study import (
     Settings,
     Yesterday,
-    format_table,
     make_models,
     propose_settings,
     read_log,
@@ -32,6 +31,7 @@ from skhybrid.study import (
     run_study,
     split_log,
 )
+from skhybrid.study.outputs import format_table
 from skhybrid.study.run import INTERVAL
 from skhybrid.study.settings import settings_from
 
