@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
+from .._transaction import unchanged_on_failure
+
 #: allowance of the sum [standard deviations]: a rise of twice as much is found soonest
 _ALLOWANCE = 0.5
 #: standard errors of the reference mean by which the allowance is larger
@@ -65,6 +67,7 @@ class DriftMonitor:
     def __init__(self, false_alarms_per_year: float = 1.0) -> None:
         self.false_alarms_per_year = false_alarms_per_year
 
+    @unchanged_on_failure
     def fit(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> Self:
         """Learn from reference days.
 
