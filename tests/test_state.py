@@ -114,7 +114,7 @@ BAD = {
 }
 #: what a fit refuses at least, where that is not everything: any column is an input of a black box, the heat that a
 #: forecaster learns has no range, and transformers learn nothing from values
-REFUSED = dict.fromkeys(["units", "gaps", "facades"], {"column twice", "no table"}) | {
+REFUSED = {name: {"column twice", "no table"} for name in ("units", "gaps", "facades")} | {
     "ARX": set(BAD) - {"other step", "another column instead"},
     "forecaster": set(BAD) - {"other step", "another column instead", "fill value in y"},
     "yesterday": set(),
