@@ -12,11 +12,13 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._table import HISTORY_ROLES, refuse_shape, role_of, unmasked
 from .._table import numeric as numeric
+from .._transaction import unchanged_on_failure
 
 
 class TableTransformer(TransformerMixin, BaseEstimator):
     """Base of the transformers, which learn nothing from values and accept missing ones."""
 
+    @unchanged_on_failure
     def fit(self, X: Any, y: Any = None) -> Self:
         """Check the parameters against the table; nothing is learned from its values.
 
