@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -25,8 +26,7 @@ class Progress:
 
     def note(self, text: str) -> None:
         """Write a line."""
-        if _received:  # a compiler's callback may have swallowed the KeyboardInterrupt
-            raise KeyboardInterrupt
+        check_stopped()
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
@@ -48,8 +48,26 @@ def one_line(text: object) -> str:
 
 def stop_on_signals() -> None:
     """Let SIGINT and SIGTERM raise KeyboardInterrupt."""
+    _received.clear()
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
+
+
+def end_on_signals(code: int) -> None:
+    """Let a signal end the process with this exit code at once: the command has ended, only the interpreter has not."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: os._exit(code))
+
+
+def is_stopped() -> bool:
+    """Whether a signal has been received."""
+    return bool(_received)
+
+
+def check_stopped() -> None:
+    """Stop if a signal has been received: a library or a compiler's callback may have swallowed the interrupt."""
+    if _received:
+        raise KeyboardInterrupt
 
 
 def _stop(number: int, frame: Any) -> None:
