@@ -143,10 +143,10 @@ def test_a_full_disk_is_named_and_results_are_kept(path):
         again.finish({TASKS[1]: long})
 
 
-def test_a_disk_that_fills_up_while_a_search_ends_hides_no_other_error(path):
-    _filled(path)
+def _fill_the_disk_and_fail(store):
+    """The disk fills up between two results; then something else fails."""
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with pytest.raises(RuntimeError, match="the cause"), ResultStore(path, {}) as store:
+    with store:
         store.claim(TASKS)
         resource.setrlimit(resource.RLIMIT_FSIZE, (1, most))
         try:
@@ -156,6 +156,12 @@ def test_a_disk_that_fills_up_while_a_search_ends_hides_no_other_error(path):
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
         raise RuntimeError("the cause")
+
+
+def test_a_disk_that_fills_up_hides_no_other_error(path):
+    _filled(path)
+    with pytest.raises(RuntimeError, match="the cause"):
+        _fill_the_disk_and_fail(ResultStore(path, {}))
     with ResultStore(path, {}) as again:
         assert again.results() == {TASKS[0]: GOOD}
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from . import demo, run
-from ._output import DONE, FAILED, STOPPED, end_on_signals, is_stopped, one_line, report_error, stop_on_signals
+from ._output import DONE, FAILED, end_on_signals, is_stopped, one_line, report_error, report_stop, stop_on_signals
 
 __all__ = ["main"]
 
@@ -27,8 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         stop_on_signals()  # before the imports of a command, which take seconds
         code = _run(argv)
-    except KeyboardInterrupt:
-        code = _stopped()
+    except (KeyboardInterrupt, SystemExit):
+        code = report_stop()
     end_on_signals(code)
     return code
 
@@ -38,23 +38,18 @@ def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = _parser().parse_args(argv)
     except SystemExit as stop:  # argparse has said why
-        return int(stop.code or DONE)
+        return report_stop() if is_stopped() else int(stop.code or DONE)
     try:
         return int(arguments.execute(arguments))
-    except KeyboardInterrupt:
-        return _stopped()
+    except (KeyboardInterrupt, SystemExit):
+        return report_stop()
     except Exception as error:
         if is_stopped():  # it may have arrived inside an import, or have ended a worker
-            return _stopped()
+            return report_stop()
         if not isinstance(error, ValueError | TypeError | OSError | ImportError):
             raise
         report_error(one_line(error))
         return FAILED
-
-
-def _stopped() -> int:
-    print("skhybrid: stopped", file=sys.stderr)
-    return STOPPED
 
 
 def _parser() -> argparse.ArgumentParser:

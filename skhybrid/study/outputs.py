@@ -77,7 +77,7 @@ def write_outputs(
                 before_swap()
             try:
                 _swap(staged, out)
-            except KeyboardInterrupt:  # half of a swap would be worse than a moment more
+            except (KeyboardInterrupt, SystemExit):  # half of a swap would be worse than a moment more
                 _swap(staged, out)
                 raise
     return [out / name for name in _NAMES]
