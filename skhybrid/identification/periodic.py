@@ -214,7 +214,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
     """Size of the plant, in units of the 6 kW for which the priors were chosen."""
-    measured = [v for role, v in table.inputs.items() if role.startswith("Q_")]
+    measured = [v for role, v in table.inputs.items() if role.startswith("Q_") and not table.hardly_ran(role)]
     if measured:
         return max(float(np.quantile(np.abs(np.sum(measured, axis=0)), 0.98)), 0.05) / 6.0
     capacities = [abs(float(v)) for name, v in known.items() if name.startswith("Q_")]

@@ -49,13 +49,18 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
 
 
 def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], name: str) -> None:
-    """Warn of inputs that never change, and of a table of less than two days, with what they leave open."""
+    """Warn of inputs that never change, plants that hardly ran, and less than two days, with what they leave open."""
     found = []
     still = {role for role, v in table.inputs.items() if np.ptp(v) == 0}
     gains = {s.role: s.parameter for s in network.sources(table.inputs) if np.any(table.inputs[s.role])}
     for role in sorted(still):
         open_ = [r for r, ends in network.resistors.items() if role in ends] + [gains.get(role)]
         found.append((f"{role} is the same in every row", [p for p in open_ if p]))
+    found += [
+        (f"{role} ran for {table.hours_run(role):.2g} h only", _effect(network, gains[role]))
+        for role in gains
+        if role not in still and table.hardly_ran(role)
+    ]
     if table.n_rows * table.step < _FEW_DAYS:
         found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
     for what, names in found:
@@ -64,3 +69,8 @@ def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], 
                 f"{name}: {what}, so {', '.join(open_names)} can hardly be identified; pass it in known= or add days.",
                 ExcitationWarning,
             )
+
+
+def _effect(network: RCNetwork, capacity: str | None) -> list[str]:
+    """Parameters that the effect of a plant depends on: its capacity, or the network's where its heat is measured."""
+    return [capacity] if capacity else [*network.capacitances.values(), *network.resistors]
