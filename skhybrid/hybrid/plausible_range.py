@@ -60,4 +60,3 @@ class PlausibleRange(NamedTuple):
     @property
     def _ends(self) -> tuple[Any, Any]:
         return self.lowest - self.reach, self.highest + self.reach
-

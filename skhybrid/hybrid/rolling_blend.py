@@ -62,7 +62,7 @@ class RollingBlend:
             self._products = self._products * self._share(before, origin) + self._since(before)
 
     def forecast(self, views: list[Any], n_leads: int, plausible: PlausibleRange) -> tuple[np.ndarray, np.ndarray]:
-        """From the last row: (n_leads,) temperatures [degC] within what is plausible there, and unmeasured heat [kW]."""
+        """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
         record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
         products = record.products

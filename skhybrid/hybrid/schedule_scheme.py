@@ -116,12 +116,13 @@ class ScheduleScheme(Scheme):
         """Warn of plants of whose effect the training says next to nothing."""
         capacity = {s.role: s.parameter for s in self.network.sources(self.rows.training.inputs)}
         for role in self._physics.fit_.undetermined:
-            free = capacity[role] is not None and capacity[role] not in self.known
-            remedy = f", or give known={{{capacity[role]!r}: nameplate kW}}" if free else ""
+            parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
+            free = parameter is not None and parameter not in self.known
+            remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
             warn_user(
                 f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
-                f"its gain, so that forecasts with it are a guess; train on a log in which it goes on and off for a few "
-                f"hours{remedy}.",
+                "its gain, so that forecasts with it are a guess; train on a log in which it goes on and off for a "
+                f"few hours{remedy}.",
                 ExcitationWarning,
             )
 

@@ -89,9 +89,7 @@ class Scheme(ABC):
         T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
         return self.rows.plausible.at(T, origins)
 
-    def _clipped_load(
-        self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band
-    ) -> pd.DataFrame:
+    def _clipped_load(self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band) -> pd.DataFrame:
         """A load whose temperature is plausible, or one between the set-points."""
         of_row = np.repeat(origins, np.diff(np.append(origins, table.n_rows)))
         low, high = (ends.ravel() for ends in self.plausible(table, of_row).around(setpoint))

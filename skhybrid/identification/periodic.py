@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
@@ -121,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return [problem.minimise(np.zeros(0))]
-        starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
+        starts = _prior_starts(problem, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
 
         def each(batch: np.ndarray) -> list[Minimum]:
