@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -48,7 +49,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
-            raise ValueError(self._no_intervals)
+            raise NotFittedError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
         return self._intervals
 
     @one_blas_thread
