@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
 from sklearn.utils import Tags
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._table import ZoneTable, append_tables, refuse_gap
 from ._threads import one_blas_thread
@@ -18,6 +18,16 @@ from ._time import origin_rows, rows_of
 
 #: forecasts (n_origins, n_leads, ...) of the rows after the given origins of a table
 _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
+
+
+def checked_origins(origins: Any, n_rows: int) -> np.ndarray:
+    """(n_origins,) row numbers of a table with ``n_rows`` rows; others are refused."""
+    rows = np.asarray(origins)
+    if not rows.size:
+        rows = rows.astype(np.int64)
+    if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_rows).any():
+        raise ValueError(f"origins must be row numbers of X, from 0 to {n_rows - 1}.")
+    return rows.astype(np.int64)
 
 
 class RollingForecastMixin(RegressorMixin):
@@ -93,7 +103,7 @@ class RollingForecastMixin(RegressorMixin):
         predicted = self.predict(X)
         measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
 
     def __sklearn_tags__(self) -> Tags:
@@ -132,11 +142,7 @@ class RollingForecastMixin(RegressorMixin):
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
         n_here = table.n_rows - n_tail
-        rows = np.asarray(origins)
-        if not rows.size:
-            rows = rows.astype(np.int64)
-        if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
-            raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
+        rows = checked_origins(origins, n_here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))

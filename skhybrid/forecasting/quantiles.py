@@ -142,7 +142,10 @@ class QuantileForecastMixin(RollingForecastMixin):
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     """Quantiles as an array (n_quantiles,), which must increase within (0, 1)."""
-    levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    try:
+        levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    except (TypeError, ValueError):  # words, or rows of unequal lengths
+        levels = np.empty(0)
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
     return levels

@@ -9,7 +9,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._rolling import RollingForecastMixin
+from .._rolling import RollingForecastMixin, checked_origins
 from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .._time import origin_rows
@@ -222,7 +222,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
+        rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
         return self.filtered_network_.drive(table, rows, self.filtered_network_.under(table, rows, disturbance, kind))
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
@@ -277,8 +277,16 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self._load(table, rows, self.filtered_network_.under(table, rows, disturbance, kind), setpoint, limits)
+        rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
+        if not len(rows) or rows[0] != n_tail or (np.diff(rows) <= 0).any():
+            raise ValueError(f"origins={origins!r} must begin with row 0 of X and increase.")
+        start, longest = self.filtered_network_.under(table, rows, disturbance, kind), np.diff(rows, append=table.n_rows)
+        if start.heat.shape[1] < longest.max():
+            raise ValueError(
+                f"disturbance has {start.heat.shape[1]} leads, but the next origin or the end of X is up to "
+                f"{longest.max()} rows away."
+            )
+        return self._load(table, rows, start, setpoint, limits)
 
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
         return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
