@@ -280,7 +280,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
         if not len(rows) or rows[0] != n_tail or (np.diff(rows) <= 0).any():
             raise ValueError(f"origins={origins!r} must begin with row 0 of X and increase.")
-        start, longest = self.filtered_network_.under(table, rows, disturbance, kind), np.diff(rows, append=table.n_rows)
+        start, longest = (
+            self.filtered_network_.under(table, rows, disturbance, kind),
+            np.diff(rows, append=table.n_rows),
+        )
         if start.heat.shape[1] < longest.max():
             raise ValueError(
                 f"disturbance has {start.heat.shape[1]} leads, but the next origin or the end of X is up to "

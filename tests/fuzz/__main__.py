@@ -127,11 +127,11 @@ def write_report() -> int:
     date = max(one["date"] for one in kept.values())
     lines = ["# Fuzzing", "", f"Made by `make fuzz` on {date}; {_machine()}.", ""]
     lines += [
-        "A call on a table, or the reading of a file, is accepted with finite numbers, or refused in one sentence by an",
-        "error that the package raises on purpose. Anything else is a failure. So are lies that are accepted (a fill",
-        "value, a mask, dates as numbers, a y that is not T_za, rows without a step), a forecast beyond -60 to 100 degC",
-        "from a table that was not warned of, another result for the same rows in another order or type, and a call that",
-        "changes a fitted estimator.",
+        "A call on a table, or the reading of a file, is accepted with finite numbers, or refused in one sentence by",
+        "an error that the package raises on purpose. All else is a failure, and so is: a lie that is accepted (a fill",
+        "value, a mask, dates as numbers, a y that is not T_za, rows without a step); a forecast beyond -60 to 100",
+        "degC from a table that was not warned of; another result for the same rows in another order or type; and a",
+        "refusal that leaves the estimator changed.",
         "",
         "| target | calls | accepted and finite | refused in one sentence | anything else | time [min] |",
         "|---|---:|---:|---:|---:|---:|",
@@ -139,13 +139,8 @@ def write_report() -> int:
     for name, content in kept.items():
         lines.append(_row(name, sum(map(Counter, content["counts"].values()), Counter()), content["seconds"] / 60))
     if "tables" in kept:
-        lines += [
-            "",
-            "## Tables by entry point",
-            "",
-            "| method or function | calls | accepted | refused | anything else |",
-        ]
-        lines += ["|---|---:|---:|---:|---:|"]
+        lines += ["", "## Tables by entry point", ""]
+        lines += ["| method or function | calls | accepted | refused | anything else |", "|---|---:|---:|---:|---:|"]
         lines += [_row(name, Counter(counts)) for name, counts in sorted(kept["tables"]["counts"].items())]
     lines += ["", "## Anything else", ""]
     failures = [(n, kind, name) for name, content in kept.items() for kind, n in Tally(content).failures().items()]

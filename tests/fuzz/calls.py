@@ -16,14 +16,9 @@ from outcomes import Outcome, observe, state, wrong_numbers
 from zone_tables import COLUMNS, INDEX, NOT_THE_TEMPERATURE, TARGET, Spoilt, Table, _Shown, tables, usually
 
 _FITS = ("fit", "fit_transform")
-_TEMPERATURES = (
-    "predict",
-    "predict_from",
-    "predict_quantiles",
-    "predict_quantiles_from",
-    "simulate",
-    "simulate_states",
-)
+_TEMPERATURES = ("predict", "predict_from", "predict_quantiles", "predict_quantiles_from", "forecast")
+_TEMPERATURES += ("simulate", "simulate_states", "update", "partial_fit", *_FITS)
+_LOADS = ("predict_load", "required_heat")
 #: results that are NaN where a measurement is missing, or after the last row
 _MISSING = ("innovations", "transform", "fit_transform", "inverse_transform", "regularize", "drift", "predict_from")
 _MISSING += ("predict_quantiles_from", "backtest", "split_log", "diagnose", "drive")
@@ -56,13 +51,15 @@ FUTURE: dict[str, Callable[[Any, int], Any]] = {
     "all": lambda X, n: X,
 }
 
+USUAL = Table()
+
 
 @dataclass(frozen=True, repr=False)
 class Call(_Shown):
     """A call of an entry point on a table."""
 
     entry: str
-    table: Table = Table()
+    table: Table = USUAL
     target: str = "series"
     arguments: tuple[tuple[str, str], ...] = ()  # name, and key of ARGUMENTS, HISTORY or FUTURE
     same: str | None = None  # key of SAME: the result must be the same to the bit
@@ -79,7 +76,7 @@ class Call(_Shown):
         if not kept and not outcome.failed and entry.estimator != "Pipeline" and state(estimator) != before:
             return Outcome(f"{outcome.kind}, but {entry.method} changed the estimator")
         if outcome.kind == "accepted" and self.same is not None:
-            return self._compared(entry, function, X, keywords)
+            return self._compared(function, X, keywords)
         return outcome
 
     def _argument(self, name: str, X: Any) -> Any:
@@ -103,17 +100,13 @@ class Call(_Shown):
         roomy = roomy and not (entry.estimator or "").startswith("DisturbanceForecaster")
         if entry.method in (*_FITS, "update", "partial_fit") and hasattr(result, "predict") and len(self.table.columns):
             result = result.predict(X)
-        names = ("", "T_za", "q_") if roomy else ()
-        if entry.method in ("predict_load", "required_heat") or entry.method not in (
-            *_TEMPERATURES,
-            *_FITS,
-            "forecast",
-        ):
-            names = ("T_za",) if roomy and entry.method in ("predict_load", "required_heat", "forecast") else ()
+        names: tuple[str, ...] = ("", "T_za", "q_") if entry.method in _TEMPERATURES else ()
+        names = ("T_za",) if entry.method in _LOADS else names
         if entry.estimator in TRANSFORMERS and entry.method != "fit":
             return None  # what is missing or infinite in a table is passed on
         one_row = entry.method == "score" and self.table.n_rows < 2  # R2 of one row is NaN, as in scikit-learn
-        return wrong_numbers(result, missing=one_row or entry.method in _MISSING, temperature=names)
+        missing = one_row or entry.method in _MISSING
+        return wrong_numbers(result, missing=missing, temperature=names if roomy else ())
 
     def lie(self, entry: Entry) -> str | None:
         """What must be refused in this call, where there is something."""
@@ -133,20 +126,14 @@ class Call(_Shown):
             return None
         if self.table.index in _NO_STAMPS:
             return "a table without time stamps"
-        plain = "T_za" in self.table.columns and self.table == replace(
-            Table(), n_rows=self.table.n_rows, start=self.table.start, zone=self.table.zone
-        )
+        plain = self.table == replace(USUAL, n_rows=self.table.n_rows, start=self.table.start, zone=self.table.zone)
         if plain and not forecaster and self.target in NOT_THE_TEMPERATURE:
             return f"a y that is not T_za ({self.target})"
         return None
 
-    def _compared(
-        self, entry: Entry, function: Callable[..., Any], X: pd.DataFrame, keywords: dict[str, Any]
-    ) -> Outcome:
-        other = SAME[self.same or "a copy"](X)
-        changed = keywords | {
-            name: self._argument(name, other) for name in ("X", "history", "future") if name in keywords
-        }
+    def _compared(self, function: Callable[..., Any], X: pd.DataFrame, keywords: dict[str, Any]) -> Outcome:
+        other, rows = SAME[self.same or "a copy"](X), ("X", "history", "future")
+        changed = keywords | {name: self._argument(name, other) for name in rows if name in keywords}
 
         def judge(result: Any, warned: bool) -> str | None:
             same = np.array_equal(np.asarray(result, float), np.asarray(function(**keywords), float), equal_nan=True)

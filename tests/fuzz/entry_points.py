@@ -152,8 +152,8 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
         none=None, some={"R_zo": 5.0}, unknown={"x": 1.0}, nan={"R_zo": np.nan}, negative={"R_zo": -1.0}, word="5"
     ),
     "step": _constant(
-        none=None, quarter="15min", hour="1h", zero="0h", back="-1h", uneven="7min", tiny="1ns", word="step", days="10D",
-        nan=np.nan,
+        none=None, quarter="15min", hour="1h", zero="0h", back="-1h", uneven="7min", tiny="1ns", word="step",
+        days="10D", nan=np.nan,
     ),
     "max_gap": _constant(hour="1h", zero="0h", back="-1h", word="gap", years="1000D", none=None),
     "return_report": _constant(no=False, yes=True),

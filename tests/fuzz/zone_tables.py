@@ -28,7 +28,7 @@ def training() -> Bunch:
     return Bunch(X=X, y=office.y.set_axis(X.index))
 
 
-# ------------------------------------------------------------------------------------------------- values and their types
+# ------------------------------------------------------------------------------------------ values and their types
 VALUES = {"NaN": np.nan, "inf": np.inf, "-inf": -np.inf, "1e-300": 1e-300, "0": 0.0, "85": 85.0}
 #: fill values of loggers and files, which no sensor has measured
 SENTINELS = {"-9999": -9999.0, "-999": -999.0, "9999": 9999.0, "9.97e36": 9.97e36, "1e300": 1e300, "-1e300": -1e300}
