@@ -12,7 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
-from ._table import ZoneTable, append_tables, refuse_gap
+from ._table import ZoneTable, append_tables, read_target, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
@@ -35,6 +35,8 @@ class RollingForecastMixin(RegressorMixin):
 
     horizon: Any
     _tail: ZoneTable
+    _target_role = "T_za"
+    _reads_clock = True  # whether forecasts depend on the hour of the day
 
     def _read_X(self, X: Any) -> ZoneTable:
         raise NotImplementedError
@@ -97,10 +99,15 @@ class RollingForecastMixin(RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        y : array-like of shape (n_samples,); measured values, NaN where missing
+        y : array-like of shape (n_samples,)
+            Measured values, NaN where missing.
         sample_weight : array-like of shape (n_samples,), optional
         """
-        predicted = self.predict(X)
+        check_is_fitted(self)
+        table = self._read_X(X)
+        predicted = self.predict(table)
+        if predicted.ndim == 1:
+            y = read_target(y, table, max_missing=1.0, role=self._target_role)
         measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
@@ -170,6 +177,8 @@ class RollingForecastMixin(RegressorMixin):
     def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         """A table after the end of the training table, where it continues it; and the number of rows before it."""
         tail = getattr(self, "_tail", None)
+        if tail is not None and self._reads_clock:
+            refuse_other_clock(table, tail)
         if tail is not None and table.follows(tail):
             return append_tables(tail, table), tail.n_rows
         return table, 0

@@ -35,12 +35,12 @@ def _expected(estimator):
 @pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 @parametrize_with_checks(
     [
-        *[DisturbanceForecaster(model) for model in BASELINES],
-        DisturbanceForecaster(Ridge(), random_state=0),
-        DisturbanceForecaster("lstm", **TINY),
-        DisturbanceForecaster("cnn", residual_of=None, **TINY),
-        ARXRegressor(),
-        ARXRegressor(adapt="refit"),
+        *[DisturbanceForecaster(model, sampling_time="1h") for model in BASELINES],
+        DisturbanceForecaster(Ridge(), random_state=0, sampling_time="1h"),
+        DisturbanceForecaster("lstm", sampling_time="1h", **TINY),
+        DisturbanceForecaster("cnn", residual_of=None, sampling_time="1h", **TINY),
+        ARXRegressor(sampling_time="15min"),
+        ARXRegressor(adapt="refit", sampling_time="15min"),
     ],
     expected_failed_checks=_expected,
 )

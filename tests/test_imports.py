@@ -15,7 +15,7 @@ import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
-BASE = {"_docs", "_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
+BASE = {"_docs", "_ranges", "_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"filtering"},
@@ -47,8 +47,10 @@ STRICT = {
     "_threads": set(),
     "_transaction": set(),
     "_skops": set(),
+    "_ranges": {"exceptions"},
+    "_target": set(),
     "_columns": {"exceptions"},
-    "_table": {"_columns", "_time", "exceptions"},
+    "_table": {"_columns", "_ranges", "_target", "_time", "exceptions"},
     "_rolling": {"_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.

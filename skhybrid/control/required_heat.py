@@ -11,12 +11,9 @@ import pandas as pd
 from ..filtering import simulate_inverse
 from .setpoints import Band, Limits
 
-#: a load that overshoots by a larger share than this from step to step rings
-RINGING = 0.25
-#: largest growth per step of the state under an inverse that is stable
-_GROWTH = 1.0 + 1e-6
-#: longest hold of a load that is tried [steps]
-MOST_AHEAD = 24
+RINGING = 0.25  # a load that overshoots by a larger share than this from step to step rings
+_GROWTH = 1.0 + 1e-6  # largest growth per step of the state under an inverse that is stable
+MOST_AHEAD = 24  # longest hold of a load that is tried [steps]
 
 
 class HeatedZone(NamedTuple):

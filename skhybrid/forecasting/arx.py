@@ -19,8 +19,7 @@ from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
-#: left-out blocks of the choice of alpha
-_MIN_BLOCKS, _MAX_BLOCKS = 3, 6
+_MIN_BLOCKS, _MAX_BLOCKS = 3, 6  # left-out blocks of the choice of alpha
 
 
 class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -51,7 +50,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     columns : mapping of role to column, optional
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default 15 min.
+        Step of a table without time stamps, which is refused without it.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
 

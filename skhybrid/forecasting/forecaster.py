@@ -164,6 +164,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.device = device
 
     _tail: ZoneTable
+    _target_role = "zeta"
 
     @classmethod
     def published(cls, model: str = "lstm", case: str | ModelCase = "case01", **changes: Any) -> Self:
@@ -249,7 +250,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
         """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
         table = read_weather(self, X, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing)
+        target = read_target(y, table, max_missing=self.max_missing, role=self._target_role)
         if "zeta" not in table.history:
             table = table.replace(history={**table.history, "zeta": target})
         key = ("rows", repr(self.columns), repr(self.sampling_time), tuple(table.inputs))

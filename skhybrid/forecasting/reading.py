@@ -27,7 +27,6 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
         required=[role for role in ("T_oa", "q_sol") if role in wanted],
         needed=(_INPUTS if modes else _WEATHER).match,
         sampling_time=forecaster.sampling_time,
-        default_step="1h",
         reset=reset,
         min_rows=2 if reset else 1,
         expected_step=None if reset else forecaster.sampling_time_,

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._table import ZoneTable, append_tables, read_table, read_target
+from .._table import ZoneTable, append_tables, read_table, read_target, refuse_other_clock
 from .._threads import one_blas_thread
 from .._time import origin_rows, rows_of
 from .._transaction import unchanged_on_failure
@@ -139,6 +139,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         rows = self._scheme.rows
+        refuse_other_clock(table, rows.training)
         if not table.follows(rows.latest):
             return table, 0
         end = rows.end()

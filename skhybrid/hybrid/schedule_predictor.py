@@ -12,8 +12,7 @@ from .base import BaseHybrid
 from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
 
-#: network of the schedule model
-DEFAULT_NETWORK = "4R3C"
+DEFAULT_NETWORK = "4R3C"  # network of the schedule model
 
 
 @shared_docs

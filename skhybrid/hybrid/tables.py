@@ -12,10 +12,8 @@ from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
-#: the disturbance is forecast by hours (paper 3.3)
-_HOUR = pd.Timedelta("1h")
-#: kept history: two weeks, which is the longest lag of any forecaster, and a day
-KEPT = pd.Timedelta("15D")
+_HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
+KEPT = pd.Timedelta("15D")  # kept history: two weeks, which is the longest lag of any forecaster, and a day
 #: stamps that a table without any is given in ``predict``, so that it follows no training table
 ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
 

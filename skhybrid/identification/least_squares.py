@@ -69,8 +69,7 @@ class LeastSquaresIdentifier(NetworkIdentifier):
 
     def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
-            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
-            return [Minimum(np.zeros(0), loss, 1, True)]
+            return [Minimum(np.zeros(0), float(np.sum(problem.residuals(np.zeros(0)) ** 2)), 1, True)]
         starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
         rough = partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1])

@@ -9,8 +9,9 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._ranges import check_range
 from .._rolling import RollingForecastMixin, checked_origins
-from .._table import ZoneTable
+from .._table import ZoneTable, unmasked
 from .._threads import one_blas_thread
 from .._time import origin_rows
 from ..control import Plant
@@ -29,6 +30,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     theta_: pd.Series
     filtered_network_: FilteredNetwork
     _plant: Plant
+    _reads_clock = False
 
     @property
     def _tail(self) -> ZoneTable:  # type: ignore[override]
@@ -301,21 +303,25 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     stamps = getattr(heat_gain, "index", None)
     if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
         raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
-    heat = np.zeros((n, d)) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64)
+    given = np.zeros((n, d)) if heat_gain is None else unmasked(heat_gain, "heat_gain")
+    heat = np.asarray(given, dtype=np.float64)
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
         each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
         raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
     _refuse_missing("heat_gain", heat)
+    for column in heat.T:
+        check_range(column, "Q_gain", "heat_gain", here.index)
     return heat
 
 
 def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
     """(n,) node temperatures [degC]."""
-    state = np.asarray(initial_state, dtype=np.float64).reshape(-1)
+    state = np.asarray(unmasked(initial_state, "initial_state"), dtype=np.float64).reshape(-1)
     if state.shape != (len(network.nodes),):
         raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
     _refuse_missing("initial_state", state)
+    check_range(state, "T_za", "initial_state", pd.Index(network.states))
     return state
 
 

@@ -87,7 +87,6 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         experiment, kalman = known.experiment(table), known.kalman
         rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
         states = known.open_loop(experiment, known.open_start(table))
-        free = experiment.outputs - states[:-1, kalman.measured]
-        zeta = arma_prediction(free, rho_1, rho_2).states
+        zeta = arma_prediction(experiment.outputs - states[:-1, kalman.measured], rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
         return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset)

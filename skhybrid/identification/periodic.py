@@ -24,8 +24,7 @@ from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
 
-#: factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
-_WIDER = 10.0
+_WIDER = 10.0  # factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
 
 
 @shared_docs
@@ -77,6 +76,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     """
 
     variance: Any
+    _reads_clock = True
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
@@ -252,5 +252,4 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
     draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0
-    bounds = np.array([p.free_bounds for p in problem.searched]).T
-    return np.clip(np.array(centre) + draws, *bounds)
+    return np.clip(np.array(centre) + draws, *np.array([p.free_bounds for p in problem.searched]).T)

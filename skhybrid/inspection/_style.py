@@ -51,8 +51,7 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) ->
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=figsize, layout="constrained")
-    axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
-    return figure, axes[:, 0]
+    return figure, figure.subplots(n_rows, 1, sharex=share, squeeze=False)[:, 0]
 
 
 def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None = None) -> None:

@@ -185,7 +185,9 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
         wall = index.tz_localize(None) if index.tz is not None else index
         utc = index.tz_convert("UTC") if index.tz is not None else index
         return index, wall, even_step(utc, index)
-    given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None) or "15min"
+    given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
+    if given is None:
+        raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")
     sampling = pd.Timedelta(given)
     n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling

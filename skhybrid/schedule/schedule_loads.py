@@ -18,10 +18,8 @@ from .fit import LeadFit
 from .online_network import OriginState
 from .segment import Segment
 
-#: stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
-_GRID = 101
-#: least slope of a part-load curve, as a share of the proportional one
-_LEAST_SLOPE = 0.5
+_GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
+_LEAST_SLOPE = 0.5  # least slope of a part-load curve, as a share of the proportional one
 #: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
 _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
@@ -108,8 +106,7 @@ def _load_from(
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
-    temperature = np.append(at_origin, path[:-1]) + fit.reference
-    out = load_frame(plant, index, clipped, unclipped, temperature)
+    out = load_frame(plant, index, clipped, unclipped, np.append(at_origin, path[:-1]) + fit.reference)
     return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
 
 

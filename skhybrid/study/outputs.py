@@ -113,13 +113,12 @@ def _spans(result: StudyResult) -> dict[str, Any]:
 
 def _metrics(result: StudyResult) -> dict[str, Any]:
     numbers = result.table.drop(columns="note").astype(object)
-    rows = numbers.where(numbers.notna(), None).to_dict(orient="index")
     return {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
-        "models": rows,
+        "models": numbers.where(numbers.notna(), None).to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),

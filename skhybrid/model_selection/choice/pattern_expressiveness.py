@@ -212,8 +212,7 @@ def regression_model(
             y_mean = np.bincount(groups, y) / n
             spread = (sigma_group**2 + variance / n) ** 0.5
             pm.Normal("means", (X_mean * coefficients).sum(axis=1), spread, observed=y_mean)
-            inside = X - X_mean[groups], y - y_mean[groups]
-            _observe_rows(pm, *inside, len(y) - len(n), coefficients, variance)
+            _observe_rows(pm, X - X_mean[groups], y - y_mean[groups], len(y) - len(n), coefficients, variance)
     return model, start
 
 
