@@ -20,12 +20,12 @@ from ._time import origin_rows, rows_of
 _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
 
 
-def checked_origins(origins: Any, n_rows: int) -> np.ndarray:
-    """(n_origins,) row numbers of a table with ``n_rows`` rows; others are refused."""
+def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
+    """(n_origins,) row numbers of a table with ``n_rows`` rows, negative for the ``n_before`` known rows before it."""
     rows = np.asarray(origins)
     if not rows.size:
         rows = rows.astype(np.int64)
-    if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_rows).any():
+    if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < -n_before).any() or (rows >= n_rows).any():
         raise ValueError(f"origins must be row numbers of X, from 0 to {n_rows - 1}.")
     return rows.astype(np.int64)
 

@@ -112,7 +112,7 @@ class FilteredNetwork:
 
     def under(self, table: ZoneTable, origins: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
         """The start of forecasts under a given disturbance, (n_origins, H) or (n_origins, H, d)."""
-        kalman, disturbance = self.kalman, _finite(disturbance)
+        kalman, disturbance = self.kalman, np.asarray(disturbance, dtype=np.float64)
         size, wanted = disturbance.shape[:2], kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
         if given.shape[2:] != (wanted,) or len(given) != len(origins) or not given.shape[1]:
@@ -135,16 +135,6 @@ class FilteredNetwork:
         ]
         out = np.array(paths).reshape(start.offset.shape) + start.offset
         return out[..., 0] if out.shape[2] == 1 else out
-
-
-def _finite(disturbance: Any) -> np.ndarray:
-    try:
-        values = np.asarray(disturbance, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"disturbance is not numeric ({error}); give an array of numbers.") from None
-    if not np.isfinite(values).all():
-        raise ValueError("disturbance contains NaN or inf; give a number for every origin and lead.")
-    return values
 
 
 def filter_training(

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import hypothesis
-from calls import calls, read, simplest
+from calls import Call, calls, read, simplest
 from entry_points import called, entries
 from file_readers import READERS, mutant, smallest
 from hypothesis import HealthCheck, Phase, given
@@ -75,7 +75,8 @@ def main() -> int:
 
 def table_batches(target: str, number: int, tally: Tally) -> Iterator[int]:
     """Calls on tables; after each batch the number of calls so far."""
-    entries()
+    for name in entries():  # numba compiles
+        Call(name).outcome()
     while True:
 
         @hypothesis.seed(number)

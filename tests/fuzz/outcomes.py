@@ -25,7 +25,7 @@ PLAUSIBLE = (-60.0, 100.0)  # forecasts of a room [degC]
 _PACKAGE, _SKLEARN = (str(Path(module.__file__).parent) + os.sep for module in (skhybrid, sklearn))
 #: scikit-learn's checks of arguments, whose words are its own
 _SKLEARN_CHECKS = tuple(_SKLEARN + part for part in ("utils", "base.py", "metrics"))
-_SECONDS = 30  # no call on such small tables takes longer
+_SECONDS = 120  # no call on such small tables takes longer, not even where numba compiles
 
 
 class Outcome(NamedTuple):

@@ -31,9 +31,7 @@ def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: 
     for p in searched:
         value = begin.get(p.name, p.default)
         if not isinstance(value, Real) or not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0):
-            raise ValueError(
-                f"theta_init gives {p.name} the value {value!r}; give one from {p.lower:g} to {p.upper:g}."
-            )
+            raise ValueError(f"theta_init gives {p.name} the value {value!r}; it lies in [{p.lower:g}, {p.upper:g}].")
     start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
     return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
 
