@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .exceptions import RoleWarning, warn_user
+from ._warnings import warn_user
+from .exceptions import RoleWarning
 
 #: role (or its pattern), unit and meaning of every column that an estimator can read
 ROLES: tuple[tuple[str, str, str], ...] = (
@@ -65,6 +66,14 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
     if not found and not columns:
         warn_user(f"no column of X has the name of a role, so none is read: X has {listed(X.columns)}.", RoleWarning)
     return found
+
+
+def roles_as_fitted(columns: Mapping[str, Any] | None, fitted: Iterable[Any]) -> list[str]:
+    """Roles of a training table with the columns ``fitted``; empty where none of them has the name of a role."""
+    columns = dict(columns or {})
+    role_by_column = {column: role for role, column in columns.items() if column is not None}
+    roles = [role_by_column.get(name) or role_of(name) for name in fitted]
+    return [role for role in roles if role is not None and columns.get(role, role) is not None]
 
 
 def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: Iterable[str]) -> list[str]:

@@ -24,6 +24,7 @@ from ._columns import (
     missing_roles,
     read_history,
     read_input,
+    roles_as_fitted,
 )
 from ._columns import ROLES as ROLES
 from ._columns import as_numbers as as_numbers
@@ -203,13 +204,23 @@ class _Request(NamedTuple):
     def reads(self, role: str) -> bool:
         return self.needed is None or bool(self.needed(role))
 
+    def known_roles(self, estimator: Any) -> list[str]:
+        """Roles of the training table; empty in ``fit``, and where none of its columns had the name of a role."""
+        return [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
+
+    def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
+        """Refuse a table that lacks an input of the training table; history it need not have."""
+        absent = [role for role in known if role not in {*present, *self.history_roles} and self.reads(role)]
+        if absent:
+            name = names.get(absent[0], absent[0])
+            raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")
+
 
 def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timedelta | None]) -> ZoneTable:
     """Parse the frame or array of a caller; once per public call."""
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
-        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
-        by_role = columns_by_role(X, wanted.columns, wanted.required)
+        by_role = _columns_by_name(estimator, X, wanted)
         values = {role: numeric(X[column]) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
         index, named = X.index, any(role_of(role) == column for role, column in by_role.items()) or bool(wanted.columns)
@@ -237,6 +248,25 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values), named=named)
 
 
+def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[str, Any]:
+    """The column of each role; without ``reset`` those of the training table, in its order, wherever they stand in X.
+
+    Frames whose columns have no role are held to the order of the training table, as scikit-learn does.
+    """
+    known = wanted.known_roles(estimator)
+    if not known:
+        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
+        return columns_by_role(X, wanted.columns, wanted.required)
+    columns = wanted.columns or {}
+    places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
+    taken = {column for role, column in columns.items() if column != role}
+    found = {
+        role: column for role, column in places.items() if column in X and (role in columns or column not in taken)
+    }
+    wanted.refuse_absent(known, found, columns, X.columns)
+    return found
+
+
 def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     """Select what an estimator reads from a table that is already parsed."""
     columns = wanted.columns or {}
@@ -250,8 +280,11 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     if wanted.reset:
         estimator.feature_names_in_ = np.array(table.roles, dtype=object)
         estimator.n_features_in_ = len(table.roles)
+    known = wanted.known_roles(estimator)
+    wanted.refuse_absent(known, table.roles, {}, table.roles)
     values = {**table.inputs, **table.history}
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
+    values = {role: v for role, v in values.items() if not known or role in {*known, *wanted.history_roles}}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
     for role in table.history:

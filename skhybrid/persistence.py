@@ -11,10 +11,7 @@ import hashlib
 import importlib
 import os
 import re
-import tempfile
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +20,11 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
+from ._files import atomic_path
 from ._skops import import_skops
 from .exceptions import ModelFileError
+
+__all__ = ["load_model", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
@@ -37,30 +37,6 @@ _TRUSTED = [
 ]
 #: values written as they are, apart from masked arrays and arrays of objects.
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
-
-
-@contextmanager
-def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Path of a temporary file that replaces ``path`` if the block ends without an error, and else is removed.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to create or replace; its folder is created if needed.
-    """
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    made = Path(name)
-    try:
-        yield made
-        mask = os.umask(0o022)
-        os.umask(mask)
-        made.chmod(0o666 & ~mask)
-        os.replace(made, target)
-    finally:
-        made.unlink(missing_ok=True)
 
 
 def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
+from .._transaction import unchanged_on_failure
+
 _ALLOWANCE = 0.5  # allowance of the sum [standard deviations]: a rise of twice as much is found soonest
 _SURE = 1.65  # standard errors of the reference mean by which the allowance is larger
 #: allowance of the sum of recurrences, which are more skewed than normal variables, and the largest value of one
@@ -57,6 +59,7 @@ class DriftMonitor:
     def __init__(self, false_alarms_per_year: float = 1.0) -> None:
         self.false_alarms_per_year = false_alarms_per_year
 
+    @unchanged_on_failure
     def fit(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> Self:
         """Learn from reference days.
 

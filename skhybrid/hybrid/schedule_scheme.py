@@ -11,8 +11,9 @@ import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
+from .._warnings import warn_user
 from ..control.setpoints import Band, Limits
-from ..exceptions import ScaleNotIdentifiableWarning, warn_user
+from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..schedule import ScheduledNetwork, loads

@@ -194,8 +194,7 @@ class TwoStageScheme(Scheme):
         counts = np.diff(np.append(origins, table.n_rows))
         paths = self._disturbance_paths(table, here, origins, int(counts.max()), first)
         rows = origins - table.n_history
-        load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
-        return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
+        return self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
 
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors in weeks (or the last quarter, where fits are slow) that the forecaster was not fitted on."""

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
 from .._threads import one_blas_thread
 from .._time import rows_covering
@@ -64,6 +65,8 @@ class NetworkIdentifier(NetworkModel):
     priors: Any
     parameters_: tuple[Parameter, ...]
     theta_std_: pd.Series
+    noise_std_: float
+    loss_: float
     sampling_time_: pd.Timedelta
 
     def _make_problem(
@@ -130,6 +133,7 @@ class NetworkIdentifier(NetworkModel):
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
         self.sampling_time_ = table.step
+        self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
         keep = rows_covering(self.warmup, table.step)
         self.filtered_network_ = filter_training(kalman, table, experiment, self._first_state, keep)
@@ -199,6 +203,12 @@ class NetworkIdentifier(NetworkModel):
             for p in parameters
             if p.name in idle
         }
+
+    def _facts(self) -> dict[str, str]:
+        return {"network": self.network_.name, "noise": f"{self.noise_std_:.3g} K", "loss": f"{self.loss_:.6g}"}
+
+    def _tables(self) -> dict[str, pd.DataFrame]:
+        return network_tables(self)
 
     @property
     def _theta(self) -> dict[str, float]:

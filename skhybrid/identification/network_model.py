@@ -44,6 +44,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """Of one segment of rows; ``segment`` is its number in the training table, None where it is not from there."""
         return kalman_innovations(self.filtered_network_, table, segment)
 
+    def _past_roles(self) -> tuple[str, ...]:
+        return self.network_.history_roles
+
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self.filtered_network_.drive(table, origins, self._forecast_start(table, origins, n_leads))
 
@@ -157,7 +160,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         columns = dict(zip(self._zeta_names(), zeta.T, strict=True))
         if isinstance(X, ZoneTable):
             return X.replace(history={**X.history, **columns})
-        return X.assign(**columns) if isinstance(X, pd.DataFrame) else np.column_stack([np.asarray(X, float), zeta])
+        if not isinstance(X, pd.DataFrame):
+            return np.column_stack([np.asarray(X, float), zeta])
+        kept = [name for name in getattr(self, "feature_names_in_", X.columns) if name in X]
+        return X[kept].assign(**columns)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Names of the columns that :meth:`transform` returns.
@@ -247,7 +253,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         -------
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need, and
+            the expected disturbance ``zeta`` [kW, or K of an output disturbance].
 
         Notes
         -----

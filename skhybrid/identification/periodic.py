@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -81,7 +81,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        variance="day_night",
+        variance: Literal["day_night", "3h"] = "day_night",
     ):  # fmt: skip
         store_arguments(self, locals())
 

@@ -6,7 +6,6 @@ from ._posterior import PosteriorDisplay, RobustnessDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
 from ._response_display import BodeDisplay, StepResponseDisplay
-from ._style import blank_axes
 
 __all__ = [
     "BodeDisplay",
@@ -20,5 +19,4 @@ __all__ = [
     "RobustnessDisplay",
     "ScheduleDisplay",
     "StepResponseDisplay",
-    "blank_axes",
 ]

@@ -48,8 +48,7 @@ def loads(
         within = Limits(*(side[rows] for side in limits))
         ahead = segment.between(int(origin), int(end))
         frames.append(_load_from(fit, ahead, state, table.index[origin:end], band, within, variation))
-    # a stage whose capacity came out as 0 at one origin delivers nothing there
-    return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
+    return pd.concat(frames) if len(frames) > 1 else frames[0]
 
 
 class _Variation(NamedTuple):
@@ -106,8 +105,8 @@ def _load_from(
     clipped, path = heat_within(*plant.within(limits))
     unclipped, _ = heat_within(-free, free)
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
-    out = load_frame(plant, index, clipped, unclipped, np.append(at_origin, path[:-1]) + fit.reference)
-    return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
+    temperature = np.append(at_origin, path[:-1]) + fit.reference
+    return _at_part_load(load_frame(plant, index, clipped, unclipped, temperature, zeta), fit, plant, coef)
 
 
 def _at_part_load(out: pd.DataFrame, fit: LeadFit, plant: Plant, coef: np.ndarray) -> pd.DataFrame:

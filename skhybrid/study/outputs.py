@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from .. import __version__
-from ..persistence import atomic_path, save_model
+from .._files import atomic_path
+from ..persistence import save_model
 from .compared_models import HYBRID
 from .report import study_picture, verdict, write_report
 from .run import StudyResult

@@ -240,8 +240,8 @@ def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}
-    for end in ("", "_unclipped"):  # a stage whose capacity is 0 has no column
-        by_role = load.reindex(columns=[role + end for role in stages], fill_value=0.0).set_axis(stages, axis=1)
+    for end in ("", "_unclipped"):
+        by_role = load[[role + end for role in stages]].set_axis(stages, axis=1)
         heat["Q_hvac" + end] = delivered_heat(identification, by_role)
     return load.assign(**heat)
 

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ..._table import ZoneTable
-from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
+from ..._warnings import warn_user
+from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ...thermal import RCNetwork
 
 _FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next

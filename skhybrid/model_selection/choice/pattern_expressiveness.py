@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
+from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
 from .regression_terms import RegressionTerms, build_terms
@@ -101,6 +102,7 @@ class PatternExpressiveness(BaseEstimator):
         self.chains = chains
         self.random_state = random_state
 
+    @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> PatternExpressiveness:
         """Sample the posterior of the effects.
 

@@ -10,6 +10,7 @@ import pandas as pd
 from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 
+from ..._transaction import unchanged_on_failure
 from ...identification.uncertainty import posterior
 from .results_table import finished
 
@@ -76,6 +77,7 @@ class RobustnessComparison(BaseEstimator):
         self.chains = chains
         self.random_state = random_state
 
+    @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> RobustnessComparison:
         """Sample the posterior of all cases and compare them with the best.
 

@@ -12,7 +12,8 @@ from sklearn.pipeline import Pipeline
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import RECURRENT, resolve_case
-from ...hybrid import HybridPredictor, TwoStagePredictor, takes_two_stages
+from ...hybrid import HybridPredictor, TwoStagePredictor
+from ...hybrid.predictor import takes_two_stages
 from .fingerprint import as_plain
 
 BASELINE = "baseline"  # parameter of a candidate that is an estimator of its own, fitted and scored on the same splits
