@@ -117,6 +117,15 @@ def unmasked(values: Any, label: str) -> Any:
     return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
 
 
+def as_numbers(values: Any, label: str) -> np.ndarray:
+    """Values as float64, NaN where a mask hides them; refused where they are times, words or rows of unequal length."""
+    shown = unmasked(values, label)
+    try:
+        return np.asarray(shown, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
+
+
 def _refuse_times(values: Any, label: str) -> None:
     if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
         raise ValueError(

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
 from sklearn.utils import Tags
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._summary import SummaryMixin
 from ._table import ZoneTable, append_tables, read_target, refuse_gap, refuse_other_clock
@@ -19,6 +19,16 @@ from ._time import origin_rows, rows_of
 
 #: forecasts (n_origins, n_leads, ...) of the rows after the given origins of a table
 _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
+
+
+def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
+    """(n_origins,) row numbers of a table with ``n_rows`` rows, negative for the ``n_before`` known rows before it."""
+    rows = np.asarray(origins)
+    if not rows.size:
+        rows = rows.astype(np.int64)
+    if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < -n_before).any() or (rows >= n_rows).any():
+        raise ValueError(f"origins must be row numbers of X, from 0 to {n_rows - 1}.")
+    return rows.astype(np.int64)
 
 
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
@@ -110,7 +120,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
             y = read_target(y, table, max_missing=1.0, role=self._target_role)
         measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
 
     def __sklearn_tags__(self) -> Tags:
@@ -153,11 +163,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         table, n_tail = self._with_history(X)
         self._refuse_lost_past(table, n_tail)
         n_here = table.n_rows - n_tail
-        rows = np.asarray(origins)
-        if not rows.size:
-            rows = rows.astype(np.int64)
-        if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
-            raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
+        rows = checked_origins(origins, n_here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -46,7 +47,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
-            raise ValueError(self._no_intervals)
+            raise NotFittedError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
         return self._intervals
 
     @one_blas_thread
@@ -139,7 +140,10 @@ class QuantileForecastMixin(RollingForecastMixin):
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     """Quantiles as an array (n_quantiles,), which must increase within (0, 1)."""
-    levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    try:
+        levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    except (TypeError, ValueError):  # words, or rows of unequal lengths
+        levels = np.empty(0)
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
     return levels

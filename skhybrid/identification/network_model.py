@@ -10,8 +10,8 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
-from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, unmasked
+from .._rolling import RollingForecastMixin, checked_origins
+from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import origin_rows
 from ..control import Plant
@@ -230,8 +230,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self.filtered_network_.drive(table, rows, self.filtered_network_.under(table, rows, disturbance, kind))
+        rows = checked_origins(origins, table.n_rows - n_tail, n_tail) + n_tail
+        start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
+        return self.filtered_network_.drive(table, rows, start)
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
@@ -286,8 +287,14 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self._load(table, rows, self.filtered_network_.under(table, rows, disturbance, kind), setpoint, limits)
+        rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
+        if not len(rows) or rows[0] != n_tail or (np.diff(rows) <= 0).any():
+            raise ValueError(f"origins={origins!r} must begin with row 0 of X and increase.")
+        start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
+        given, needed = start.heat.shape[1], int(np.diff(rows, append=table.n_rows).max())
+        if given < needed:
+            raise ValueError(f"disturbance has {given} leads, but {needed} rows lie up to the next origin or the end.")
+        return self._load(table, rows, start, setpoint, limits)
 
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
         return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
@@ -299,8 +306,7 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     stamps = getattr(heat_gain, "index", None)
     if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
         raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
-    given = np.zeros((n, d)) if heat_gain is None else unmasked(heat_gain, "heat_gain")
-    heat = np.asarray(given, dtype=np.float64)
+    heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
         each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
@@ -311,9 +317,17 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     return heat
 
 
+def _checked_disturbance(disturbance: Any) -> np.ndarray:
+    """Disturbance by origin, lead and node [kW or K]."""
+    values = as_numbers(disturbance, "disturbance")
+    _refuse_missing("disturbance", values)
+    check_range(values.ravel(), "zeta", "disturbance", pd.RangeIndex(values.size))
+    return values
+
+
 def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
     """(n,) node temperatures [degC]."""
-    state = np.asarray(unmasked(initial_state, "initial_state"), dtype=np.float64).reshape(-1)
+    state = as_numbers(initial_state, "initial_state").reshape(-1)
     if state.shape != (len(network.nodes),):
         raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
     _refuse_missing("initial_state", state)

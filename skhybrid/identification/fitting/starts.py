@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,12 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
 
 def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
     """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
+    if not isinstance(begin, Mapping):
+        raise ValueError(f"theta_init={begin!r} is not a mapping of parameters to values.")
+    for p in searched:
+        value = begin.get(p.name, p.default)
+        if not isinstance(value, Real) or not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0):
+            raise ValueError(f"theta_init gives {p.name} the value {value!r}; it lies in [{p.lower:g}, {p.upper:g}].")
     start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
     return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
 
