@@ -111,9 +111,7 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
     """Compute median, 10th and 90th percentile by hour of the week, and the mean of the truth."""
     index = zeta.index
     if not isinstance(index, pd.DatetimeIndex):
-        raise ValueError(
-            "the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex."
-        )
+        raise ValueError("the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex.")
     wall = index.tz_localize(None) if index.tz is not None else index
     hour = wall.day_of_week * 24 + wall.hour
     groups = pd.Series(zeta.to_numpy(dtype=float)).groupby(np.asarray(hour))
