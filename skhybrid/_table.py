@@ -338,8 +338,9 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
         check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
         if role in table.history:
             refuse_other_quantity(table.history[role], target, role)
-        by_position = None if table.named else {role: j for j, role in enumerate(table.order)}
-        refuse_target_among(table.inputs, target, columns=by_position)
+        if role.startswith("T_"):
+            by_position = None if table.named else {column: j for j, column in enumerate(table.order)}
+            refuse_target_among(table.inputs, target, columns=by_position)
     return target
 
 

@@ -265,6 +265,12 @@ def test_the_module_runs_and_tells_its_version():
         ('T_oa = "outdoor_temp"', "", "does not say which column is T_oa"),
         ('name = "input"', 'name = "magic"', "[estimator] name = 'magic'"),
         ('name = "1R1C"', 'name = "9R9C"', "'9R9C'"),
+        (
+            'step = "1h"',
+            'step = "10s"',
+            "step = '10 s' is finer than the log, which has a row every 1 h; give step = '1 h'",
+        ),
+        ('step = "1h"', 'step = "1ns"', "a step of 1e-09 s from "),
         ('step = "1h"', 'step = "soon"', "step = 'soon' is not a duration"),
         ('q_sol = "W/m2"', 'q_sol = "lux"', "'lux'"),
         ("start = 2024-01-11", "start = 2031-01-11", "[test] from 2031-01-11"),

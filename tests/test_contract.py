@@ -370,6 +370,32 @@ def test_the_target_has_a_range_too(office):
         gray_box(office).score(office.X, bad)
 
 
+@pytest.mark.parametrize("column", ["T_oa", "T_za", "q_sol", "u_heat"])
+def test_every_call_refuses_a_sentinel(column, office):
+    model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:288], office.y[:288])
+    good, X = office.X[288:], office.X[288:].copy()
+    X.iloc[5, X.columns.get_loc(column)] = -999.0
+    calls = {
+        "fit": lambda: model.fit(X, good["T_za"]),
+        "predict": lambda: model.predict(X),
+        "predict_from": lambda: model.predict_from(X, [0]),
+        "score": lambda: model.score(X, good["T_za"]),
+        "predict_quantiles": lambda: model.predict_quantiles(X, [0.1]),
+        "predict_load": lambda: model.predict_load(X, 21.0),
+        "drift": lambda: model.drift(X),
+        "update": lambda: model.update(X),
+        "partial_fit": lambda: model.partial_fit(X, good["T_za"]),
+        "forecast, past": lambda: model.forecast(X[:40], good[40:]),
+        "simulate": lambda: gray_box(office).simulate(X),
+        "transform": lambda: gray_box(office).transform(X),
+    }
+    if column != "T_za":  # of which nothing is known ahead
+        calls["forecast"] = lambda: model.forecast(None, X)
+    for name, call in calls.items():
+        with pytest.raises(ValueError, match=rf"column '{column}' holds -999 .*first at 2023-07-11 01:15:00"):
+            print(name, call())
+
+
 # ----------------------------------------------------------------------------------------------- T_za in X, and y
 def _shuffled(y):
     return np.random.default_rng(0).permutation(y)

@@ -127,6 +127,13 @@ def test_missing_cells_of_an_input():
         (lambda f: f.iloc[[0, 0]], {}, "two distinct stamps"),
         (lambda f: f.set_axis(f.index.where(f.index != f.index[3]), axis=0), {}, "NaT at row 3"),
         (lambda f: f, {"step": "0min"}, "step='0min'"),
+        (lambda f: f, {"step": "soon"}, "step='soon' is not a duration"),
+        (
+            lambda f: f,
+            {"step": "1ns"},
+            r"a step of 1e-09 s from .* makes .*e\+1\d rows, but the log has one per 15 min",
+        ),
+        (lambda f: f.assign(T_oa=f.index), {}, "column 'T_oa' holds times"),
         (lambda f: f.assign(T_oa="cold"), {}, "column 'T_oa' is not numeric"),
         (lambda f: pd.concat([f, f[["T_oa"]]], axis=1), {}, "column 'T_oa' appears twice"),
     ],

@@ -117,8 +117,8 @@ def test_nothing_after_an_origin_is_read(fitted):
     later = X.iloc[cut:].copy()
     for origin in (0, 30, 100):
         noisy = later.copy()
-        noisy.iloc[origin + 1 :, noisy.columns.get_loc(history)] = np.random.default_rng(1).normal(
-            20, 50, len(noisy) - origin - 1
+        noisy.iloc[origin + 1 :, noisy.columns.get_loc(history)] = np.random.default_rng(1).uniform(
+            -29, 59, len(noisy) - origin - 1
         )
         np.testing.assert_array_equal(model.predict_from(noisy, [origin]), model.predict_from(later, [origin]))
         noisy.iloc[origin + 1 :, noisy.columns.get_loc(history)] = np.nan
@@ -265,10 +265,10 @@ def test_baselines_load_neither_torch_nor_skorch():
     program = """
 import sys, numpy as np
 from skhybrid.forecasting import DisturbanceForecaster, ARXRegressor
-X = np.random.default_rng(0).normal(size=(50, 2)); y = X[:, 0]
+X = np.random.default_rng(0).normal(size=(50, 2)); y = X.sum(axis=1)
 for model in ("ridge", "profile", "last_week", "persistence"):
-    DisturbanceForecaster(model).fit(X, y).predict(X)
-ARXRegressor().fit(X, y).predict(X)
+    DisturbanceForecaster(model, sampling_time="1h").fit(X, y).predict(X)
+ARXRegressor(sampling_time="1h").fit(X, y).predict(X)
 print([name for name in ("torch", "skorch", "matplotlib") if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
@@ -288,9 +288,9 @@ from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster, fit_many, 
 from skhybrid.forecasting.extras import networks_available, require_networks
 from skhybrid.model_selection.search.fingerprint import settings_of
 assert not networks_available()
-X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X[:, 0]
-models = [DisturbanceForecaster(m) for m in ("ridge", "profile", "last_week", "persistence", Ridge())]
-for model in [*fit_many(models, X, y), ARXRegressor().fit(X, y)]:
+X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X.sum(axis=1)
+models = [DisturbanceForecaster(m, sampling_time="1h") for m in ("ridge", "profile", "last_week", "persistence", Ridge())]
+for model in [*fit_many(models, X, y), ARXRegressor(sampling_time="1h").fit(X, y)]:
     assert np.isfinite(model.predict(X)).all()
 list_cases("lstm"), list_sizes("lstm"), settings_of(models[0], X, y, [], None)
 require_networks("ridge"), require_networks(Ridge())

@@ -296,7 +296,8 @@ def test_arrays_and_columns_by_role(office):
     plain = clone(model).set_params(gray_box__columns=None).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
     np.testing.assert_array_equal(model.predict(renamed[7 * DAY : 9 * DAY]), plain.predict(office.X[7 * DAY : 9 * DAY]))
     array = office.X[["T_oa", "q_sol", "u_heat", "u_cool"]].to_numpy()
-    blind = HybridPredictor(InputDisturbanceID(n_starts=1), random_state=0).fit(array[: 7 * DAY], office.y[: 7 * DAY])
+    blind = HybridPredictor(InputDisturbanceID(n_starts=1), random_state=0, sampling_time="15min")
+    blind.fit(array[: 7 * DAY], office.y[: 7 * DAY])
     assert np.isfinite(blind.predict(array[7 * DAY : 9 * DAY])).all()
 
 

@@ -53,7 +53,7 @@ def noisy_after(X, row, columns, seed=0):
     rng = np.random.default_rng(seed)
     out = X.copy()
     for column in columns:
-        out.iloc[row + 1 :, out.columns.get_loc(column)] = rng.normal(20.0, 30.0, len(out) - row - 1)
+        out.iloc[row + 1 :, out.columns.get_loc(column)] = rng.uniform(-29.0, 59.0, len(out) - row - 1)
     return out
 
 

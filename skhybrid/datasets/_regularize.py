@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES
-from .._time import spell
+from .._time import positive_duration, spell
 from ..preprocessing._frames import numeric
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
@@ -97,9 +97,7 @@ def regularize(
     names = list(ordered.columns)
     stamps = pd.DatetimeIndex(ordered.index)
     source = _typical_step(stamps)
-    target = source if step is None else pd.Timedelta(step)
-    if not target > pd.Timedelta(0):
-        raise ValueError(f"step={step!r} is not a positive duration such as '15min'.")
+    target = source if step is None else positive_duration(step, "step")
     grid = _even_index(stamps, target, source)
     raw = {name: _resample_column(name, numeric(ordered[name]), stamps, grid, target, source) for name in names}
     hours = stamp_hours(grid)
