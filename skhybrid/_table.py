@@ -33,6 +33,9 @@ from ._columns import ROLES as ROLES
 from ._columns import role_of as role_of
 from ._time import read_index, spell
 
+#: hours at the most that it gave, below which a plant hardly ran
+_FEW_HOURS = 1.0
+
 
 @dataclass(frozen=True)
 class ZoneTable:
@@ -65,6 +68,16 @@ class ZoneTable:
     @property
     def T_za(self) -> np.ndarray | None:
         return self.history.get("T_za")
+
+    def hours_run(self, role: str) -> float:
+        """Hours that a plant ran, counted at the most that it gave."""
+        away = np.abs(self.inputs[role])
+        most = float(away.max(initial=0.0))
+        return float(away.sum()) / most * self.step_hours if most > 0.0 else 0.0
+
+    def hardly_ran(self, role: str) -> bool:
+        """Whether a role is a plant that ran too little to tell what its heat does."""
+        return role.startswith(("u_", "Q_")) and self.hours_run(role) < _FEW_HOURS
 
     def replace(self, **changes: Any) -> ZoneTable:
         """A copy with some fields replaced."""

@@ -14,6 +14,9 @@ from .features import day_type_hour, one_hot
 
 #: share of a window's temperatures that must be known for a row to be learned from
 _MIN_KNOWN = 0.5
+#: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
+#: an hour of heat would be a thousand times what was learned from
+_USUAL_SPREAD = {"u_": 0.4, "Q_": 2.5}
 #: penalty of the constant: none, but where no pair is known the equations must stay regular
 _CONSTANT_PENALTY = 1e-9
 
@@ -89,7 +92,9 @@ class ARXDesign:
         # A linear recursion can diverge where the data say little: nothing far outside what was seen is forecast.
         reach = 3.0 * max(float(np.ptp(known)), 1.0)
         lagged = _lagged_inputs(table, roles, n_input_lags)
+        usual = [_USUAL_SPREAD[role[:2]] if table.hardly_ran(role) else 0.0 for role in roles]
         spread = lagged.std(axis=0)
+        scale = np.maximum(spread, np.repeat(usual, n_input_lags))
         return cls(
             n_lags,
             n_input_lags,
@@ -99,7 +104,7 @@ class ARXDesign:
             T_scale=max(float(known.std()), 1e-3),
             T_range=(float(known.min()) - reach, float(known.max()) + reach),
             input_mean=lagged.mean(axis=0),
-            input_scale=np.where(spread > 1e-9, spread, np.inf),  # a constant input has no effect
+            input_scale=np.where(spread > 1e-9, scale, np.inf),  # a constant input has no effect
         )
 
     @property

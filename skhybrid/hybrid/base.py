@@ -19,6 +19,7 @@ from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..thermal import RCNetwork
+from .plausible_range import PlausibleRange
 from .scheme import Scheme
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
@@ -149,6 +150,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
+
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
+        paths = super()._quantile_paths(table, origins, n_leads, levels)
+        lowest, highest = self._present_scheme().plausible(table, origins)
+        return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
 
     _no_intervals = (
         "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "

@@ -11,6 +11,7 @@ import numpy as np
 from ..filtering import ForecastSample
 from .blend import blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
+from .plausible_range import PlausibleRange
 from .residual_correction import DAYS_BACK, residual_correction
 
 
@@ -28,6 +29,7 @@ class BlendRecord:
     n_leads: int
     rows_per_day: int
     every: int  # rows between forecasts of the history
+    plausible: PlausibleRange  # of the training's temperatures
 
     def errors(self, chosen: Any = slice(None)) -> np.ndarray:
         """(O, L, K) errors of each way to forecast, from some of the origins."""
@@ -59,8 +61,8 @@ class RollingBlend:
         if self.adapt is not None and origin > before:
             self._products = self._products * self._share(before, origin) + self._since(before)
 
-    def forecast(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """From the last row: (n_leads,) temperatures [degC], and unmeasured heat [kW]."""
+    def forecast(self, views: list[Any], n_leads: int, plausible: PlausibleRange) -> tuple[np.ndarray, np.ndarray]:
+        """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
         record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
         products = record.products
@@ -68,11 +70,11 @@ class RollingBlend:
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
         shares = blend_weights(products, record.prior, record.pull)
         weights = by_lead(shares, record.n_leads, n_leads)
-        path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
+        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
         if self.adapt is not None:
             missed = self._missed(shares[record.groups])
             path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, missed)
-        return path, heat
+        return plausible.clip(path), heat
 
     def _share(self, row: Any, later: int) -> Any:
         """How much forecasts that ended at a row count at a later one."""
@@ -90,7 +92,8 @@ class RollingBlend:
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""
         errors = np.concatenate([rolling.errors[first:] for rolling in self._rolling], axis=-1)
-        return errors, self._begin + self._record.every * np.arange(first, first + len(errors))
+        origins = self._begin + self._record.every * np.arange(first, first + len(errors))
+        return self._record.plausible.clip_errors(errors), origins
 
     def _missed(self, shares: np.ndarray) -> np.ndarray:
         """(L,) what the blend of these shares (L, K) missed that may come back."""

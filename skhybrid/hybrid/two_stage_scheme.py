@@ -131,7 +131,7 @@ class TwoStageScheme(Scheme):
         zeta = _path(forecaster, steps, known, int(wanted[-1]) + 1)[0, wanted]
         acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
         temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
-        return Paths(temperature[None], zeta[None, 1:])
+        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:])
 
     @property
     def _n_kept(self) -> int:
@@ -189,7 +189,7 @@ class TwoStageScheme(Scheme):
         zeta = self._disturbance_paths(table, here, origins, n_leads + shift, 1 - shift)
         acting = zeta[:, :n_leads]
         temperature = self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
-        return Paths(temperature, zeta[:, shift:])
+        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, shift:])
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""
@@ -198,7 +198,8 @@ class TwoStageScheme(Scheme):
         paths = self._disturbance_paths(table, here, origins, int(counts.max()), first)
         rows = origins - table.n_history
         load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
-        return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
+        load = load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
+        return self._clipped_load(load, table, origins, setpoint)
 
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors in weeks (or the last quarter, where fits are slow) that the forecaster was not fitted on."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
@@ -75,6 +76,10 @@ class NetworkIdentifier(NetworkModel):
     def _search(self, minimise: Minimise, starts: np.ndarray, drop: Any, **settings: Any) -> list[Minimum]:
         own = {"n_jobs": self.n_jobs, "verbose": self.verbose, "name": type(self).__name__}
         return search(minimise, starts, drop, **own, **settings)
+
+    def _start_draws(self) -> np.random.RandomState:
+        # without a seed always the same ones: searches from other starts stop at slightly different places
+        return check_random_state(0 if self.random_state is None else self.random_state)
 
     def _minima(self, problem: Any, begin: Mapping[str, float] | None) -> list[Minimum]:
         """Minima from the random starts, or from the one start at ``begin``."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from .._time import rows_covering, rows_of
@@ -71,7 +70,7 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         if not problem.searched:
             loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
             return [Minimum(np.zeros(0), loss, 1, True)]
-        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
+        starts = random_starts(problem.searched, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
         rough = partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1])
         return self._search(rough, starts, problem.drop, polish=problem.minimise)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
@@ -121,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return [problem.minimise(np.zeros(0))]
-        starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
+        starts = _prior_starts(problem, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
 
         def each(batch: np.ndarray) -> list[Minimum]:
@@ -214,7 +213,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
     """Size of the plant, in units of the 6 kW for which the priors were chosen."""
-    measured = [v for role, v in table.inputs.items() if role.startswith("Q_")]
+    measured = [v for role, v in table.inputs.items() if role.startswith("Q_") and not table.hardly_ran(role)]
     if measured:
         return max(float(np.quantile(np.abs(np.sum(measured, axis=0)), 0.98)), 0.05) / 6.0
     capacities = [abs(float(v)) for name, v in known.items() if name.startswith("Q_")]
