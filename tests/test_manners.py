@@ -158,7 +158,10 @@ def test_an_update_by_name_and_without_a_measurement(fitted, X, office):
     with pytest.raises(ValueError, match="rows ahead are for predict and forecast"):
         model.update(new.drop(columns="T_za"))
     model.update(new.drop(columns="T_za"), office.y[-DAY : -DAY // 2])
+    assert "(768 rows of 15 min)" in str(model.summary())
     np.testing.assert_array_equal(model.predict(ahead), other.predict(ahead))
+    model.partial_fit(new, office.y[-DAY : -DAY // 2])  # what update has taken in is learned
+    assert f"{X.index[0]} to {new.index[-1]} (816 rows of 15 min)" in str(model.summary())
 
 
 # ------------------------------------------------------------------------------------------------- preprocess=
