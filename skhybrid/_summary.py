@@ -35,9 +35,14 @@ class TrainingRecord:
     versions: dict[str, str]
 
     @classmethod
-    def of(cls, table: ZoneTable) -> TrainingRecord:
+    def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
+        """Of a table, or of all even rows from its first to the last of ``latest``."""
         versions = {"skhybrid": __version__, "scikit-learn": sklearn.__version__, "numpy": np.__version__}
-        return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions)
+        if latest is None:
+            return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions)
+        first, last = (part.time if part.utc is None else part.utc for part in (table, latest))
+        n_rows = round((last[-1] - first[0]) / table.step) + 1
+        return cls(table.index[0], latest.index[-1], n_rows, table.step, versions)
 
     def facts(self) -> dict[str, str]:
         """Span and versions as text."""

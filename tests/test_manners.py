@@ -100,6 +100,25 @@ def test_columns_are_found_by_name(fitted, X, name):
         model.predict(ahead.drop(columns="T_oa"))
 
 
+def test_columns_that_are_given_a_role_are_found_by_their_own_name(fitted, office, X):
+    named = {"T_za": "room", "T_oa": "outside"}
+    log = X.rename(columns=named)
+    model = ARXRegressor(columns=named).fit(log[:-DAY], office.y[:-DAY])
+    ahead = log[-DAY:].drop(columns="room")[["u_cool", "outside", "u_heat", "q_sol"]].assign(T_oa=-5.0, T_za=99.0)
+    np.testing.assert_allclose(model.predict(ahead), fitted("arx").predict(X[-DAY:].drop(columns="T_za")), atol=1e-9)
+    with pytest.raises(ValueError, match="X has no column 'room' and does not begin one step after"):
+        model.predict(ahead[8:])
+    with pytest.raises(ValueError, match="X has no column 'outside', which the training table has"):
+        model.predict(ahead.drop(columns="outside"))
+
+
+def test_frames_without_roles_follow_the_rule_of_scikit_learn(office, X):
+    plain = X[:-DAY].reset_index(drop=True)[["T_oa", "q_sol", "u_heat"]].set_axis(["a", "b", "c"], axis=1)
+    model = ARXRegressor(sampling_time="15min").fit(plain, office.y[:-DAY].to_numpy())
+    with pytest.raises(ValueError, match="Feature names must be in the same order as they were in fit"):
+        model.predict(plain[["b", "a", "c"]])
+
+
 # ------------------------------------------------------------------------------------- rows ahead without history
 @pytest.mark.parametrize("name", MODELS)
 def test_rows_ahead_need_no_measurement(fitted, X, name):
@@ -139,7 +158,10 @@ def test_an_update_by_name_and_without_a_measurement(fitted, X, office):
     with pytest.raises(ValueError, match="rows ahead are for predict and forecast"):
         model.update(new.drop(columns="T_za"))
     model.update(new.drop(columns="T_za"), office.y[-DAY : -DAY // 2])
+    assert "(768 rows of 15 min)" in str(model.summary())
     np.testing.assert_array_equal(model.predict(ahead), other.predict(ahead))
+    model.partial_fit(new, office.y[-DAY : -DAY // 2])  # what update has taken in is learned
+    assert f"{X.index[0]} to {new.index[-1]} (816 rows of 15 min)" in str(model.summary())
 
 
 # ------------------------------------------------------------------------------------------------- preprocess=

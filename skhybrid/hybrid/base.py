@@ -324,8 +324,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             target = table.T_za
         else:
             raise ValueError(
-                "X has no column 'T_za'; give what was measured there or as y, with NaN where missing (rows ahead are "
-                "for predict and forecast)."
+                f"X has no column {self._column_of('T_za')!r}; give what was measured there or as y, with NaN where "
+                "missing (rows ahead are for predict and forecast)."
             )
         self._scheme = self._scheme.advanced(table.replace(history={"T_za": target}))
         return self
@@ -361,7 +361,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
         self._learned_to = self._scheme.rows.last_stamp
-        self.training_ = TrainingRecord.of(self._scheme.rows.whole())
+        self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self
 
     def _facts(self) -> dict[str, str]:
