@@ -33,11 +33,11 @@ def corners(network, seed):
     parameters = network.parameters((*network.boundaries, *ROLES))
     ends = np.vstack([np.zeros(len(parameters)), np.ones(len(parameters))])
     for row in np.vstack([ends, np.random.default_rng(seed).integers(2, size=(4, len(parameters)))]).astype(int):
-        wider = [10.0 ** (2 * end - 1) if p.unit in ("kWh/K", "K/kW") else 1.0 for p, end in zip(parameters, row)]
-        yield {
-            p.name: p.from_free(p.free_bounds[end]) * factor
-            for p, end, factor in zip(parameters, row, wider, strict=True)
-        }
+        theta = {}
+        for p, end in zip(parameters, row, strict=True):
+            wider = 10.0 ** (2 * end - 1) if p.unit in ("kWh/K", "K/kW") else 1.0
+            theta[p.name] = p.from_free(p.free_bounds[end]) * wider
+        yield theta
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -221,4 +221,4 @@ def test_uncompiled_kernels_find_the_same():
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore", SkhybridWarning)
-    print(json.dumps(numbers(sys.argv[1] == "complete")))
+    sys.stdout.write(json.dumps(numbers(sys.argv[1] == "complete")))
