@@ -35,18 +35,23 @@ MODELS: dict[str, tuple[Any, dict[str, Any], int]] = {
     "ARX": (ARXRegressor, {}, YEAR),
     "CONV": (GrayBoxRC, TWO, YEAR),
     "ID": (InputDisturbanceID, TWO, YEAR),
-    "OD": (OutputDisturbanceID, TWO, YEAR),
+    "OD": (OutputDisturbanceID, KNOWN, YEAR),
     "CONV, multi-step": (GrayBoxRC, MULTI, YEAR),
     "ID, multi-step": (InputDisturbanceID, MULTI, YEAR),
     "OD, multi-step": (OutputDisturbanceID, MULTI, YEAR),
     "periodic": (PeriodicDisturbanceID, KNOWN, 60),
 }
 NOTE = (
-    "Seconds are of the processor, one core; memory is the peak beyond that of the data [GB].  The paper's office, "
-    "simulated exactly at one minute; Q_h known.  CONV, ID and OD search from two starts instead of 50, so that none "
-    "takes more than five minutes: time is that of an evaluation times their number, of which ten starts need about "
-    "250.  The periodic model has 60 days: it needs some 400 evaluations, whose time and memory are in proportion to "
-    "the rows, and a year would take six times as much."
+    "Seconds are of the processor, one core; memory is the peak beyond that of the data [GB]. The paper's office, "
+    "simulated exactly at one minute; Q_h known. All but OD and ARX search from two starts instead of 50, so that "
+    "none takes more than five minutes: the time of a search is that of an evaluation times their number, and ten "
+    "starts need about 250. The periodic model has 60 days: it needs some 400 evaluations, whose time and memory "
+    "are in proportion to the rows, and a year would take six times as much.\n\n"
+    "How exact the numbers are is held by `tests/test_numerics.py`: forecasts of 1 and 2 threads are equal to the "
+    "bit; so are those of compiled and plain kernels, but for the periodic model's likelihood (2e-14 of its size); "
+    "networks at ten times their bounds are within 2e-10 of the matrix exponential, filters within 1e-11 K of "
+    "extended precision for noises at their bounds; after a million rows covariances are symmetric and positive, "
+    "and the last one is that of the Riccati equation to 1e-9."
 )
 
 
@@ -75,9 +80,10 @@ def one(name: str) -> dict[str, object]:
     fitted = time.process_time()
     predicted = model.predict(X)
     end, peak = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    error = float(np.sqrt(np.mean((predicted - X["T_za"].to_numpy()) ** 2)))
+    if not np.isfinite(predicted).all():
+        raise ValueError(f"{name} has forecasts that are not finite.")
     found = {"rows": len(X), "fit [s]": round(fitted - begin), "predict [s]": round(end - fitted, 1)}
-    found |= {"memory [GB]": round((peak - before) / 2**20, 2), "RMSE [K]": round(error, 2)}
+    found |= {"memory [GB]": round((peak - before) / 2**20, 2)}
     starts = getattr(model, "starts_", None)
     found |= {"evaluations": "-" if starts is None else int(starts["n_evaluations"].sum())}
     theta = getattr(model, "theta_", {})
