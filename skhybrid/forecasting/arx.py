@@ -111,16 +111,20 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
+        self._solve(table, T)
+        self._intervals = self._left_out_intervals(table, T)
+        end = slice(-self._design.warmup, None)
+        self._tail = table.rows(end).replace(history={"T_za": T[end]})
+        return self
+
+    def _solve(self, table: ZoneTable, T: np.ndarray) -> None:
+        """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
         self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar)
         view = self.view(table, T)
         pairs = self._design.pairs(view)
         self._moments = Moments.of(pairs)
         self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(view, pairs)
         self.coef_ = self._moments.ridge(self.alpha_)
-        self._intervals = self._left_out_intervals(table, T)
-        end = slice(-self._design.warmup, None)
-        self._tail = table.rows(end).replace(history={"T_za": T[end]})
-        return self
 
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
