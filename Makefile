@@ -12,7 +12,7 @@ BENCHMARKS := $(sort $(filter-out benchmarks/_% benchmarks/make_%,$(wildcard ben
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz lint docs bench clean
+.PHONY: help demo test fuzz lint docs bench versions clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -40,6 +40,9 @@ docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
 bench: $(VENV)/.installed-test  ## run the benchmarks
 	@test -n "$(BENCHMARKS)" || { echo "there is nothing in benchmarks"; exit 1; }
 	@set -e; for script in $(BENCHMARKS); do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script"; done
+
+versions:  ## test the oldest and the newest versions, wheel and sdist; audit (VERSIONS="oldest --folder DIR")
+	$(PYTHON) tools/versions.py $(VERSIONS)
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build *.egg-info docs/_build docs/auto_examples docs/generated .mypy_cache .pytest_cache .ruff_cache

@@ -42,6 +42,8 @@ _TRUSTED = [
     "sklearn.metrics._scorer._PassthroughScorer",
     "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
     "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+    "sklearn.utils._metadata_requests.MetadataRequest",  # of a scorer of scikit-learn 1.6
+    "sklearn.utils._metadata_requests.MethodMetadataRequest",
 ]
 #: values written as they are, apart from masked arrays and arrays of objects.
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)

@@ -210,7 +210,7 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
         )
     try:
         return index.tz_localize(timezone).tz_convert("UTC")
-    except (ValueError, KeyError) as error:  # unknown zone, or an hour that is repeated or skipped
+    except Exception as error:  # unknown zone, or an hour repeated or skipped; zoneinfo and pytz differ in the class
         raise ValueError(
             f"the time stamps (first {index[0]}) cannot be localized to timezone={timezone!r} ({error}); localize "
             "them yourself, or pass a fixed offset such as '+01:00' for a log without daylight saving."

@@ -83,7 +83,7 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     model = as_state_space(model)
     chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
     z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
-    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128))
+    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128)[None])
     return pd.DataFrame(model.C[output] @ states + model.D[output], index=chosen, columns=list(model.input_names))
 
 
