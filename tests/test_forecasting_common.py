@@ -289,8 +289,8 @@ from skhybrid.forecasting.extras import networks_available, require_networks
 from skhybrid.model_selection.search.fingerprint import settings_of
 assert not networks_available()
 X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X.sum(axis=1)
-simple = ("ridge", "profile", "last_week", "persistence", Ridge())
-models = [DisturbanceForecaster(m, sampling_time="1h") for m in simple]
+names = ("ridge", "profile", "last_week", "persistence", Ridge())
+models = [DisturbanceForecaster(m, sampling_time="1h") for m in names]
 for model in [*fit_many(models, X, y), ARXRegressor(sampling_time="1h").fit(X, y)]:
     assert np.isfinite(model.predict(X)).all()
 list_cases("lstm"), list_sizes("lstm"), settings_of(models[0], X, y, [], None)
