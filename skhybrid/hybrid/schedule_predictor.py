@@ -20,7 +20,9 @@ class SchedulePredictor(BaseHybrid):
     """Day-ahead forecast of temperature and load by the schedule model.
 
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
-    forecast is blended with ARX.  The user guide has the equations.
+    forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
+    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`) and takes a network of the usual size.  Every
+    forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
     Parameters
     ----------
