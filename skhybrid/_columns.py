@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .exceptions import RoleWarning, UnitWarning, warn_user
+from ._warnings import warn_user
+from .exceptions import RoleWarning
 
 #: role (or its pattern), unit and meaning of every column that an estimator can read
 ROLES: tuple[tuple[str, str, str], ...] = (
@@ -23,8 +24,6 @@ ROLES: tuple[tuple[str, str, str], ...] = (
     ("zeta", "kW or degC", "the estimated disturbance, as history"),
 )
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
-#: no temperature of a building is further from 0 [degC]
-_MOST_DEGREES = 1e3
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
 
@@ -64,7 +63,17 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
             f"role {absent[0]!r} is missing: X has {listed(X.columns)}; name a column {absent[0]!r}, pass "
             f"columns={{{absent[0]!r}: 'its column'}}, or {{{absent[0]!r}: None}} to do without it."
         )
+    if not found and not columns:
+        warn_user(f"no column of X has the name of a role, so none is read: X has {listed(X.columns)}.", RoleWarning)
     return found
+
+
+def roles_as_fitted(columns: Mapping[str, Any] | None, fitted: Iterable[Any]) -> list[str]:
+    """Roles of a training table with the columns ``fitted``; empty where none of them has the name of a role."""
+    columns = dict(columns or {})
+    role_by_column = {column: role for role, column in columns.items() if column is not None}
+    roles = [role_by_column.get(name) or role_of(name) for name in fitted]
+    return [role for role in roles if role is not None and columns.get(role, role) is not None]
 
 
 def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: Iterable[str]) -> list[str]:
@@ -90,14 +99,30 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
     return roles
 
 
-def numeric(column: pd.Series, name: object) -> np.ndarray:
+def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
     """A column as float64, NaN where missing."""
+    label = f"column {column.name!r}" if label is None else label
+    _refuse_times(column, label)
     try:
         if pd.api.types.is_complex_dtype(column):
             raise ValueError("Complex data not supported")
         return column.to_numpy(dtype=np.float64, na_value=np.nan)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"column {name!r} is not numeric ({error}); convert it to float first.") from None
+        raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
+
+
+def unmasked(values: Any, label: str) -> Any:
+    """Values, NaN where a mask hides them; refused where they are times."""
+    _refuse_times(values, label)
+    return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
+
+
+def _refuse_times(values: Any, label: str) -> None:
+    if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
+        raise ValueError(
+            f"{label} holds times ({values.dtype}), not numbers; make dates the index, drop the column, or divide a "
+            "duration by its unit, such as pd.Timedelta('1h')."
+        )
 
 
 def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
@@ -123,17 +148,6 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     return np.ascontiguousarray(v, dtype=np.float64)
 
 
-def refuse_impossible(v: np.ndarray, role: str, name: str, index: pd.Index) -> None:
-    """Refuse temperatures that no sensor can have measured."""
-    bad = np.abs(v) > _MOST_DEGREES
-    if role.startswith("T_") and bad.any():
-        row = int(np.argmax(bad))
-        raise ValueError(
-            f"{name} holds {v[row]:.3g} degC in {int(bad.sum())} rows (first at {index[row]}), which is no "
-            "temperature: likely a fill value of the file; set it to NaN."
-        )
-
-
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that history, which may be missing, is not infinite; return a copy."""
     bad = np.isinf(v)
@@ -143,34 +157,6 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
             "set it to NaN where the sensor failed."
         )
     return np.array(v, dtype=np.float64)
-
-
-def _likely_unit(role: str, known: np.ndarray) -> str | None:
-    """The unit that values of a role seem to have, if it is not the unit of the role."""
-    if role.startswith("T_") and known.max() > 200:
-        return "K rather than degC"
-    if role.startswith("T_") and (known.max() > 55 or np.median(known) > 42):
-        return "degF rather than degC"
-    if role.startswith("q_sol") and known.max() > 2.0:
-        return "W/m2 rather than kW/m2"
-    if role.startswith("u_") and known.max() > 4.0:
-        return "percent rather than a fraction or stage"
-    if role.startswith("Q_") and np.abs(known).max() > 5000.0:
-        return "W rather than kW"
-    return None
-
-
-def warn_units(values: dict[str, np.ndarray], names: dict[str, str]) -> None:
-    """Warn of columns whose range suggests another unit."""
-    for role, v in values.items():
-        known = v[np.isfinite(v)]
-        likely = _likely_unit(role, known) if len(known) else None
-        if likely:
-            warn_user(
-                f"column {names[role]} (role {role}) ranges from {known.min():.4g} to {known.max():.4g}: "
-                f"likely {likely}; convert it with skhybrid.preprocessing.UnitConverter.",
-                UnitWarning,
-            )
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:

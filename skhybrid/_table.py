@@ -22,15 +22,17 @@ from ._columns import (
     columns_by_role,
     listed,
     missing_roles,
-    numeric,
     read_history,
     read_input,
-    refuse_impossible,
-    refuse_shape,
-    warn_units,
+    roles_as_fitted,
 )
 from ._columns import ROLES as ROLES
+from ._columns import numeric as numeric
+from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
+from ._columns import unmasked as unmasked
+from ._ranges import check_range
+from ._target import refuse_order, refuse_other_quantity, refuse_target_among
 from ._time import read_index, spell
 
 
@@ -47,6 +49,7 @@ class ZoneTable:
     n_history: int = 0  # first rows, which are the end of a training table
     breaks: tuple[int, ...] = (0,)  # first rows of the segments of consecutive rows
     order: tuple[str, ...] = ()  # roles in the order of the caller's columns
+    named: bool = True  # whether the caller named the roles; an array has them by position
 
     @property
     def n_rows(self) -> int:
@@ -80,6 +83,7 @@ class ZoneTable:
             None if self.utc is None else self.utc[chosen],
             self.step,
             order=self.order,
+            named=self.named,
         )
 
     @property
@@ -117,6 +121,7 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
         None if any(table.utc is None for table in tables) else stamps("utc"),
         last.step,
         order=last.order,
+        named=last.named,
     )
 
 
@@ -145,6 +150,12 @@ def refuse_gap(table: ZoneTable) -> None:
         )
 
 
+def refuse_other_clock(table: ZoneTable, training: ZoneTable) -> None:
+    """Raise a ValueError where only one of two tables has time stamps, for their hours of the day do not compare."""
+    if (table.utc is None) != (training.utc is None):
+        raise ValueError("X has time stamps and the training table has none, or the reverse; give both or neither.")
+
+
 def read_table(
     estimator: Any,
     X: Any,
@@ -153,7 +164,6 @@ def read_table(
     required: Iterable[str] = (),  # roles that a table with names must have
     needed: Callable[[str], object] | None = None,  # inputs whose role it rejects are not read
     sampling_time: Any = None,  # step of a table without time stamps
-    default_step: str = "15min",  # the same where ``sampling_time`` is None
     reset: bool,  # True in ``fit``
     min_rows: int = 1,
     expected_step: pd.Timedelta | None = None,  # step of the training table; another one is refused
@@ -170,7 +180,7 @@ def read_table(
     if isinstance(X, ZoneTable):
         table = _select(estimator, X, wanted)
     else:
-        table = _parse(estimator, X, wanted, (sampling_time, default_step, expected_step))
+        table = _parse(estimator, X, wanted, (sampling_time, expected_step))
     if expected_step is not None and table.step != expected_step:
         raise ValueError(
             f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
@@ -193,20 +203,30 @@ class _Request(NamedTuple):
     def reads(self, role: str) -> bool:
         return self.needed is None or bool(self.needed(role))
 
+    def known_roles(self, estimator: Any) -> list[str]:
+        """Roles of the training table; empty in ``fit``, and where none of its columns had the name of a role."""
+        return [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
 
-def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.Timedelta | None]) -> ZoneTable:
+    def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
+        """Refuse a table that lacks an input of the training table; history it need not have."""
+        absent = [role for role in known if role not in {*present, *self.history_roles} and self.reads(role)]
+        if absent:
+            name = names.get(absent[0], absent[0])
+            raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")
+
+
+def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timedelta | None]) -> ZoneTable:
     """Parse the frame or array of a caller; once per public call."""
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
-        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
-        by_role = columns_by_role(X, wanted.columns, wanted.required)
-        values = {role: numeric(X[column], column) for role, column in by_role.items()}
+        by_role = _columns_by_name(estimator, X, wanted)
+        values = {role: numeric(X[column]) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
-        index = X.index
+        index, named = X.index, any(role_of(role) == column for role, column in by_role.items()) or bool(wanted.columns)
     else:
         array = validate_data(
             estimator,
-            X,
+            unmasked(X, "X"),
             reset=wanted.reset,
             dtype=np.float64,
             ensure_all_finite=False,
@@ -215,18 +235,35 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, str, pd.T
         chosen = columns_by_position(array.shape[1], wanted.columns)
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
-        index = pd.RangeIndex(len(array))
-    step, time, utc, breaks = read_index(index, *steps, wanted.gaps)
+        index, named = pd.RangeIndex(len(array)), bool(wanted.columns)
+    step, time, utc, breaks = read_index(index, *steps, wanted.gaps, X if isinstance(X, pd.DataFrame) else None)
     past = wanted.history_roles & set(values)
     history = {role: read_history(v, names[role], index) for role, v in values.items() if role in past}
     inputs = {
         role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
     }
     for role, v in {**inputs, **history}.items():
-        refuse_impossible(v, role, f"column {names[role]}", index)
-    if wanted.reset:
-        warn_units({**inputs, **history}, names)
-    return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values))
+        check_range(v, role, f"column {names[role]}", index, named=named)
+    return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values), named=named)
+
+
+def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[str, Any]:
+    """The column of each role; without ``reset`` those of the training table, in its order, wherever they stand in X.
+
+    Frames whose columns have no role are held to the order of the training table, as scikit-learn does.
+    """
+    known = wanted.known_roles(estimator)
+    if not known:
+        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
+        return columns_by_role(X, wanted.columns, wanted.required)
+    columns = wanted.columns or {}
+    places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
+    taken = {column for role, column in columns.items() if column != role}
+    found = {
+        role: column for role, column in places.items() if column in X and (role in columns or column not in taken)
+    }
+    wanted.refuse_absent(known, found, columns, X.columns)
+    return found
 
 
 def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
@@ -242,8 +279,11 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     if wanted.reset:
         estimator.feature_names_in_ = np.array(table.roles, dtype=object)
         estimator.n_features_in_ = len(table.roles)
+    known = wanted.known_roles(estimator)
+    wanted.refuse_absent(known, table.roles, {}, table.roles)
     values = {**table.inputs, **table.history}
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
+    values = {role: v for role, v in values.items() if not known or role in {*known, *wanted.history_roles}}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
     for role in table.history:
@@ -256,23 +296,18 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
     """(n_samples,) float64 target, NaN where missing, never infinite.
 
     Refused where it is None, has another length or other stamps than the table, or more than ``max_missing`` of it is
-    missing.  With a ``role``, values that do not look like its unit are warned of, unless the table has it as history.
+    missing.  With a ``role``, values beyond its range are refused, as are a history of that role in X that is not y,
+    and an input that is y.
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
-    stamps = y.index if isinstance(y, pd.Series | pd.DataFrame) else None
-    checked = check_array(y, ensure_2d=False, dtype=None, ensure_all_finite=False, ensure_min_samples=0, input_name="y")
-    if np.iscomplexobj(checked):
-        raise ValueError("Complex data not supported: y must be real.")
-    target = column_or_1d(checked, warn=True).astype(np.float64, copy=True)
+    target = _numbers(y)
     if len(target) != table.n_rows:
         raise ValueError(
             f"Found input variables with inconsistent numbers of samples: X has {table.n_rows} rows, y {len(target)}."
         )
-    if isinstance(stamps, pd.DatetimeIndex) and table.utc is not None and not stamps.equals(table.index):
-        raise ValueError(
-            f"X and y have different time stamps (X from {table.index[0]}, y from {stamps[0]}); align them first."
-        )
+    if isinstance(y, pd.Series | pd.DataFrame):
+        refuse_order(y.index, table.index)
     if np.isinf(target).any():
         row = int(np.flatnonzero(np.isinf(target))[0])
         raise ValueError(
@@ -286,10 +321,28 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
             "choose a span with more measurements."
         )
     if role is not None:
-        refuse_impossible(target, role, "y", table.index)
-        if role not in table.history:
-            warn_units({role: target}, {role: "y"})
+        check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
+        if role in table.history:
+            refuse_other_quantity(table.history[role], target, role)
+        by_position = None if table.named else {role: j for j, role in enumerate(table.order)}
+        refuse_target_among(table.inputs, target, columns=by_position)
     return target
+
+
+def _numbers(y: Any) -> np.ndarray:
+    """(n_samples,) float64 copy of a target, NaN where missing or masked."""
+    if isinstance(y, pd.DataFrame) and y.shape[1] == 1:
+        y = y.iloc[:, 0]
+    if isinstance(y, pd.Series):
+        y = numeric(y, "y")
+    y = unmasked(y, "y")
+    checked = check_array(y, ensure_2d=False, dtype=None, ensure_all_finite=False, ensure_min_samples=0, input_name="y")
+    if np.iscomplexobj(checked):
+        raise ValueError("Complex data not supported: y must be real.")
+    try:
+        return column_or_1d(checked, warn=True).astype(np.float64, copy=True)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
 
 
 def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:

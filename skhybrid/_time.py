@@ -12,16 +12,25 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
+_STAMPS = (
+    "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
+    ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
+)
 
 
 def read_index(
-    index: pd.Index, sampling_time: Any, default_step: str, expected: pd.Timedelta | None, gaps: bool = False
+    index: pd.Index, sampling_time: Any, expected: pd.Timedelta | None, gaps: bool = False, X: Any = None
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
-    """Step, local wall clock, stamps in UTC and first rows of the segments; without ``gaps`` there is one segment."""
+    """Step, local wall clock, stamps in UTC and first rows of the segments; without ``gaps`` there is one segment.
+
+    An index without stamps, or of one row, needs a given or an expected step; a column of ``X`` may hold stamps.
+    """
     given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
-        step = given or expected or pd.Timedelta(default_step)
+        step = given or expected
+        if step is None:
+            raise ValueError(f"X has no time stamps; {_STAMPS if X is None else _how_to_stamp(X)}.")
         time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
         return step, time, None, (0,)
     if index.hasnans:
@@ -32,7 +41,10 @@ def read_index(
         parts = [slice(a, b) for a, b in zip(breaks, (*breaks[1:], None), strict=True)]
         step = min(even_step(utc[part], index[part]) for part in parts)
     else:
-        step = even_step(utc, index) if len(utc) > 1 else (given or expected or pd.Timedelta(default_step))
+        known = even_step(utc, index) if len(utc) > 1 else given or expected
+        if known is None:
+            raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
+        step = known
     if given is not None and step != given:
         raise ValueError(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
@@ -85,8 +97,24 @@ def _looks_like_time(index: pd.Index) -> bool:
         return bool(pd.to_datetime(index[:3].astype(str), errors="coerce").notna().all())
 
 
+def _how_to_stamp(X: pd.DataFrame) -> str:
+    """How to give time stamps to a frame, by its column that holds them where there is one."""
+    for column in X:
+        values = X[column].dropna()
+        text = values.dtype == object or isinstance(values.dtype, pd.StringDtype)
+        if values.dtype.kind == "M" or (text and len(values) and _looks_like_time(pd.Index(values[:3]))):
+            parsed = "X" if values.dtype.kind == "M" else f"X.assign(**{{{column!r}: pd.to_datetime(X[{column!r}])}})"
+            return f"its column {column!r} holds them, so give {parsed}.set_index({column!r})"
+    return _STAMPS
+
+
 def _refuse_disorder(index: pd.Index) -> None:
     """Refuse an index of time stamps as text, or of numbers that do not belong to consecutive rows."""
+    if isinstance(index, pd.MultiIndex):
+        raise ValueError(
+            f"the index has {index.nlevels} levels ({', '.join(map(str, index.names))}); rows are the steps of one "
+            "zone, so give one zone at a time, with the time stamps as the only level (X.xs, X.droplevel)."
+        )
     if not pd.api.types.is_numeric_dtype(index):
         if _looks_like_time(index):
             raise ValueError(

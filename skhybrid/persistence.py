@@ -7,17 +7,12 @@ that ``skops`` itself trusts (NumPy, scikit-learn).
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import importlib
 import os
 import re
 import stat
-import tempfile
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,15 +21,18 @@ from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
 from ._archive import MOST_BYTES, check_archive, is_tight
+from ._files import atomic_path
 from ._skops import import_skops
 from .exceptions import ModelFileError
+
+__all__ = ["load_model", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
-    r"skhybrid\.(_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|schedule|"
+    r"skhybrid\.(_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|schedule|"
     r"thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
@@ -47,51 +45,6 @@ _TRUSTED = [
 ]
 #: values written as they are, apart from masked arrays and arrays of objects.
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
-
-
-@contextmanager
-def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Path of a temporary file that replaces ``path`` if the block ends without an error, and else is removed.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to create or replace; its folder is created if needed.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written, with its path.
-    """
-    target = Path(path)
-    with named_in_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists() and not os.access(target, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-        made = Path(name)
-        try:
-            yield made
-            mask = os.umask(0o022)
-            os.umask(mask)
-            made.chmod(0o666 & ~mask)
-            with open(made, "rb") as file:
-                os.fsync(file.fileno())  # a disk may tell only now that it is full
-            os.replace(made, target)
-        finally:
-            made.unlink(missing_ok=True)
-
-
-@contextmanager
-def named_in_errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an OSError of the block name ``path``: a full disk names no file, and others name a temporary one."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None:
-            raise
-        raise OSError(error.errno, f"cannot write: {os.strerror(error.errno)}", os.fspath(path)) from error
 
 
 def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:

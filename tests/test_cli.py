@@ -28,17 +28,17 @@ from skhybrid.schedule import ScheduledNetwork
 from skhybrid.study import (
     Settings,
     Yesterday,
-    format_table,
     make_models,
     propose_settings,
     read_log,
     read_settings,
     run_study,
-    settings_from,
     split_log,
     write_outputs,
 )
+from skhybrid.study.outputs import format_table
 from skhybrid.study.run import INTERVAL
+from skhybrid.study.settings import settings_from
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",

@@ -17,18 +17,23 @@ from skhybrid import (
     TwoStagePredictor,
 )
 
+#: the checks feed arrays, which have no time stamps
+STEP = {"sampling_time": "15min"}
 ESTIMATORS = [
-    GrayBoxRC(n_starts=1, random_state=0),
-    InputDisturbanceID(n_starts=1, random_state=0),
-    OutputDisturbanceID(n_starts=1, random_state=0),
-    GrayBoxRC(n_starts=1, random_state=0, objective="multi_step"),
-    InputDisturbanceID(n_starts=1, random_state=0, objective="multi_step"),
-    OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step"),
-    PeriodicDisturbanceID(n_starts=1, random_state=0),
-    HybridPredictor(),
-    SchedulePredictor(),
+    GrayBoxRC(n_starts=1, random_state=0, **STEP),
+    InputDisturbanceID(n_starts=1, random_state=0, **STEP),
+    OutputDisturbanceID(n_starts=1, random_state=0, **STEP),
+    GrayBoxRC(n_starts=1, random_state=0, objective="multi_step", **STEP),
+    InputDisturbanceID(n_starts=1, random_state=0, objective="multi_step", **STEP),
+    OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step", **STEP),
+    PeriodicDisturbanceID(n_starts=1, random_state=0, **STEP),
+    HybridPredictor(**STEP),
+    SchedulePredictor(**STEP),
     TwoStagePredictor(
-        InputDisturbanceID(n_starts=1, random_state=0), DisturbanceForecaster(Ridge(), random_state=0), random_state=0
+        InputDisturbanceID(n_starts=1, random_state=0),
+        DisturbanceForecaster(Ridge(), random_state=0),
+        random_state=0,
+        **STEP,
     ),
 ]
 ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"

@@ -7,9 +7,13 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, clone
+from sklearn.compose import TransformedTargetRegressor
+from sklearn.impute import SimpleImputer
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from skhybrid import ARXRegressor, GrayBoxRC, _table
+from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, SchedulePredictor, _table
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
@@ -31,11 +35,16 @@ def office():
 def gray_box(office, X=None, y=None, **settings):
     """A fit with all parameters known, which takes no time."""
     X, y = (office.X if X is None else X), (office.y if y is None else y)
-    return GrayBoxRC(**{"known": office.theta, **settings}).fit(X, y)
+    return GrayBoxRC(**{"known": office.theta, "sampling_time": step_of(X), **settings}).fit(X, y)
 
 
 def read(X, **settings):
-    return read_table(BaseEstimator(), X, **{"reset": True, **settings})
+    return read_table(BaseEstimator(), X, **{"reset": True, "sampling_time": step_of(X), **settings})
+
+
+def step_of(X):
+    """The sampling time that an array needs, which has no stamps."""
+    return "15min" if isinstance(X, np.ndarray) else None
 
 
 def stamped(n, start="2023-07-08", step="15min", tz=None, **columns):
@@ -91,7 +100,7 @@ def test_roles_of_an_array():
     assert table.utc is None
     assert table.time[0] == ASSUMED_START
     assert read(np.zeros((8, 2)), sampling_time="1h").step == pd.Timedelta("1h")
-    assert read(np.zeros((8, 2)), default_step="5min").step == pd.Timedelta("5min")
+    assert read(np.zeros((8, 2)), expected_step=pd.Timedelta("5min"), sampling_time=None).step == pd.Timedelta("5min")
 
 
 def test_other_columns_are_left_alone():
@@ -154,7 +163,7 @@ def test_positions_that_cannot_be(columns, message):
 def test_frame_without_roles_is_taken_by_position(office):
     X = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
     with pytest.warns(RoleWarning, match="taken by position .'a' as T_oa") as caught:
-        model = gray_box(office, X, office.y.to_numpy(), known=BY_POSITION)
+        model = gray_box(office, X, office.y.to_numpy(), known=BY_POSITION, sampling_time="15min")
     assert {w.filename for w in caught if w.category is RoleWarning} == {__file__}
     np.testing.assert_allclose(model.theta_["Q_3"], -6.0)
     # with time stamps it is a log whose columns nobody has named: refused
@@ -271,8 +280,9 @@ def test_likely_units_are_named(office, role, change, unit):
     X = office.X.assign(Q_hvac=0.0)
     X[role] = change(X[role])
     low, high = X[role].min(), X[role].max()
+    y = X["T_za"]  # the same quantity
     with pytest.warns(UnitWarning, match=f"column '{role}' .*{unit}") as caught:
-        gray_box(office, X)
+        gray_box(office, X, y)
     (warning,) = caught
     assert f"{low:.4g} to {high:.4g}" in str(warning.message)
     assert "UnitConverter" in str(warning.message)
@@ -287,6 +297,203 @@ def test_right_units_are_silent(climate, start):
         gray_box(office)
         desert = np.linspace(25.0, 48.0, len(office.X))
         read(office.X.assign(T_oa=desert, u_heat=2.0, Q_hvac=-400.0))  # and a second stage, and a large hall
+
+
+# --------------------------------------------------------------------------------------------- values that cannot be
+SENTINELS = [-9999.0, -999.0, 9.96921e36, -1e300]
+
+
+@pytest.mark.parametrize("bad", SENTINELS)
+@pytest.mark.parametrize("column", ["T_oa", "T_za", "q_sol", "u_heat", "Q_hvac", "T_ground"])
+def test_sentinels_are_refused_in_every_role(column, bad):
+    X = stamped(400, q_sol=0.2, u_heat=0.5, Q_hvac=1.0, T_ground=10.0, T_za=20.0)
+    X.iloc[[6, 8], X.columns.get_loc(column)] = bad
+    what = rf"^column '{column}' holds {bad:.4g}".replace("+", r"\+")
+    with pytest.raises(ValueError, match=rf"{what}.* in 2 rows .first at 2023-07-08 01:30:00., beyond .*fill value"):
+        read(X, reset=False)
+    with pytest.raises(ValueError, match=r"column \d holds"):  # by position, where nobody named a role
+        read(X[["T_oa", "q_sol", "u_heat"]].assign(q_sol=X[column]).to_numpy())
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "ok"),
+    [
+        ("T_oa", -89.0, True), ("T_oa", -91.0, False), ("T_oa", 59.0, True), ("T_oa", 61.0, False),
+        ("T_za", -29.0, True), ("T_za", -31.0, False), ("T_za", 59.0, True), ("T_za", 61.0, False),
+        ("T_supply", 120.0, True), ("T_supply", 230.0, False),
+        ("q_sol", -0.04, True), ("q_sol", -0.06, False), ("q_sol_east", 1.59, True), ("q_sol_east", 1.61, False),
+        ("u_heat", -0.04, True), ("u_heat", -0.06, False), ("u_heat", 3.0, True), ("u_heat", 11.0, False),
+    ],
+)  # fmt: skip
+def test_physical_ranges_on_both_sides(column, value, ok):
+    X = stamped(400, q_sol=0.2, u_heat=0.5, T_za=20.0, T_supply=40.0, q_sol_east=0.1)
+    X.iloc[6, X.columns.get_loc(column)] = value
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnitWarning)
+        if ok:
+            read(X, reset=False)
+        else:
+            with pytest.raises(ValueError, match=f"column '{column}' holds {value:g}.* in 1 rows"):
+                read(X, reset=False)
+
+
+@pytest.mark.parametrize(("column", "value"), [("T_oa", -65.0), ("T_za", 57.0), ("T_za", -12.0), ("u_heat", 6.0)])
+def test_unusual_values_are_warned_of(column, value):
+    X = stamped(400, u_heat=0.5, T_za=20.0)
+    X.iloc[6, X.columns.get_loc(column)] = value
+    with pytest.warns(UnitWarning, match=f"column '{column}'"):
+        read(X, reset=False)
+
+
+def test_few_values_are_no_unit():
+    """One row in degF may as well be a failed sensor."""
+    X = stamped(400, T_za=20.0)
+    with pytest.raises(
+        ValueError, match=r"column 'T_za' holds 85 degC in 1 rows.*likely degF rather than degC, .*sensor"
+    ):
+        read(X.assign(T_za=X["T_za"].mask(X.index == X.index[5], 85.0)))
+    with pytest.raises(ValueError, match="column 'T_za' holds 72 degC in 1 rows"):
+        read(X[:1].assign(T_za=72.0), expected_step=QUARTER)
+
+
+def test_the_target_has_a_range_too(office):
+    bad = office.y.mask(office.y.index == office.y.index[9], -9999.0)
+    X = office.X.drop(columns="T_za")
+    with pytest.raises(ValueError, match=r"^y holds -9999 degC in 1 rows .first at 2023-07-08 02:15:00"):
+        gray_box(office, X, bad)
+    with pytest.raises(ValueError, match=r"^y holds 1e\+200"):
+        gray_box(office, X, office.y * 0 + 1e200)
+    hourly = make_office(n_days=8, sampling_time="1h", random_state=0)
+    with pytest.raises(ValueError, match=r"^y holds .*e\+200 kW"):
+        DisturbanceForecaster("ridge").fit(hourly.X, hourly.heat_gain * 1e200)
+    with pytest.raises(ValueError, match=r"^y holds -9999"):
+        gray_box(office).score(office.X, bad)
+
+
+# ----------------------------------------------------------------------------------------------- T_za in X, and y
+def _shuffled(y):
+    return np.random.default_rng(0).permutation(y)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X, y: (X.assign(T_za=X["T_za"] * 1.8 + 32), y), "not the same quantity: .*likely T_za is in degF"),
+        (lambda X, y: (X, y * 1.8 + 32), "not the same quantity: .*likely y is in degF"),
+        (lambda X, y: (X.assign(T_za=X["T_za"] + 273.15), y), "not the same quantity: .*likely T_za is in K"),
+        (lambda X, y: (X, (y - y.mean()) / y.std()), "not the same quantity: .*leave them unscaled"),
+        (lambda X, y: (X, _shuffled(y)), "do not move together; give both the same rows in the same order"),
+        (lambda X, y: (X[:-1], y.shift(-1)[:-1]), "role 'T_za' of X is y one row earlier"),
+        (lambda X, y: (X[1:], y.shift(1)[1:]), "role 'T_za' of X is y one row later"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.UnitWarning")
+def test_a_history_that_is_not_y_is_refused(change, message, office):
+    X, y = change(office.X, office.y)
+    for model in (GrayBoxRC(known=office.theta), ARXRegressor(), SchedulePredictor()):
+        with pytest.raises(ValueError, match=message):
+            model.fit(X, y)
+
+
+def test_sensors_that_differ_are_one_quantity(office):
+    rng = np.random.default_rng(0)
+    other = (office.y + 1.5 + 0.3 * rng.normal(size=len(office.y))).round(0)
+    other.iloc[::7] = np.nan
+    gray_box(office, office.X.assign(T_za=other))
+    gray_box(office, office.X.assign(T_za=np.nan))
+
+
+@pytest.mark.parametrize("model", [HybridPredictor, ARXRegressor])
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.UnitWarning")
+def test_pipelines_that_lose_the_names_or_scale_are_refused(model, office):
+    X, y = office.X, office.y
+    for step, by_name in (
+        (StandardScaler(), r"column 'q_sol' holds .*scaled values"),
+        (SimpleImputer(), None),
+    ):
+        with pytest.raises(ValueError, match=r"X has no time stamps; .*set_output\(transform='pandas'\)"):
+            make_pipeline(step, model()).fit(X, y)
+        with pytest.raises(ValueError, match=r"column 4 of X, taken as 'u_4', is y itself.*columns=\{'T_za': 4\}"):
+            make_pipeline(step, model(sampling_time="15min")).fit(X, y)
+        kept = make_pipeline(clone(step).set_output(transform="pandas"), model())
+        if by_name is None:
+            kept.fit(X, y)
+        else:
+            with pytest.raises(ValueError, match=by_name):
+                kept.fit(X, y)
+    with pytest.raises(ValueError, match=r"role 'T_za' .*leave them unscaled .*no TransformedTargetRegressor"):
+        TransformedTargetRegressor(model(), transformer=StandardScaler()).fit(X, y)
+
+
+def test_a_disturbance_in_another_unit_is_refused():
+    hourly = make_office(n_days=8, sampling_time="1h", random_state=0)
+    X, y = hourly.X[["T_oa", "q_sol"]], hourly.heat_gain
+    DisturbanceForecaster("profile").fit(X.assign(zeta=y), y)
+    with pytest.raises(ValueError, match="role 'zeta' of X and y are not the same quantity"):
+        DisturbanceForecaster("profile").fit(X.assign(zeta=1000 * y), y)
+
+
+# ------------------------------------------------------------------------------------- values under a mask, and times
+def test_masked_values_are_missing(office):
+    columns = {"u_heat": 2, "u_cool": 3, "T_za": 4}
+    plain, hidden = office.X.to_numpy(), np.zeros(office.X.shape, dtype=bool)
+    hidden[50:60, 4] = True
+    X = np.ma.masked_array(np.where(hidden, -9999.0, plain), hidden)
+    y = np.ma.masked_array(np.where(hidden[:, 4], -9999.0, office.y), hidden[:, 4])
+    model = gray_box(office, X, y, columns=columns)
+    expected = gray_box(
+        office, np.where(hidden, np.nan, plain), np.where(hidden[:, 4], np.nan, office.y), columns=columns
+    )
+    np.testing.assert_array_equal(model.predict(X), expected.predict(np.where(hidden, np.nan, plain)))
+    assert model.score(X, y) == expected.score(X, y)
+    hidden[5, 0] = True
+    with pytest.raises(ValueError, match=r"column 0 contains NaN in 1 rows .first at 5"):
+        model.predict(np.ma.masked_array(plain, hidden))
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        lambda i: i,
+        lambda i: i.tz_localize("UTC"),
+        lambda i: i - i[0],
+        lambda i: i.astype(object),
+        lambda i: i.to_period("h"),
+    ],
+)
+def test_times_are_no_numbers(times, office):
+    with pytest.raises(ValueError, match=r"column 'u_cool' (holds times|is not numeric)"):
+        gray_box(office, office.X.assign(u_cool=times(office.X.index)))
+    with pytest.raises(ValueError, match=r"^y (holds times|is not numeric)"):
+        gray_box(office, y=pd.Series(times(office.X.index), office.X.index))
+
+
+@pytest.mark.parametrize("kind", ["M8[ns]", "m8[s]"])
+def test_arrays_of_times_are_refused(kind):
+    with pytest.raises(ValueError, match="X holds times"):
+        read(np.arange(20).reshape(10, 2).astype(kind))
+
+
+def test_targets_of_any_kind_become_float64(office):
+    y = office.y.copy()
+    y.iloc[:50] = np.nan
+    expected = read_target(y, read(office.X))
+    for kind in ("string", "Float64", object):
+        np.testing.assert_array_equal(read_target(y.astype(kind), read(office.X)), expected)
+    for words in (office.y.astype(object).where(office.y > 20, "off"), ["off"] * len(office.y)):
+        with pytest.raises(ValueError, match=r"^y is not numeric .could not convert"):
+            read_target(words, read(office.X))
+
+
+# ---------------------------------------------------------------------------------------- rows of X and rows of y
+def test_a_target_in_another_order_is_refused(office):
+    X, y = office.X.reset_index(drop=True), office.y.reset_index(drop=True)
+    for table in (X, office.X):
+        with pytest.raises(ValueError, match=r"the rows of y are not in time order: .*y.sort_index"):
+            gray_box(office, table, y.sample(frac=1.0, random_state=0), sampling_time="15min")
+    with pytest.raises(ValueError, match=r"different indices .X from 10, y from 11.; align them with"):
+        gray_box(office, X[10:90], y[11:91], sampling_time="15min")
+    gray_box(office, X[10:90], y[10:90].reset_index(drop=True), sampling_time="15min")
 
 
 # -------------------------------------------------------------------------------------------------------- time stamps
@@ -363,6 +570,41 @@ def test_indices_that_are_not_consecutive_time_steps(office, index, message):
         gray_box(office, X, office.y.to_numpy())
 
 
+def test_an_index_of_several_levels_is_refused(office):
+    X = pd.concat({"A": office.X[:50], "B": office.X[:50]}, names=["zone", "time"])
+    with pytest.raises(ValueError, match=r"index has 2 levels .zone, time.; .*one zone at a time"):
+        gray_box(office, X, np.tile(office.y[:50], 2))
+
+
+@pytest.mark.parametrize("model", [GrayBoxRC, ARXRegressor, HybridPredictor, lambda: DisturbanceForecaster("profile")])
+def test_tables_without_stamps_need_a_sampling_time(model, office):
+    X, y = office.X.reset_index(drop=True), office.y.to_numpy()
+    for bare in (X, X.to_numpy()):
+        with pytest.raises(ValueError, match=r"X has no time stamps; .*DatetimeIndex.*pass sampling_time="):
+            model().fit(bare, y)
+    for stamps, remedy in ((office.X.index, r"X\.set"), (office.X.index.astype(str), r"X\.assign.*to_datetime.*\.set")):
+        with pytest.raises(ValueError, match=rf"its column 'when' holds them, so give {remedy}_index\('when'\)"):
+            model().fit(X.assign(when=stamps), y)
+    with pytest.raises(ValueError, match="step of X is unknown, since it has 1 row"):
+        read(office.X[:1])
+
+
+def test_a_forecast_by_the_hour_needs_stamps_as_the_training_had_them(office):
+    X, y = office.X, office.y
+    for model in (ARXRegressor(), HybridPredictor()):
+        model.fit(X[:288], y[:288])
+        with pytest.raises(ValueError, match="X has time stamps and the training table has none, or the reverse"):
+            model.predict(X[288:].reset_index(drop=True))
+
+
+@pytest.mark.parametrize("n_rows", [2, 3, 6, 20])
+def test_minutes_are_too_few_rows(n_rows, office):
+    index = pd.date_range("2023-07-08", periods=n_rows, freq="1min")
+    X, y = office.X[:n_rows].set_axis(index), office.y[:n_rows].set_axis(index)
+    with pytest.raises(ValueError, match=r"\d+ (rows|row\(s\))"):
+        HybridPredictor().fit(X, y)
+
+
 def test_shuffled_rows_are_refused(office):
     X = office.X.reset_index(drop=True).sample(frac=1.0, random_state=0)
     with pytest.raises(ValueError, match=r"not in time order.*RollingOriginSplit"):
@@ -380,7 +622,7 @@ def test_other_step_or_columns_than_in_fit(office):
     model = gray_box(office)
     with pytest.raises(ValueError, match="a sampling time of 30 min, but GrayBoxRC was fitted at 15 min; resample"):
         model.predict(office.X[::2])
-    with pytest.raises(ValueError, match=r"feature names should match.*(?s:.)*u_cool"):
+    with pytest.raises(ValueError, match=r"X has no column 'u_cool', which the training table has; it has 'T_oa'"):
         model.predict(office.X.drop(columns="u_cool"))
     with pytest.raises(ValueError, match="X has 4 features, but GrayBoxRC is expecting 5"):
         gray_box(office, office.X.to_numpy(), columns={"u_heat": 2, "u_cool": 3, "T_za": 4}).predict(np.zeros((3, 4)))

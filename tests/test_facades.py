@@ -28,8 +28,10 @@ def _expected(estimator):
 
 @parametrize_with_checks(
     [
-        FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC"),
-        FacadeIrradiance(**CHICAGO, facades={"roof_edge": 10.0}, dhi=0, start="2024-06-01 06:00-06:00"),
+        FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", sampling_time="15min"),
+        FacadeIrradiance(
+            **CHICAGO, facades={"roof_edge": 10.0}, dhi=0, start="2024-06-01 06:00-06:00", sampling_time="1h"
+        ),
     ],
     expected_failed_checks=_expected,
 )
@@ -212,7 +214,9 @@ def test_columns_in_and_out(sky):
         assert list(out.columns) == ["T_oa", "ghi", "u_heat", "q_sol_beam", "note", "q_sol_garden"]
         assert list(fitted.get_feature_names_out()) == list(out.columns)
         pd.testing.assert_frame_equal(out[log.columns], log)
-    named = FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", dni=3).fit(np.zeros((4, 5)))
+    named = FacadeIrradiance(**CHICAGO, start="2024-06-01", timezone="UTC", dni=3, sampling_time="1h").fit(
+        np.zeros((4, 5))
+    )
     assert list(named.get_feature_names_out()) == ["T_oa", "q_sol", "u_2", "u_4", *FACADES]
 
 
@@ -238,3 +242,12 @@ def test_a_pipeline_feeds_an_estimator_and_is_saved(sky, tmp_path):
 def test_the_example_of_the_docstring_runs():
     (example,) = doctest.DocTestFinder(recurse=False).find(FacadeIrradiance)
     assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
+
+
+@pytest.mark.parametrize("column", ["q_sol", "beam", "sky"])
+def test_irradiance_that_cannot_be_is_refused(column, sky):
+    """Such as a fill value, which would count as zero."""
+    sky = sky.assign(beam=0.1, sky=0.1)
+    sky.iloc[[5, 7], sky.columns.get_loc(column)] = -999.0
+    with pytest.raises(ValueError, match=f"column '{column}' holds -999 kW/m2 in 2 rows .first at .*fill value"):
+        FacadeIrradiance(**CHICAGO, dni="beam", dhi="sky").fit_transform(sky)

@@ -35,12 +35,12 @@ def _expected(estimator):
 @pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 @parametrize_with_checks(
     [
-        *[DisturbanceForecaster(model) for model in BASELINES],
-        DisturbanceForecaster(Ridge(), random_state=0),
-        DisturbanceForecaster("lstm", **TINY),
-        DisturbanceForecaster("cnn", residual_of=None, **TINY),
-        ARXRegressor(),
-        ARXRegressor(adapt="refit"),
+        *[DisturbanceForecaster(model, sampling_time="1h") for model in BASELINES],
+        DisturbanceForecaster(Ridge(), random_state=0, sampling_time="1h"),
+        DisturbanceForecaster("lstm", sampling_time="1h", **TINY),
+        DisturbanceForecaster("cnn", residual_of=None, sampling_time="1h", **TINY),
+        ARXRegressor(sampling_time="15min"),
+        ARXRegressor(adapt="refit", sampling_time="15min"),
     ],
     expected_failed_checks=_expected,
 )
@@ -207,7 +207,7 @@ def test_forecast_refuses_a_gap_and_a_missing_column():
     model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])
     with pytest.raises(ValueError, match="it must begin one step"):
         model.forecast(X.iloc[200:210], X.iloc[212:230])
-    with pytest.raises(ValueError, match="'q_sol' of the training table is missing"):
+    with pytest.raises(ValueError, match="X has no column 'q_sol', which the training table has"):
         model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
 
 

@@ -18,8 +18,8 @@ from skhybrid.inspection import (
     ForecastDisplay,
     LeadErrorDisplay,
     ScheduleDisplay,
-    blank_axes,
 )
+from skhybrid.inspection.unshown_figure import blank_axes
 from skhybrid.model_selection import backtest
 
 INDEX = pd.date_range("2024-01-01", periods=6 * 24, freq="1h", tz="Europe/Amsterdam")
@@ -166,6 +166,8 @@ def test_the_week_of_an_estimator_reads_its_gray_box(table):
     assert display.week["median"].dropna().eq(2.0).all()
     with pytest.raises(ValueError, match="truth has the shape"):
         DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=INDEX), truth=[1.0])
+    with pytest.raises(ValueError, match="no time stamps"):
+        DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=range(96)))
 
 
 # --------------------------------------------------------------------------------------------------------- the next day

@@ -11,6 +11,7 @@ from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDis
 from skhybrid.control import steps_ahead
 from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA as TRUE
+from skhybrid.exceptions import UnitWarning
 from skhybrid.filtering import simulate_inverse
 
 DAY = 96
@@ -291,9 +292,30 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
         (21.0, (1.0, -1.0), "limits have the lowest heat above the highest .first at 2023-11-20"),
         (21.0, (0.0, np.nan), "limits contain NaN"),
         (21.0, (0.0, np.ones(5)), "the upper limit has shape .5,."),
+        (-9999.0, None, r"setpoint holds -9999 degC in 96 rows .first at 2023-11-20 00:00:00.*fill value"),
+        ((21.0, -299.5), None, "the cooling set-point holds -299.5 degC"),
+        (pd.Series("warm", range(96)), None, "setpoint bears other"),
+        (["warm"] * 96, None, "setpoint is not numeric .could not convert"),
+        (np.ma.masked_values(np.where(np.arange(96) == 7, -1.0, 21.0), -1.0), None, "setpoint contains NaN.*01:45"),
+        (21.0, (-9999.0, 5.0), "the lower limit holds -9999 kW in 96 rows"),
     ],
 )
 def test_what_is_refused(setpoint, limits, message, hybrid, plain, office):
     for model in (hybrid, plain):
         with pytest.raises(ValueError, match=message):
+            model.predict_load(office.X[HERE], setpoint, limits)
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "limits", "message"),
+    [
+        (72.0, None, "setpoint .role T_za. ranges from 72 to 72: likely degF"),
+        ((68.0, None), None, "the heating set-point .* likely degF"),
+        (295.0, None, "setpoint .* likely K"),
+        (21.0, (0.0, 6000.0), "the upper limit .role Q_hvac. ranges from 6000 to 6000: likely W rather than kW"),
+    ],
+)
+def test_other_units_are_warned_of(setpoint, limits, message, hybrid, plain, office):
+    for model in (hybrid, plain):
+        with pytest.warns(UnitWarning, match=message):
             model.predict_load(office.X[HERE], setpoint, limits)

@@ -62,6 +62,8 @@ def test_lengths_may_be_numbers_of_rows_and_the_newest_splits_are_kept():
 def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():
     X, _ = _table(4)
     by_index = list(RollingOriginSplit(train="2D", test="1D", sampling_time="15min").split(X))
+    with pytest.raises(ValueError, match=r"no time stamps, by which test='1D' would be rows; .*sampling_time="):
+        list(RollingOriginSplit(train="2D", test="1D").split(X.to_numpy()))
     by_argument = list(RollingOriginSplit(train="2D", test="1D", sampling_time="1h").split(X.to_numpy()))
     for (a, b), (c, d) in zip(by_index, by_argument, strict=True):
         np.testing.assert_array_equal(a, c)

@@ -24,10 +24,11 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
+from skhybrid._files import atomic_path
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.model_selection import RollingOriginSplit
-from skhybrid.persistence import atomic_path, load_model, save_model
+from skhybrid.persistence import load_model, save_model
 
 
 def _data():

@@ -7,10 +7,17 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skhybrid.preprocessing import GapFiller, UnitConverter
+from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
 
 
-@parametrize_with_checks([UnitConverter(), UnitConverter({0: "degF"}), GapFiller(), GapFiller(max_gap="30min")])
+@parametrize_with_checks(
+    [
+        UnitConverter(),
+        UnitConverter({0: "degF"}),
+        GapFiller(sampling_time="15min"),
+        GapFiller(max_gap="30min", sampling_time="15min"),
+    ]
+)
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
 
@@ -160,3 +167,33 @@ def test_in_a_pipeline_with_pandas_output(log):
     out = pipeline.fit_transform(log)
     assert out.index.equals(log.index)
     assert out["T_oa"].iloc[2] == pytest.approx((out["T_oa"].iloc[1] + out["T_oa"].iloc[3]) / 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X: pd.concat([X, X], axis=1), "column 'T_oa' appears twice in X"),
+        (lambda X: X[[]], r"0 feature\(s\)"),
+        (lambda X: X[:0], r"0 sample\(s\)"),
+        (lambda X: X.assign(T_oa=X.index), r"column 'T_oa' holds times \(datetime64"),
+        (lambda X: X.assign(T_oa=X.index - X.index[0]), r"column 'T_oa' holds times \(timedelta64"),
+    ],
+)
+def test_tables_that_are_refused(change, message, log):
+    for transformer in (UnitConverter({"T_oa": "degF"}), FacadeIrradiance(40.0, 0.0, columns={"q_sol": "T_oa"})):
+        with pytest.raises(ValueError, match=message):
+            transformer.fit_transform(change(log))
+
+
+def test_masked_values_are_missing():
+    X = np.ma.masked_values([[0.0], [-9999.0], [2.0]], -9999.0)
+    np.testing.assert_allclose(GapFiller(sampling_time="15min").fit_transform(X), [[0.0], [1.0], [2.0]])
+    assert np.isnan(UnitConverter({"T_oa": "degF"}).fit_transform(X)).tolist() == [[False], [True], [False]]
+
+
+def test_an_array_needs_a_sampling_time(log):
+    for X in (log.to_numpy(), log.reset_index(drop=True)):
+        with pytest.raises(ValueError, match=r"X has no time stamps; .*sampling_time="):
+            GapFiller().fit_transform(X)
+    with pytest.raises(ValueError, match=r"its column 'when' holds them, so give X.set_index\('when'\)"):
+        GapFiller().fit_transform(log.reset_index(names="when"))

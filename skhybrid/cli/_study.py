@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..study import Settings, StudyData, format_table, run_study, write_outputs
+from ..study import Settings, StudyData, run_study, write_outputs
+from ..study.outputs import format_table
 from ._output import DONE, Progress, check_stopped, one_line
 
 

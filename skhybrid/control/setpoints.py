@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._ranges import check_range
+from .._table import ZoneTable, numeric, unmasked
 
 
 class Band(NamedTuple):
@@ -40,19 +41,19 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     elif isinstance(setpoint, tuple) and len(setpoint) == 2:
         sides = setpoint
     elif np.ndim(setpoint) == 2:
-        sides = list(np.asarray(setpoint, dtype=np.float64).T)
+        sides = list(np.asarray(unmasked(setpoint, "setpoint"), dtype=np.float64).T)
     else:
         sides = [setpoint]
     if len(sides) not in (1, 2):
         raise ValueError(f"setpoint has {len(sides)} columns; give one, or the heating and the cooling set-point.")
     if len(sides) == 1:
-        held = _by_row(sides[0], table, "setpoint", np.nan)
+        held = _by_row(sides[0], table, "setpoint", np.nan, "T_za")
         _refuse(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
         held = np.append(held[1:], held[-1])
         return Band(held, held)
     band = Band(
-        _by_row(sides[0], table, "the heating set-point", -np.inf),
-        _by_row(sides[1], table, "the cooling set-point", np.inf),
+        _by_row(sides[0], table, "the heating set-point", -np.inf, "T_za"),
+        _by_row(sides[1], table, "the cooling set-point", np.inf, "T_za"),
     )
     for side, name, free in zip(band, ("heating", "cooling"), (-np.inf, np.inf), strict=True):
         _refuse(~np.isfinite(side) & (side != free), table, f"the {name} set-point contains NaN or inf", "fill it")
@@ -66,7 +67,8 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value per row.")
     out = Limits(
-        _by_row(given[0], table, "the lower limit", -np.inf), _by_row(given[1], table, "the upper limit", np.inf)
+        _by_row(given[0], table, "the lower limit", -np.inf, "Q_hvac"),
+        _by_row(given[1], table, "the upper limit", np.inf, "Q_hvac"),
     )
     _refuse(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
     _refuse(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
@@ -82,17 +84,21 @@ def _columns(frame: pd.DataFrame) -> list[pd.Series]:
     return columns
 
 
-def _by_row(given: Any, table: ZoneTable, name: str, absent: float) -> np.ndarray:
-    """(N,) float64 of a number, one value per row, or None."""
-    if isinstance(given, pd.Series) and isinstance(table.index, pd.DatetimeIndex):
-        if not given.index.equals(table.index):
+def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -> np.ndarray:
+    """(N,) float64 of a number, one value per row, or None, within the range of a role."""
+    if isinstance(given, pd.Series):
+        if isinstance(table.index, pd.DatetimeIndex) and not given.index.equals(table.index):
             raise ValueError(f"{name} bears other time stamps than X; align it with .reindex(X.index).")
-        given = given.to_numpy(dtype=np.float64)
-    values = np.asarray(absent if given is None else given, dtype=np.float64)
+        given = numeric(given, name)
+    try:
+        values = np.asarray(absent if given is None else unmasked(given, name), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not numeric ({error}); give a number or one value per row.") from None
     if values.ndim == 0:
-        return np.full(table.n_rows, float(values))
+        values = np.full(table.n_rows, float(values))
     if values.shape != (table.n_rows,):
         raise ValueError(f"{name} has shape {values.shape}, but X has {table.n_rows} rows; give one value per row.")
+    check_range(values, role, name, table.index)
     return values
 
 

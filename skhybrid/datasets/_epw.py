@@ -12,8 +12,7 @@ import pandas as pd
 
 from ._weather import window_irradiance
 
-#: stamp of a typical year if no year is given: not a leap year, and it begins on a Monday.
-TYPICAL_YEAR = 2001
+TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
 
 
 def read_epw(
@@ -52,8 +51,7 @@ def _repeat_typical_year(frame: pd.DataFrame, time: pd.DatetimeIndex) -> pd.Data
     """Repeat the typical year over the span of ``time``, with a margin of one day at both ends."""
     margin = pd.Timedelta("1D")
     years = range((time[0] - margin).year, (time[-1] + margin).year + 1)
-    repeated = pd.concat([_with_year(frame, year) for year in years])
-    return repeated.loc[time[0] - margin : time[-1] + margin]
+    return pd.concat([_with_year(frame, year) for year in years]).loc[time[0] - margin : time[-1] + margin]
 
 
 def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -89,8 +87,7 @@ def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
     hours = pd.date_range(f"{year}-01-01", f"{year + 1}-01-01", freq="1h", inclusive="left")
     leap_day = (hours.month == 2) & (hours.day == 29)
     source = hours.where(~leap_day, hours - pd.Timedelta("1D"))
-    key = _hour_key(pd.DatetimeIndex(frame.index))
-    rows = pd.Series(np.arange(len(frame)), index=key).reindex(_hour_key(source))
+    rows = pd.Series(np.arange(len(frame)), index=_hour_key(pd.DatetimeIndex(frame.index))).reindex(_hour_key(source))
     if rows.isna().any():
         first = hours[int(np.argmax(rows.isna().to_numpy()))]
         raise ValueError(f"the typical year has no row for {first:%d %B %H:%M}; pass the whole year.")

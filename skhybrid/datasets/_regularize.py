@@ -9,13 +9,14 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES
+from .._time import spell
 from ..preprocessing._frames import numeric
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
-#: longest time to the next row, in source steps, over which a row is held; beyond it there is a gap.
-_CONTIGUOUS = 1.5
+_CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
+_MOST_ROWS = 40_000_000  # more than a year of one-second steps comes from a mistaken step or stamp
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,12 @@ def _even_index(index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelt
     shift = pd.Timedelta(offset).value
     begin = (ticks[0] + slack.value + shift) // step.value * step.value - shift
     end = (ticks[-1] + slack.value + shift) // step.value * step.value - shift
+    n_rows = (end - begin) // step.value + 1
+    if n_rows > _MOST_ROWS:
+        raise ValueError(
+            f"a step of {spell(step)} from {index[0]} to {index[-1]} makes {n_rows:.3g} rows, but the log has one per "
+            f"{spell(source)}; give a longer step, or drop rows whose stamps are wrong."
+        )
     stamps = pd.DatetimeIndex(np.arange(begin, end + 1, step.value).astype("datetime64[ns]"), name=index.name)
     stamps = stamps.as_unit(index.unit)
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)

@@ -12,10 +12,8 @@ from .._table import ZoneTable
 from ..filtering import iterate_lags
 from .features import day_type_hour, one_hot
 
-#: share of a window's temperatures that must be known for a row to be learned from
-_MIN_KNOWN = 0.5
-#: penalty of the constant: none, but where no pair is known the equations must stay regular
-_CONSTANT_PENALTY = 1e-9
+_MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
+_CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
 
 
 class ARXData(NamedTuple):
@@ -109,8 +107,7 @@ class ARXDesign:
 
     def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        lagged = _lagged_inputs(table, self.roles, self.n_input_lags)
-        blocks = [(lagged - self.input_mean) / self.input_scale]
+        blocks = [(_lagged_inputs(table, self.roles, self.n_input_lags) - self.input_mean) / self.input_scale]
         if self.calendar:
             blocks.append(one_hot(day_type_hour(table.time), 48))
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)

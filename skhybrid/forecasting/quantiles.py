@@ -16,12 +16,10 @@ from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 
-#: the outer two hold 80 %
-DEFAULT_QUANTILES = (0.1, 0.5, 0.9)
+DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
-#: origins per day whose errors are learned from: each lead then meets every third hour of the day
-_ORIGINS_PER_DAY = 8
+_ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day
 
 
 class LeftOut(NamedTuple):

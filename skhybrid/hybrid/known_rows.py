@@ -7,12 +7,11 @@ from typing import Any, Self
 
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, last_rows
+from .._table import ZoneTable, concatenate_tables, last_rows, refuse_other_clock
 from .._time import spell
 from .tables import KEPT, in_zone_of
 
-#: number of recent rows that are joined to the older ones at once: joining one row costs as much as joining many
-_JOINED = 96
+_JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,7 @@ class KnownRows:
 
     def retrained(self, training: ZoneTable) -> KnownRows:
         """Rows whose training table is another one, which ends where these end."""
-        n_end = min(self.n_end + self._n_recent, training.n_rows)
-        return replace(self, settled=(training,), recent=(), n_end=n_end)
+        return replace(self, settled=(training,), recent=(), n_end=min(self.n_end + self._n_recent, training.n_rows))
 
     @property
     def _n_recent(self) -> int:
@@ -102,8 +100,7 @@ class KnownRows:
     def refuse_unless_following(self, table: ZoneTable) -> None:
         """Raise a ValueError if a table does not begin one step after the last known row."""
         latest = self.latest
-        if (table.utc is None) != (latest.utc is None):
-            raise ValueError("X has time stamps and the training table has none, or the reverse; give both or neither.")
+        refuse_other_clock(table, latest)
         if table.utc is not None and not table.follows(latest):
             raise ValueError(
                 f"X begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one step "

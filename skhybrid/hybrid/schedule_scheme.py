@@ -11,8 +11,9 @@ import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
+from .._warnings import warn_user
 from ..control.setpoints import Band, Limits
-from ..exceptions import ScaleNotIdentifiableWarning, warn_user
+from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..schedule import ScheduledNetwork, loads
@@ -24,17 +25,13 @@ from .members import ARXMember, DayBeforeMember, Member, NumberedTable, Schedule
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
 
-#: temperatures that the black box regresses on
-_LAGS = 24
+_LAGS = 24  # temperatures that the black box regresses on
 #: prior share of the simple rule, and the pull toward it: where no days could be left out to try what was learned, with
 #: a week of training or less, and with two weeks or more
 _UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
-#: rows beside its leads that a forecast from the last known row looks back on, for the lags of the black box
-_MORE_ROWS = 64
-#: the last rows that a new fit learns from, where the first one had fewer
-_MOST_LEARNED = pd.Timedelta("56D")
-#: every so many hours an error of the blend is taken for its intervals
-_EVERY = 3
+_MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
+_MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
+_EVERY = 3  # every so many hours an error of the blend is taken for its intervals
 
 
 class ScheduleScheme(Scheme):

@@ -91,8 +91,7 @@ class FilteredNetwork:
         if checked_kind(kind) == "input":
             return self.run(table, smooth).gain
         experiment = self.experiment(table)
-        path = self.open_loop(experiment, self.open_start(table))
-        return experiment.outputs - path[:-1, self.kalman.measured]
+        return experiment.outputs - self.open_loop(experiment, self.open_start(table))[:-1, self.kalman.measured]
 
     def advanced(self, table: ZoneTable) -> tuple[FilteredNetwork, FilteredStates, np.ndarray]:
         """The network after the rows that follow the last, their states, and (N, o) output beyond the open loop [K]."""

@@ -9,8 +9,9 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._ranges import check_range
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable
+from .._table import ZoneTable, unmasked
 from .._threads import one_blas_thread
 from .._time import origin_rows
 from ..control import Plant
@@ -29,6 +30,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     theta_: pd.Series
     filtered_network_: FilteredNetwork
     _plant: Plant
+    _reads_clock = False
 
     @property
     def _tail(self) -> ZoneTable:  # type: ignore[override]
@@ -41,6 +43,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         """Of one segment of rows; ``segment`` is its number in the training table, None where it is not from there."""
         return kalman_innovations(self.filtered_network_, table, segment)
+
+    def _past_roles(self) -> tuple[str, ...]:
+        return self.network_.history_roles
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self.filtered_network_.drive(table, origins, self._forecast_start(table, origins, n_leads))
@@ -155,7 +160,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         columns = dict(zip(self._zeta_names(), zeta.T, strict=True))
         if isinstance(X, ZoneTable):
             return X.replace(history={**X.history, **columns})
-        return X.assign(**columns) if isinstance(X, pd.DataFrame) else np.column_stack([np.asarray(X, float), zeta])
+        if not isinstance(X, pd.DataFrame):
+            return np.column_stack([np.asarray(X, float), zeta])
+        kept = [name for name in getattr(self, "feature_names_in_", X.columns) if name in X]
+        return X[kept].assign(**columns)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Names of the columns that :meth:`transform` returns.
@@ -244,7 +252,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         -------
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need, and
+            the expected disturbance ``zeta`` [kW, or K of an output disturbance].
 
         Notes
         -----
@@ -290,21 +299,25 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     stamps = getattr(heat_gain, "index", None)
     if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
         raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
-    heat = np.zeros((n, d)) if heat_gain is None else np.asarray(heat_gain, dtype=np.float64)
+    given = np.zeros((n, d)) if heat_gain is None else unmasked(heat_gain, "heat_gain")
+    heat = np.asarray(given, dtype=np.float64)
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
         each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
         raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
     _refuse_missing("heat_gain", heat)
+    for column in heat.T:
+        check_range(column, "Q_gain", "heat_gain", here.index)
     return heat
 
 
 def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
     """(n,) node temperatures [degC]."""
-    state = np.asarray(initial_state, dtype=np.float64).reshape(-1)
+    state = np.asarray(unmasked(initial_state, "initial_state"), dtype=np.float64).reshape(-1)
     if state.shape != (len(network.nodes),):
         raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
     _refuse_missing("initial_state", state)
+    check_range(state, "T_za", "initial_state", pd.Index(network.states))
     return state
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -24,8 +24,7 @@ from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
 
-#: factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
-_WIDER = 10.0
+_WIDER = 10.0  # factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
 
 
 @shared_docs
@@ -77,11 +76,12 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     """
 
     variance: Any
+    _reads_clock = True
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        variance="day_night",
+        variance: Literal["day_night", "3h"] = "day_night",
     ):  # fmt: skip
         store_arguments(self, locals())
 
@@ -252,5 +252,4 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
     draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0
-    bounds = np.array([p.free_bounds for p in problem.searched]).T
-    return np.clip(np.array(centre) + draws, *bounds)
+    return np.clip(np.array(centre) + draws, *np.array([p.free_bounds for p in problem.searched]).T)

@@ -70,5 +70,4 @@ _BLOCKS = {
     """,
 }
 
-#: puts these blocks into a class docstring
-shared_docs = docs_from(_BLOCKS)
+shared_docs = docs_from(_BLOCKS)  # puts these blocks into a class docstring

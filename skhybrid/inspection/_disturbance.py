@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._time import ASSUMED_START
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
 
@@ -49,11 +48,16 @@ class DisturbanceWeekDisplay(Display):
 
         Parameters
         ----------
-        estimator : fitted estimator; a gray box, or a predictor with one in ``gray_box_``
-        X : DataFrame; consecutive rows with the measured ``T_za``
-        truth : Series or array-like of shape (n_samples,), optional; true disturbance, if it is known [kW]
-        kind : {"input", "output"}, default="input"; heat into the zone [kW], or a shift of the measured temperature [K]
-        smooth : bool, default=True; whether each estimate uses the whole table, or only the rows up to its own
+        estimator : fitted estimator
+            A gray box, or a predictor with one in ``gray_box_``.
+        X : DataFrame
+            Consecutive rows with the measured ``T_za``.
+        truth : Series or array-like of shape (n_samples,), optional
+            True disturbance, if it is known [kW].
+        kind : {"input", "output"}, default="input"
+            Heat into the zone [kW], or a shift of the measured temperature [K].
+        smooth : bool, default=True
+            Whether each estimate uses the whole table, or only the rows up to its own.
         %(drawing)s
         """
         gray_box = getattr(estimator, "gray_box_", estimator)
@@ -61,8 +65,7 @@ class DisturbanceWeekDisplay(Display):
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
             X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
-        unit = "kW" if kind == "input" else "K"
-        return cls.from_predictions(zeta, truth=truth, unit=unit, ax=ax, **kwargs)
+        return cls.from_predictions(zeta, truth=truth, unit="kW" if kind == "input" else "K", ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -73,7 +76,7 @@ class DisturbanceWeekDisplay(Display):
         Parameters
         ----------
         zeta : Series
-            The disturbance; without time stamps it is assumed to begin on a Monday at 00:00 with a step of 15 min.
+            The disturbance, with time stamps.
         truth : Series or array-like of shape (n_samples,), optional
             True disturbance of every row.
         unit : str
@@ -111,10 +114,9 @@ class DisturbanceWeekDisplay(Display):
 def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
     """Compute median, 10th and 90th percentile by hour of the week, and the mean of the truth."""
     index = zeta.index
-    if isinstance(index, pd.DatetimeIndex):
-        wall = index.tz_localize(None) if index.tz is not None else index
-    else:
-        wall = pd.DatetimeIndex(ASSUMED_START + np.arange(len(zeta)) * pd.Timedelta("15min"))
+    if not isinstance(index, pd.DatetimeIndex):
+        raise ValueError("the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex.")
+    wall = index.tz_localize(None) if index.tz is not None else index
     hour = wall.day_of_week * 24 + wall.hour
     groups = pd.Series(zeta.to_numpy(dtype=float)).groupby(np.asarray(hour))
     week = pd.DataFrame({"low": groups.quantile(0.1), "median": groups.median(), "high": groups.quantile(0.9)})
@@ -165,7 +167,8 @@ class ScheduleDisplay(Display):
 
         Parameters
         ----------
-        schedule : DataFrame; ``gain`` [kW] and ``ua`` [kW/K] by day type and hour
+        schedule : DataFrame
+            As in the class.
         %(drawing)s
         """
         return cls(schedule).plot(ax, **kwargs)

@@ -29,8 +29,8 @@ class RollingOriginSplit(BaseCrossValidator):
         Distance from one split to the next; default = ``test``, so that test blocks touch and never overlap.
     n_splits : int, optional
         Keep only this many splits, the newest; default is every split that fits.
-    sampling_time : timedelta-like, default="15min"
-        The step of a table without time stamps; a ``DatetimeIndex`` has its own.
+    sampling_time : timedelta-like, optional
+        The step of a table without time stamps, by which durations become rows; a ``DatetimeIndex`` has its own.
     expanding : bool, default=False
         Whether every training block begins at the first row and so grows.
 
@@ -50,7 +50,7 @@ class RollingOriginSplit(BaseCrossValidator):
         gap: Any = "0D",
         step: Any = None,
         n_splits: int | None = None,
-        sampling_time: Any = "15min",
+        sampling_time: Any = None,
         expanding: bool = False,
     ) -> None:
         self.train = train
@@ -112,23 +112,25 @@ class RollingOriginSplit(BaseCrossValidator):
         needed = n_train + n_gap + n_test + (wanted - 1) * n_step
         if n_rows < needed:
             sampling = _sampling_time(X, self.sampling_time)
+            needs, has = (f"{n} rows" + ("" if sampling is None else f" ({n * sampling})") for n in (needed, n_rows))
             plural = "split needs" if wanted == 1 else "splits need"
             raise ValueError(
-                f"X is too short: {wanted} {plural} {needed} rows ({needed * sampling}) of train={self.train!r}, "
-                f"gap={self.gap!r} and test={self.test!r}, but X has {n_rows} rows ({n_rows * sampling})."
+                f"X is too short: {wanted} {plural} {needs} of train={self.train!r}, gap={self.gap!r} and "
+                f"test={self.test!r}, but X has {has}."
             )
         n_fit = (n_rows - n_train - n_gap - n_test) // n_step + 1
         return np.arange(0 if self.n_splits is None else n_fit - wanted, n_fit)
 
 
-def _sampling_time(X: Any, given: Any) -> pd.Timedelta:
+def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
+    """The step of X, or the given one; None where neither is known."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
         return even_step(index, index)
-    return pd.Timedelta(given)
+    return None if given is None else pd.Timedelta(given)
 
 
-def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int:
+def _rows(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> int:
     """A length, given as a duration or a number of rows, as a number of rows."""
     if isinstance(length, int | np.integer) and not isinstance(length, bool):
         if length < least:
@@ -136,6 +138,11 @@ def _rows(length: Any, sampling: pd.Timedelta, name: str, least: int = 1) -> int
         return int(length)
     if least == 0 and pd.Timedelta(length) == pd.Timedelta(0):
         return 0
+    if sampling is None:
+        raise ValueError(
+            f"X has no time stamps, by which {name}={length!r} would be rows; give it a DatetimeIndex, or pass "
+            "sampling_time= or numbers of rows."
+        )
     return rows_of(length, sampling, name)
 
 
@@ -144,8 +151,8 @@ def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
 
     None where the table is too short for test blocks of a day and a horizon and two days of training.
     """
-    sampling, n_rows = _sampling_time(X, "15min"), _num_samples(X)
-    day = rows_of("1D", sampling, "a day")
-    n_test = max(n_rows // 6 // day * day, day + rows_of(horizon, sampling))
+    sampling, n_rows = _sampling_time(X, None), _num_samples(X)
+    day = _rows("1D", sampling, "test")
+    n_test = max(n_rows // 6 // day * day, day + _rows(horizon, sampling, "horizon"))
     n_train = n_rows - 2 * n_test
     return RollingOriginSplit(n_train, n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from .._ranges import check_range
 from .._table import role_of
 from .._time import read_index
 from ._frames import TableTransformer, numeric, position_of, roles_by_position
@@ -43,7 +44,7 @@ class FacadeIrradiance(TableTransformer):
     start : timestamp-like, optional
         Stamp of the first row of a table without time stamps; such a table is refused if it is not given.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps or with one row; default is the step of ``fit``, or 15 min.
+        Step of a table without time stamps or with one row; default is the step of ``fit``.
 
     Attributes
     ----------
@@ -106,12 +107,15 @@ class FacadeIrradiance(TableTransformer):
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
             raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
-        step = self._stamps(table, None)[1]
-        self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, self._stamps(table, None)[1]
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
+        stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
+        for kind, j in self.positions_.items():
+            name = table.columns[j] if isinstance(table, pd.DataFrame) else j
+            check_range(light[kind], "q_sol", f"column {name!r}", utc, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
@@ -185,13 +189,13 @@ class FacadeIrradiance(TableTransformer):
         index = table.index if isinstance(table, pd.DataFrame) else pd.RangeIndex(len(table))
         if isinstance(index, pd.DatetimeIndex):
             stamps = _in_utc(index, self.timezone)
-            return stamps, read_index(stamps, self.sampling_time, "15min", known, gaps=True)[0]
-        step = read_index(index, self.sampling_time, "15min", known)[0]
+            return stamps, read_index(stamps, self.sampling_time, known, gaps=True)[0]
         if self.start is None:
             raise ValueError(
                 "X has no time stamps, but the position of the sun depends on them; give it a DatetimeIndex, or pass "
                 "the stamp of its first row as start=."
             )
+        step = read_index(index, self.sampling_time, known)[0]
         first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0]
         return pd.date_range(first, periods=len(index), freq=step), step
 

@@ -9,6 +9,7 @@ import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
 from .._table import HISTORY_ROLES
+from .._time import read_index
 from ._frames import TableTransformer, numeric
 
 
@@ -20,7 +21,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     max_gap : timedelta-like
         Longest gap to fill: the number of missing rows times the step.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default is 15 min, as in the data contract.
+        Step of a table without time stamps, which is refused without it.
 
     Attributes
     ----------
@@ -52,18 +53,20 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         if not isinstance(table, pd.DataFrame):
-            hours = self._row_hours(len(table))
+            hours = self._row_hours(table)
             return np.column_stack([fill_gaps(column, hours, self.max_gap_) for column in table.T])
-        hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(len(table))
+        hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(table)
         filled = table.copy()
         chosen = [c for c in table if c not in HISTORY_ROLES and pd.api.types.is_numeric_dtype(table[c])]
         for column in chosen:
             filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_)
         return filled
 
-    def _row_hours(self, n: int) -> np.ndarray:
-        step = _duration("15min" if self.sampling_time is None else self.sampling_time, "sampling_time")
-        return np.arange(n) * (step / pd.Timedelta("1h"))
+    def _row_hours(self, table: pd.DataFrame | np.ndarray) -> np.ndarray:
+        frame = table if isinstance(table, pd.DataFrame) else None
+        index = pd.RangeIndex(len(table)) if frame is None else frame.index
+        step = read_index(index, self.sampling_time, None, X=frame)[0]
+        return np.arange(len(table)) * (step / pd.Timedelta("1h"))
 
 
 def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:

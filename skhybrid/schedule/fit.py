@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_plan, with_contrast
@@ -16,23 +17,17 @@ from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
 
-#: leads of a sample on which the grid is scored
-_COARSE = slice(2, None, 4)
+_COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
 _SCALES, _PACES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.3, 1.0, 3.0)
 #: rough guess of a network for 2.5 kW of spread in its heat: capacitance of the measured node and of others [kWh/K],
 #: resistance inside and to the outside [K/kW]
 _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
-#: least spread of the known heat, as a share of its largest value
-_LEAST_SPREAD = 0.1
-#: prior standard deviation of the parameters' logarithms around the grid's best point
-_PRIOR_SPREAD = 1.2
-#: least standard deviation of a lead's errors in its weight [K]
-_LEAST_ERROR = 0.02
-#: shrinkages that are tried
-_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)
-#: numbers of blocks of days that are left out in turn
-_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3
+_LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest value
+_PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms around the grid's best point
+_LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
+_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
+_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
 _DAY = 24.0
 
 
@@ -102,14 +97,19 @@ def fit_leads(
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.
     """
+    step = table.step / pd.Timedelta("1h")
+    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
+    if not len(sample.leads):
+        raise ValueError(
+            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
+            "day or more, or a shorter horizon."
+        )
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
     segment = make_segment(plan, table, T, reference)
-    step = table.step / pd.Timedelta("1h")
     # a plant that hardly ran does not make the building small
     scale = max(float(segment.heat.std()), _LEAST_SPREAD * float(np.abs(segment.heat).max()))
     model = FilterModel.of(network, step, scale if scale > 1e-6 else 1.0)
-    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     problem = _initial_problem(model, ScoredForecasts(segment, sample))
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(sample, step)

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES
-from .._time import even_step
-from ..datasets import read_zone_csv, regularize
+from .._time import even_step, spell
+from ..datasets import RegularizeReport, read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
 from .settings import Settings
 
@@ -19,8 +19,7 @@ SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-#: missing T_za at the end of a log is a failed sensor if shorter than this, else the next day
-_SHORTEST_FUTURE = pd.Timedelta("1h")
+_SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 _STANDSTILL = pd.Timedelta("1D")  # a temperature that does not change for this long comes from a stuck sensor
 
 
@@ -78,7 +77,12 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
         if role not in raw:
             raise ValueError(f"[scale] names {role!r}, which [columns] does not have ({', '.join(map(repr, raw))}).")
         raw[role] = raw[role] * factor
-    frame, report = cast("tuple[pd.DataFrame, object]", regularize(raw, settings.step, return_report=True))
+    frame, report = cast("tuple[pd.DataFrame, RegularizeReport]", regularize(raw, settings.step, return_report=True))
+    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
+        given, logged = spell(report.step), spell(report.source_step)
+        raise ValueError(
+            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
+        )
     return frame, str(report)
 
 

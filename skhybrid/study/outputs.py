@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from .. import __version__
-from ..persistence import named_in_errors, save_model
+from .._files import named_in_errors
+from ..persistence import save_model
 from .compared_models import HYBRID
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
@@ -155,13 +156,12 @@ def _spans(result: StudyResult) -> dict[str, Any]:
 
 def _metrics(result: StudyResult) -> dict[str, Any]:
     numbers = result.table.drop(columns="note").astype(object)
-    rows = numbers.where(numbers.notna(), None).to_dict(orient="index")
     return {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
-        "models": rows,
+        "models": numbers.where(numbers.notna(), None).to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from ..._table import ZoneTable
-from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
+from ..._warnings import warn_user
+from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ...thermal import RCNetwork
 
-#: a table shorter than this shows no storage of heat from one day to the next
-_FEW_DAYS = pd.Timedelta("2D")
+_FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next
 
 
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:

@@ -11,10 +11,8 @@ from joblib import Parallel, delayed, effective_n_jobs
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
-#: starts that have to end at the best minimum before the search ends
-ENOUGH = 5
-#: two minima are one where their log-likelihoods differ by no more than this
-SAME = 0.05
+ENOUGH = 5  # starts that have to end at the best minimum before the search ends
+SAME = 0.05  # two minima are one where their log-likelihoods differ by no more than this
 
 Minimise = Callable[[np.ndarray], list[Minimum]]
 
@@ -90,11 +88,10 @@ def starts_table(
     minima: Sequence[Minimum], searched: Sequence[Parameter], drop: Callable[[float, float], float]
 ) -> pd.DataFrame:
     """One row per start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
-    best = reached_best(minima, drop)
     rows = [
         {"loss": m.loss, "reached_best": bool(b), "n_evaluations": m.n_evaluations, "converged": m.converged}
         | {p.name: p.from_free(x) for p, x in zip(searched, m.free, strict=True)}
-        for m, b in zip(minima, best, strict=True)
+        for m, b in zip(minima, reached_best(minima, drop), strict=True)
     ]
     return pd.DataFrame(rows, index=pd.RangeIndex(len(rows), name="start"))
 

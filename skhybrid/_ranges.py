@@ -1,0 +1,114 @@
+"""Physical ranges of the roles: values that cannot be are refused, values that are unlikely are warned of."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ._warnings import warn_user
+from .exceptions import UnitWarning
+
+
+class PhysicalRange(NamedTuple):
+    """What a quantity can be, and what it usually is, in its unit."""
+
+    unit: str
+    lowest: float
+    highest: float
+    usual_lowest: float
+    usual_highest: float
+    others: tuple[OtherUnit, ...]
+
+
+class OtherUnit(NamedTuple):
+    """A unit that a whole column may be in by mistake, and what its values are then."""
+
+    name: str
+    lowest: float
+    highest: float
+    least_maximum: float = -np.inf  # a column with a lower maximum is not in this unit
+
+    def fits(self, low: float, high: float) -> bool:
+        return self.lowest <= low and max(high, self.least_maximum) <= min(high, self.highest)
+
+
+_KELVIN = OtherUnit("K rather than degC", 173.0, 333.0)
+_FAHRENHEIT = OtherUnit("degF rather than degC", -130.0, 140.0)
+_WATT = (OtherUnit("W rather than kW", -5e6, 5e6),)
+_PER_AREA = (OtherUnit("W/m2 rather than kW/m2", -50.0, 1600.0, 20.0),)
+_PERCENT = (OtherUnit("percent rather than a fraction or stage", -5.0, 105.0),)
+#: beginning of a role -> its range; the first that fits holds
+RANGES: dict[str, PhysicalRange] = {
+    "T_za": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
+    "T_oa": PhysicalRange("degC", -90.0, 60.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),
+    "T_": PhysicalRange("degC", -90.0, 200.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),  # hot water and steam too
+    "q_sol": PhysicalRange("kW/m2", -0.05, 1.6, -0.05, 1.6, _PER_AREA),
+    "u_": PhysicalRange("-", -0.05, 10.0, -0.05, 4.0, _PERCENT),  # plants of several stages count them
+    "Q_": PhysicalRange("kW", -5e3, 5e3, -5e3, 5e3, _WATT),
+    "zeta": PhysicalRange("kW", -5e3, 5e3, -5e3, 5e3, _WATT),
+}
+#: fill values of loggers and file formats
+_FILL_VALUES = (-999.0, -999.9, -9999.0, -99999.0, 9999.0, 99999.0)
+#: beyond every unit that any role is logged in: refused even where no role was named
+_BEYOND_UNITS = 900.0
+#: least share of the values other than 0, and least number of rows, to be taken for a unit and not for a failed sensor
+_LEAST_SHARE, _LEAST_ROWS = 0.05, 4
+#: no building is that warm all the time [degC]
+_WARMEST_MEDIAN = 42.0
+
+
+def range_of(role: str) -> PhysicalRange:
+    """The range of a role."""
+    return next(found for beginning, found in RANGES.items() if role.startswith(beginning))
+
+
+def check_range(
+    v: np.ndarray, role: str, name: str, index: pd.Index, *, named: bool = True, warns: bool = True
+) -> None:
+    """Refuse values (n,) that no sensor of a role can have measured, and warn of those that suggest another unit.
+
+    Where no role was ``named``, since an array has its roles by position, only what is beyond every unit is refused.
+    """
+    kind, known = range_of(role), v[np.isfinite(v)]
+    if not len(known):
+        return
+    low, high = float(known.min()), float(known.max())
+    unit = next((unit.name for unit in kind.others if unit.fits(low, high)), None)
+    fill = np.isin(v, _FILL_VALUES)
+    with np.errstate(invalid="ignore"):
+        beyond = ((v < kind.lowest) | (v > kind.highest) if named else np.abs(v) > _BEYOND_UNITS) & np.isfinite(v)
+    if (beyond | fill).any() and not (named and unit and _is_unit(known, kind)):
+        raise ValueError(_refusal(v, beyond | fill, kind, name, index))
+    warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
+    if warns and (warm or low < kind.usual_lowest or high > kind.usual_highest):
+        likely = f"likely {unit}" if unit and (warm or high > kind.usual_highest) else "unusual"
+        warn_user(
+            f"{name} (role {role}) ranges from {low:.4g} to {high:.4g}: {likely}; convert it with "
+            "skhybrid.preprocessing.UnitConverter, or check the sensor.",
+            UnitWarning,
+        )
+
+
+def _is_unit(known: np.ndarray, kind: PhysicalRange) -> bool:
+    """Whether so many values are above the range that the column is in another unit, and the sensor sound."""
+    above = np.abs(known) > kind.highest
+    moving = int((known != 0.0).sum())  # a plant that is off and the sun at night are 0 in every unit
+    return int((above & ~np.isin(known, _FILL_VALUES)).sum()) >= max(_LEAST_ROWS, _LEAST_SHARE * moving)
+
+
+def _refusal(v: np.ndarray, bad: np.ndarray, kind: PhysicalRange, name: str, index: pd.Index) -> str:
+    """One sentence: what was found, where, the likely cause and the remedy."""
+    worst = float(v[bad][np.argmax(np.abs(v[bad]))])
+    if worst in _FILL_VALUES or abs(worst) > _BEYOND_UNITS:
+        likely = "a fill value of the file, or another unit"
+    else:
+        unit = next((unit.name for unit in kind.others if unit.fits(worst, worst)), "another unit")
+        likely = f"{unit}, scaled values or a failed sensor"
+    value = f"{worst:.4g}" if kind.unit == "-" else f"{worst:.4g} {kind.unit}"
+    return (
+        f"{name} holds {value} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}), beyond "
+        f"{kind.lowest:g} to {kind.highest:g}: likely {likely}; set such values to NaN, or convert the column with "
+        "skhybrid.preprocessing.UnitConverter."
+    )

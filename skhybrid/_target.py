@@ -1,0 +1,100 @@
+"""Comparison of a target with its table: the same rows, the same quantity, and not among the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+#: largest usual difference between the history in X and y [degC]: two sensors of one zone
+_MOST_APART = 5.0
+#: rows from which on what two columns have in common is no chance
+_ENOUGH_ROWS = 24
+#: different values from which on an input that is y is no chance
+_ENOUGH_VALUES = 5
+
+
+def refuse_order(given: pd.Index, index: pd.Index) -> None:
+    """Refuse a y whose index says that its rows are not those of X, by position."""
+    if given.equals(index):
+        return
+    if isinstance(given, pd.DatetimeIndex) and isinstance(index, pd.DatetimeIndex):
+        raise ValueError(
+            f"X and y have different time stamps (X from {index[0]}, y from {given[0]}); align them first."
+        )
+    ordered = pd.api.types.is_numeric_dtype(given) or isinstance(given, pd.DatetimeIndex)
+    if ordered and not given.is_monotonic_increasing:
+        numbers = given.to_numpy()
+        row = int(np.argmax(numbers[1:] < numbers[:-1]))
+        raise ValueError(
+            f"the rows of y are not in time order: index {given[row]} is followed by {given[row + 1]}; bring them into "
+            "the order of X, such as with y.sort_index()."
+        )
+    unlabelled = pd.RangeIndex(len(index))
+    both = pd.api.types.is_numeric_dtype(given) and pd.api.types.is_numeric_dtype(index)
+    if both and not unlabelled.equals(given) and not unlabelled.equals(index):
+        raise ValueError(
+            f"X and y have different indices (X from {index[0]}, y from {given[0]}); align them with "
+            "y.reindex(X.index), or reset both."
+        )
+
+
+def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None:
+    """Refuse a history in X (n,) that is not y (n,): another unit, scaled, of other rows or of other times."""
+    both = np.isfinite(history) & np.isfinite(y)
+    if not both.any():
+        return
+    known, wanted = history[both], y[both]
+    means = f"role {role!r} of X and y are not the same quantity: {role} is {known.mean():.4g} on average, y "
+    means += f"{wanted.mean():.4g}"
+    most = _MOST_APART if role.startswith("T_") else _MOST_APART * max(np.std(wanted), 0.1)
+    if np.median(np.abs(known - wanted)) > most:
+        raise ValueError(f"{means}; {_cause(known, wanted, role)}.")
+    if len(known) < _ENOUGH_ROWS or np.ptp(wanted) == 0:
+        return
+    for earlier, later, word in ((history, y, "later"), (y, history, "earlier")):
+        if np.array_equal(earlier[:-1], later[1:], equal_nan=True) and not np.array_equal(known, wanted):
+            raise ValueError(
+                f"role {role!r} of X is y one row {word}; both are the temperature at the stamp of their own row, so "
+                "give them unshifted."
+            )
+    if np.std(known - wanted) > 0.9 * np.std(wanted) and np.corrcoef(known, wanted)[0, 1] < 0.3:
+        raise ValueError(f"{means}, but they do not move together; give both the same rows in the same order.")
+
+
+def _cause(known: np.ndarray, wanted: np.ndarray, role: str) -> str:
+    """Why two measurements differ, and what to do."""
+    if not role.startswith("T_"):
+        return "give both in kW, and unscaled"
+    for unit, scale, offset in (("degF", 1.8, 32.0), ("K", 1.0, 273.15)):
+        for name, a, b in ((role, known, wanted), ("y", wanted, known)):
+            if np.median(np.abs(a - (scale * b + offset))) < 1.0:
+                return f"likely {name} is in {unit}; convert it with skhybrid.preprocessing.UnitConverter"
+    return (
+        "give both in degC and leave them unscaled (no StandardScaler, no TransformedTargetRegressor): the estimators "
+        "scale what they need to"
+    )
+
+
+def refuse_target_among(inputs: Mapping[str, np.ndarray], y: np.ndarray, *, columns: Mapping[str, int] | None) -> None:
+    """Refuse an input (n,) that is y (n,); in an array, of which ``columns`` are the positions, scaled or not."""
+    seen = np.isfinite(y)
+    wanted = y[seen]
+    if len(wanted) < _ENOUGH_ROWS or len(np.unique(wanted)) < _ENOUGH_VALUES:
+        return
+    for role, values in inputs.items():
+        if _scaled(values[seen], wanted) if columns else np.array_equal(values[seen], wanted):
+            where = f"column {columns[role]} of X, taken as {role!r}," if columns else f"column {role!r} of X"
+            remedy = f"columns={{'T_za': {columns[role]}}}" if columns else f"columns={{'T_za': {role!r}}}"
+            raise ValueError(
+                f"{where} is y itself, scaled or not, which no forecast knows ahead; keep the names of the columns "
+                f"in the steps before (.set_output(transform='pandas')), or pass {remedy}."
+            )
+
+
+def _scaled(values: np.ndarray, wanted: np.ndarray) -> bool:
+    """Whether values (n,) are a multiple of others, and an offset."""
+    v, w = values - values.mean(), wanted - wanted.mean()
+    scale = (v @ w) / (w @ w)
+    return bool(scale and np.abs(v - scale * w).max() <= 1e-6 * np.abs(v).max())
