@@ -32,8 +32,8 @@ _MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
-    r"skhybrid\.(_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|schedule|"
-    r"thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
+    r"skhybrid\.(_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
+    r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
 _MOST_ROWS = 10**8  # of an index that is not written out
@@ -231,7 +231,7 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     cls = _own_class(parts["type"])
     if kind == "type":
         return cls
-    if kind == "tuple" and issubclass(cls, tuple) and len(parts["items"]) == len(cls._fields):
+    if kind == "tuple" and issubclass(cls, tuple) and len(parts["items"]) == len(getattr(cls, "_fields", ())):
         return tuple.__new__(cls, parts["items"])
     if kind == "object" and not issubclass(cls, tuple):
         rebuilt: Any = object.__new__(cls)
