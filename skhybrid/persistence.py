@@ -233,7 +233,7 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     cls: Any = _own_class(parts["type"])
     if kind == "type":
         return cls
-    if kind == "tuple" and issubclass(cls, tuple) and len(parts["items"]) == len(cls._fields):
+    if kind == "tuple" and issubclass(cls, tuple) and len(parts["items"]) == len(getattr(cls, "_fields", ())):
         return tuple.__new__(cls, parts["items"])
     if kind == "object" and not issubclass(cls, tuple):
         rebuilt: Any = object.__new__(cls)
