@@ -25,7 +25,7 @@ def read_index(
 
     An index without stamps, or of one row, needs a given or an expected step; a column of ``X`` may hold stamps.
     """
-    given = None if sampling_time is None else _positive(sampling_time, "sampling_time")
+    given = None if sampling_time is None else positive_duration(sampling_time, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
         step = given or expected
@@ -144,7 +144,7 @@ def _duration(value: Any, name: str) -> pd.Timedelta:
         raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.") from None
 
 
-def _positive(value: Any, name: str) -> pd.Timedelta:
+def positive_duration(value: Any, name: str) -> pd.Timedelta:
     span = _duration(value, name)
     if not span > pd.Timedelta(0):
         raise ValueError(f"{name}={value!r} is not a positive duration such as '15min' or '1D'.")
@@ -161,7 +161,7 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
 
 def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:
     """Number of steps that cover a positive duration, which need not be a multiple of the step."""
-    return max(1, int(np.ceil(_positive(duration, name) / step - 1e-9)))
+    return max(1, int(np.ceil(positive_duration(duration, name) / step - 1e-9)))
 
 
 def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, step: Any = None) -> np.ndarray:
@@ -173,7 +173,7 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     if horizon is None:
         return np.zeros(1, dtype=np.int64)
     name, given = ("horizon", horizon) if origin_step is None else ("origin_step", origin_step)
-    every = _positive(given, name)
+    every = positive_duration(given, name)
     if step is not None:
         rows_of(given, pd.Timedelta(step), name)
     since = time - time[0].normalize()

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES
-from .._time import spell
+from .._time import positive_duration, spell
 from ..preprocessing._frames import numeric
-from ..preprocessing._gaps import fill_gaps, stamp_hours
+from ..preprocessing._gaps import duration, fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
@@ -92,14 +92,12 @@ def regularize(
     is never filled, so no later measurement leaks into it.
     """
     _check_frame(frame)
-    span = pd.Timedelta(max_gap)
+    span = duration(max_gap, "max_gap")
     ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
     names = list(ordered.columns)
     stamps = pd.DatetimeIndex(ordered.index)
     source = _typical_step(stamps)
-    target = source if step is None else pd.Timedelta(step)
-    if not target > pd.Timedelta(0):
-        raise ValueError(f"step={step!r} is not a positive duration such as '15min'.")
+    target = source if step is None else positive_duration(step, "step")
     grid = _even_index(stamps, target, source)
     raw = {name: _resample_column(name, numeric(ordered[name]), stamps, grid, target, source) for name in names}
     hours = stamp_hours(grid)
