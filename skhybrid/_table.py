@@ -246,6 +246,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
             ensure_all_finite=False,
             ensure_min_samples=wanted.min_rows,
         )
+        if wanted.known_roles(estimator):  # the columns of an array stand as in the training table
+            return _parse(estimator, pd.DataFrame(array, columns=estimator.feature_names_in_), wanted, steps)
         chosen = columns_by_position(array.shape[1], wanted.columns)
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}

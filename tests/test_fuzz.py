@@ -50,7 +50,7 @@ FOUND = {
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "not a mapping",
     Call("ARXRegressor.predict_quantiles", arguments=(("quantiles", "word"),)): "quantiles='median'",
     Call("ARXRegressor.score", arguments=(("sample_weight", "short"),)): "sample_weight",
-    Call("split_log", Table(columns=("T_oa", "q_sol"))): "no column T_za",
+    Call("split_log", Table(columns=("T_oa", "q_sol"))): "with a column T_za",
 }
 
 

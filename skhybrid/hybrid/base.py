@@ -209,6 +209,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             If the two do not join evenly or a column is missing.
         """
         check_is_fitted(self)
+        for name, rows in (("history", history), ("future", future)):
+            if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
+                raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
         n_ahead = len(future.index)
         if (history is not None and not len(history.index)) or not n_ahead:
             raise ValueError("history and future need at least one row each.")

@@ -102,8 +102,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     ValueError
         If a span has no rows, or the test begins before the training ends.
     """
-    if "T_za" not in frame:
-        raise ValueError(f"the log has no column T_za, only {', '.join(map(repr, frame))}; see [columns].")
+    if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
+        raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):

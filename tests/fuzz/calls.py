@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from entry_points import ARGUMENTS, TRANSFORMERS, Entry, called, entries
 from hypothesis import strategies as st
-from outcomes import Outcome, observe, state, wrong_numbers
+from outcomes import Outcome, observe, refusal, state, wrong_numbers
 from zone_tables import COLUMNS, INDEX, NOT_THE_TEMPERATURE, TARGET, Spoilt, Table, _Shown, tables, usually
 
 _FITS = ("fit", "fit_transform")
@@ -23,7 +23,7 @@ _LOADS = ("predict_load", "required_heat")
 _MISSING = ("innovations", "transform", "fit_transform", "inverse_transform", "regularize", "drift", "predict_from")
 _MISSING += ("predict_quantiles_from", "backtest", "split_log", "diagnose", "drive")
 _NO_STAMPS = ("rows", "later rows", "floats")
-_NO_SETPOINT = ("degF", "sentinel", "NaN", "inf", "word", "crossed", "short array", "complex", "three")
+_NO_SETPOINT = ("sentinel", "NaN", "inf", "word", "crossed", "short array", "complex", "three")
 #: how the same rows can be given otherwise
 SAME: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "other order": lambda X: X.iloc[:, ::-1],
@@ -93,13 +93,17 @@ class Call(_Shown):
         return ARGUMENTS[name][chosen or next(iter(ARGUMENTS[name]))](X)
 
     def _wrong(self, entry: Entry, X: Any, result: Any, warned: bool) -> str | None:
-        lie = self.lie(entry)
+        lie = self.lie(entry, warned)
         if lie is not None:
             return f"accepted: {lie}"
         roomy = not warned and not any(name in ("heat_gain", "initial_state") for name, _ in self.arguments)
         roomy = roomy and not (entry.estimator or "").startswith("DisturbanceForecaster")
         if entry.method in (*_FITS, "update", "partial_fit") and hasattr(result, "predict") and len(self.table.columns):
-            result = result.predict(X)
+            try:
+                result = result.predict(X)
+            except Exception as error:  # the call was accepted; what follows may be refused
+                after = refusal(error)
+                return after.kind if after.failed else None
         names: tuple[str, ...] = ("", "T_za", "q_") if entry.method in _TEMPERATURES else ()
         names = ("T_za",) if entry.method in _LOADS else names
         if entry.estimator in TRANSFORMERS and entry.method != "fit":
@@ -108,7 +112,7 @@ class Call(_Shown):
         missing = one_row or entry.method in _MISSING
         return wrong_numbers(result, missing=missing, temperature=names if roomy else ())
 
-    def lie(self, entry: Entry) -> str | None:
+    def lie(self, entry: Entry, warned: bool) -> str | None:
         """What must be refused in this call, where there is something."""
         if entry.estimator in TRANSFORMERS or entry.method in ("regularize", "split_log"):
             return None
@@ -122,6 +126,8 @@ class Call(_Shown):
         arguments = dict(self.arguments)
         if "setpoint" in entry.parameters and arguments.get("setpoint") in _NO_SETPOINT and self.table.n_rows > 1:
             return f"the set-point {arguments['setpoint']}"
+        if arguments.get("setpoint") == "degF" and not warned and self.table.n_rows > 1:
+            return "the set-point 72, without a warning"
         if entry.method not in _FITS or self.table.container is not None or self.table.n_rows < 24:
             return None
         if self.table.index in _NO_STAMPS:

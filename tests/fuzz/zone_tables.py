@@ -204,7 +204,10 @@ class Table(_Shown):
         """A frame, with the odd index, names and container of this table."""
         X = X if self.index is None else X.set_axis(pd.Index(INDEX[self.index](X.index)))
         X = X if self.names is None else NAMES[self.names](X)
-        return X if self.container is None else CONTAINER[self.container](X)
+        try:
+            return X if self.container is None else CONTAINER[self.container](X)
+        except ValueError:  # there are no such records
+            return X
 
     def temperature(self) -> pd.Series:
         """The temperature that was measured in these rows [degC], whatever the column ``T_za`` says."""
