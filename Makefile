@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 PYTEST_ARGS ?= -n auto --maxprocesses 4
+FUZZ_TABLES ?= 100000
+FUZZ_SECONDS ?= 1800
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install -c constraints.txt
@@ -10,7 +12,7 @@ BENCHMARKS := $(sort $(filter-out benchmarks/_% benchmarks/make_%,$(wildcard ben
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint docs bench clean
+.PHONY: help demo test fuzz lint docs bench versions clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -20,6 +22,12 @@ demo: $(VENV)/.installed  ## forecast tomorrow from a log, beside simple baselin
 
 test: $(VENV)/.installed-test  ## run the tests, with every extra (PYTEST_ARGS= for one process)
 	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS)
+
+fuzz: $(VENV)/.installed-test  ## odd tables and files for hours; FUZZ_SECONDS= per reader; a stopped run goes on
+	@status=0; $(ONE_THREAD) $(BIN)/python tests/fuzz tables --count $(FUZZ_TABLES) --seconds 14400 || status=1; \
+	for reader in csv toml model store; do \
+	  $(ONE_THREAD) $(BIN)/python tests/fuzz $$reader --seconds $(FUZZ_SECONDS) || status=1; \
+	done; $(BIN)/python tests/fuzz report; exit $$status
 
 lint: $(VENV)/.installed-lint  ## ruff and mypy
 	$(BIN)/ruff check .
@@ -32,6 +40,9 @@ docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
 bench: $(VENV)/.installed-test  ## run the benchmarks
 	@test -n "$(BENCHMARKS)" || { echo "there is nothing in benchmarks"; exit 1; }
 	@set -e; for script in $(BENCHMARKS); do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script"; done
+
+versions:  ## test the oldest and the newest versions, wheel and sdist; audit (VERSIONS="oldest --folder DIR")
+	$(PYTHON) tools/versions.py $(VERSIONS)
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build *.egg-info docs/_build docs/auto_examples docs/generated .mypy_cache .pytest_cache .ruff_cache

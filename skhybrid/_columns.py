@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .exceptions import RoleWarning, warn_user
+from ._warnings import warn_user
+from .exceptions import RoleWarning
 
 #: role (or its pattern), unit and meaning of every column that an estimator can read
 ROLES: tuple[tuple[str, str, str], ...] = (
@@ -67,6 +68,14 @@ def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required
     return found
 
 
+def roles_as_fitted(columns: Mapping[str, Any] | None, fitted: Iterable[Any]) -> list[str]:
+    """Roles of a training table with the columns ``fitted``; empty where none of them has the name of a role."""
+    columns = dict(columns or {})
+    role_by_column = {column: role for role, column in columns.items() if column is not None}
+    roles = [role_by_column.get(name) or role_of(name) for name in fitted]
+    return [role for role in roles if role is not None and columns.get(role, role) is not None]
+
+
 def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: Iterable[str]) -> list[str]:
     """Required roles that are neither present nor left out on purpose; a facade's irradiance stands for ``q_sol``."""
     given = {*present, *(role for role, column in columns.items() if column is None)}
@@ -106,6 +115,15 @@ def unmasked(values: Any, label: str) -> Any:
     """Values, NaN where a mask hides them; refused where they are times."""
     _refuse_times(values, label)
     return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
+
+
+def as_numbers(values: Any, label: str) -> np.ndarray:
+    """Values as float64, NaN where a mask hides them; refused where they are times, words or rows of unequal length."""
+    shown = unmasked(values, label)
+    try:
+        return np.asarray(shown, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
 
 
 def _refuse_times(values: Any, label: str) -> None:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .exceptions import UnitWarning, warn_user
+from ._warnings import warn_user
+from .exceptions import UnitWarning
 
 
 class PhysicalRange(NamedTuple):

@@ -10,8 +10,9 @@ import pandas as pd
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
 from sklearn.utils import Tags
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
+from ._summary import SummaryMixin
 from ._table import ZoneTable, append_tables, read_target, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
@@ -20,7 +21,17 @@ from ._time import origin_rows, rows_of
 _Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
 
 
-class RollingForecastMixin(RegressorMixin):
+def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
+    """(n_origins,) row numbers of a table with ``n_rows`` rows, negative for the ``n_before`` known rows before it."""
+    rows = np.asarray(origins)
+    if not rows.size:
+        rows = rows.astype(np.int64)
+    if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < -n_before).any() or (rows >= n_rows).any():
+        raise ValueError(f"origins must be row numbers of X, from 0 to {n_rows - 1}.")
+    return rows.astype(np.int64)
+
+
+class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict`` and its kin; a subclass sets ``horizon`` and ``_tail``, and implements the hooks."""
 
     horizon: Any
@@ -39,6 +50,14 @@ class RollingForecastMixin(RegressorMixin):
         """Value of the first row of a table without history: the measured one, or the training mean."""
         raise NotImplementedError
 
+    def _past_roles(self) -> tuple[str, ...]:
+        """Roles of what is forecast, which are known in the past only."""
+        return ("T_za",)
+
+    def _column_of(self, role: str) -> Any:
+        """The column that has a role in a frame."""
+        return (getattr(self, "columns", None) or {}).get(role, role)
+
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_tail")  # fit sets it last
 
@@ -49,7 +68,8 @@ class RollingForecastMixin(RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows; measured history (``T_za``, ``zeta``) is read only up to each origin.
+            Consecutive rows; measured history (``T_za``, ``zeta``) is read only up to each origin.  Columns are found
+            by name.  Rows that follow the last known one need no history: all are forecast from that one.
 
         Returns
         -------
@@ -89,7 +109,8 @@ class RollingForecastMixin(RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        y : array-like of shape (n_samples,); measured values, NaN where missing
+        y : array-like of shape (n_samples,)
+            Measured values, NaN where missing.
         sample_weight : array-like of shape (n_samples,), optional
         """
         check_is_fitted(self)
@@ -99,7 +120,7 @@ class RollingForecastMixin(RegressorMixin):
             y = read_target(y, table, max_missing=1.0, role=self._target_role)
         measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
 
     def __sklearn_tags__(self) -> Tags:
@@ -111,6 +132,7 @@ class RollingForecastMixin(RegressorMixin):
     def _roll(self, segment: ZoneTable, paths_of: _Paths, first_of: Callable[[ZoneTable], Any]) -> np.ndarray:
         """(n_rows, ...) forecasts of a segment, each row from the last origin before it."""
         table, n_tail = self._after_tail(segment)
+        self._refuse_lost_past(segment, n_tail)
         origins, leads = self._rolled_origins(segment, n_tail)
         if not leads.max():  # a single row without history
             return np.array([first_of(segment)], dtype=np.float64)
@@ -128,7 +150,9 @@ class RollingForecastMixin(RegressorMixin):
         if self.horizon is not None:
             rows_of(self.horizon, segment.step)  # refuses a horizon that is no multiple of the step
         if n_tail:  # the row before the segment is an origin too: it forecasts the first row
-            origins = np.concatenate([[-1], origins])
+            past = [segment.history[role] for role in self._past_roles() if role in segment.history]
+            measured = any(np.isfinite(values).any() for values in past)
+            origins = np.concatenate([[-1], origins]) if measured else np.array([-1])
         return origins, np.append(origins[1:], segment.n_rows - 1) - origins
 
     def _paths_from(
@@ -137,18 +161,26 @@ class RollingForecastMixin(RegressorMixin):
         """(n_origins, n_leads, *shape) forecasts from given rows of X; NaN after its last row."""
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
+        self._refuse_lost_past(table, n_tail)
         n_here = table.n_rows - n_tail
-        rows = np.asarray(origins)
-        if not rows.size:
-            rows = rows.astype(np.int64)
-        if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < 0).any() or (rows >= n_here).any():
-            raise ValueError(f"origins must be row numbers of X, from 0 to {n_here - 1}.")
+        rows = checked_origins(origins, n_here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))
         paths = np.array(paths_of(table, rows + n_tail, n_leads), dtype=np.float64)
         paths[rows[:, None] + np.arange(1, n_leads + 1) >= n_here] = np.nan
         return paths
+
+    def _refuse_lost_past(self, table: ZoneTable, n_tail: int) -> None:
+        """Refuse rows without the history that the training table had, where they do not follow the known rows."""
+        names = [self._column_of(role) for role in self._past_roles() if role not in table.history]
+        lost = [name for name in names if name in getattr(self, "feature_names_in_", ())]
+        if lost and not n_tail:
+            other = "; for rows ahead of a history there is forecast(history, future)" * hasattr(self, "forecast")
+            raise ValueError(
+                f"X has no column {lost[0]!r} and does not begin one step after the last known row; give what was "
+                f"measured, NaN where nothing was{other}."
+            )
 
     def _check_spans(self, step: pd.Timedelta) -> None:
         """Refuse a horizon or an ``origin_step`` that is not a multiple of the step."""

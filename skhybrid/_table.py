@@ -24,8 +24,10 @@ from ._columns import (
     missing_roles,
     read_history,
     read_input,
+    roles_as_fitted,
 )
 from ._columns import ROLES as ROLES
+from ._columns import as_numbers as as_numbers
 from ._columns import numeric as numeric
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
@@ -33,6 +35,9 @@ from ._columns import unmasked as unmasked
 from ._ranges import check_range
 from ._target import refuse_order, refuse_other_quantity, refuse_target_among
 from ._time import read_index, spell
+
+#: hours at the most that it gave, below which a plant hardly ran
+_FEW_HOURS = 1.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,16 @@ class ZoneTable:
     @property
     def T_za(self) -> np.ndarray | None:
         return self.history.get("T_za")
+
+    def hours_run(self, role: str) -> float:
+        """Hours that a plant ran, counted at the most that it gave."""
+        away = np.abs(self.inputs[role])
+        most = float(away.max(initial=0.0))
+        return float(away.sum()) / most * self.step_hours if most > 0.0 else 0.0
+
+    def hardly_ran(self, role: str) -> bool:
+        """Whether a role is a plant that ran too little to tell what its heat does."""
+        return role.startswith(("u_", "Q_")) and self.hours_run(role) < _FEW_HOURS
 
     def replace(self, **changes: Any) -> ZoneTable:
         """A copy with some fields replaced."""
@@ -202,13 +217,23 @@ class _Request(NamedTuple):
     def reads(self, role: str) -> bool:
         return self.needed is None or bool(self.needed(role))
 
+    def known_roles(self, estimator: Any) -> list[str]:
+        """Roles of the training table; empty in ``fit``, and where none of its columns had the name of a role."""
+        return [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
+
+    def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
+        """Refuse a table that lacks an input of the training table; history it need not have."""
+        absent = [role for role in known if role not in {*present, *self.history_roles} and self.reads(role)]
+        if absent:
+            name = names.get(absent[0], absent[0])
+            raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")
+
 
 def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timedelta | None]) -> ZoneTable:
     """Parse the frame or array of a caller; once per public call."""
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
-        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
-        by_role = columns_by_role(X, wanted.columns, wanted.required)
+        by_role = _columns_by_name(estimator, X, wanted)
         values = {role: numeric(X[column]) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
         index, named = X.index, any(role_of(role) == column for role, column in by_role.items()) or bool(wanted.columns)
@@ -221,6 +246,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
             ensure_all_finite=False,
             ensure_min_samples=wanted.min_rows,
         )
+        if wanted.known_roles(estimator):  # the columns of an array stand as in the training table
+            return _parse(estimator, pd.DataFrame(array, columns=estimator.feature_names_in_), wanted, steps)
         chosen = columns_by_position(array.shape[1], wanted.columns)
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
@@ -236,6 +263,25 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values), named=named)
 
 
+def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[str, Any]:
+    """The column of each role; without ``reset`` those of the training table, in its order, wherever they stand in X.
+
+    Frames whose columns have no role are held to the order of the training table, as scikit-learn does.
+    """
+    known = wanted.known_roles(estimator)
+    if not known:
+        validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
+        return columns_by_role(X, wanted.columns, wanted.required)
+    columns = wanted.columns or {}
+    places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
+    taken = {column for role, column in columns.items() if column != role}
+    found = {
+        role: column for role, column in places.items() if column in X and (role in columns or column not in taken)
+    }
+    wanted.refuse_absent(known, found, columns, X.columns)
+    return found
+
+
 def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     """Select what an estimator reads from a table that is already parsed."""
     columns = wanted.columns or {}
@@ -249,8 +295,11 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     if wanted.reset:
         estimator.feature_names_in_ = np.array(table.roles, dtype=object)
         estimator.n_features_in_ = len(table.roles)
+    known = wanted.known_roles(estimator)
+    wanted.refuse_absent(known, table.roles, {}, table.roles)
     values = {**table.inputs, **table.history}
     values = {role: v for role, v in values.items() if columns.get(role, role) is not None}
+    values = {role: v for role, v in values.items() if not known or role in {*known, *wanted.history_roles}}
     history = {role: v for role, v in values.items() if role in wanted.history_roles}
     inputs = {role: v for role, v in values.items() if role not in history and wanted.reads(role)}
     for role in table.history:

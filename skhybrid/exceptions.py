@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
-from pathlib import Path
-from types import FrameType
-
-_PACKAGE = str(Path(__file__).parent)
+__all__ = [
+    "ExcitationWarning",
+    "ModelFileError",
+    "RoleWarning",
+    "ScaleNotIdentifiableWarning",
+    "SkhybridWarning",
+    "UnitWarning",
+]
 
 
 class SkhybridWarning(UserWarning):
@@ -32,22 +34,3 @@ class ExcitationWarning(SkhybridWarning):
 
 class ModelFileError(ValueError):
     """A model file is truncated, altered, from another version, or not a model file at all."""
-
-
-def warn_user(message: str, category: type[SkhybridWarning]) -> None:
-    """Warn at the user's line that called this package, however deep in the package the cause was found.
-
-    Parameters
-    ----------
-    message : str
-        Text of the warning.
-    category : type
-        Class of the warning.
-    """
-    level, frame = 1, sys._getframe()
-    while frame.f_code.co_filename.startswith(_PACKAGE):
-        outer: FrameType | None = frame.f_back
-        if outer is None:
-            break
-        level, frame = level + 1, outer
-    warnings.warn(message, category, stacklevel=level)

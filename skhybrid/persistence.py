@@ -11,11 +11,8 @@ import hashlib
 import importlib
 import os
 import re
-import tempfile
+import stat
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,44 +20,33 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
+from ._archive import MOST_BYTES, check_archive, is_tight
+from ._files import atomic_path
 from ._skops import import_skops
 from .exceptions import ModelFileError
+
+__all__ = ["load_model", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
 _OWN = "skhybrid."
+#: modules whose classes a file may name; the ones left out unpickle, write files or start processes
+_HOLDERS = re.compile(
+    r"skhybrid\.(_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
+    r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
+)
+_BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
+_MOST_ROWS = 10**8  # of an index that is not written out
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
     "sklearn.metrics._scorer._PassthroughScorer",
     "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
     "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+    "sklearn.utils._metadata_requests.MetadataRequest",  # of a scorer of scikit-learn 1.6
+    "sklearn.utils._metadata_requests.MethodMetadataRequest",
 ]
 #: values written as they are, apart from masked arrays and arrays of objects.
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
-
-
-@contextmanager
-def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Path of a temporary file that replaces ``path`` if the block ends without an error, and else is removed.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to create or replace; its folder is created if needed.
-    """
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    made = Path(name)
-    try:
-        yield made
-        mask = os.umask(0o022)
-        os.umask(mask)
-        made.chmod(0o666 & ~mask)
-        os.replace(made, target)
-    finally:
-        made.unlink(missing_ok=True)
 
 
 def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
@@ -83,6 +69,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
     try:
         data = _to_data(estimator, type(estimator).__name__)
         body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
+        if is_tight(body):  # load_model refuses what looks like a bomb
+            body = io.dumps(data)
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
     unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))
@@ -91,6 +79,10 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
             f"{type(estimator).__name__} contains a {unknown[0]}, which cannot be written as data that is safe to "
             "read; use another regressor (not a tree ensemble)."
         )
+    try:
+        _decode(body, path)
+    except ModelFileError as error:
+        raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error.__cause__}") from error
     version = __version__.encode()
     with atomic_path(path) as made:
         made.write_bytes(b"skhybrid-model version=%s sha256=%s\n%s" % (version, _digest(version, body), body))
@@ -108,12 +100,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skhybrid.exceptions.ModelFileError
         If the file is truncated, altered, from another version (major.minor), or not a model file.
     """
-    content = Path(path).read_bytes()
-    header = _HEADER.match(content)
-    if header is None:
-        raise ModelFileError(f"{path} is not a skhybrid model file, or its first line was altered.")
-    version, digest = header[1], header[2]
-    body = content[header.end() :]
+    version, digest, body = _read(path)
     if _digest(version, body) != digest:
         raise ModelFileError(f"{path} was truncated or altered after it was saved; save the model again.")
     if _major_minor(version.decode()) != _major_minor(__version__):
@@ -124,17 +111,28 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     return _decode(body, path)
 
 
+def _read(path: str | os.PathLike[str]) -> tuple[bytes, bytes, bytes]:
+    """Version, checksum and archive of a file that begins as a model file does."""
+    found = os.stat(path)
+    if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
+        raise ModelFileError(f"{path} is not a file; give the path of a model file.")
+    with open(path, "rb") as file:
+        header = _HEADER.fullmatch(file.readline(200))
+        if header is None:
+            raise ModelFileError(f"{path} is not a skhybrid model file, or its first line was altered.")
+        if found.st_size > MOST_BYTES:
+            raise ModelFileError(f"{path} has {found.st_size:,} bytes, and a model file at most {MOST_BYTES:,}.")
+        return header[1], header[2], file.read()
+
+
 def _decode(body: bytes, path: object) -> Any:
     io = import_skops()
     try:
-        return _from_data(io.loads(body, trusted=_TRUSTED))
+        return _from_data(io.loads(check_archive(body), trusted=_TRUSTED))
     except io.exceptions.UntrustedTypesFoundException as error:
-        raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from None
-    except (
-        zipfile.BadZipFile, ValueError, TypeError, KeyError, IndexError, AttributeError, ImportError, EOFError,
-        RecursionError, NotImplementedError,
-    ) as error:  # fmt: skip
-        raise ModelFileError(f"{path} cannot be read as a model: {error}") from None
+        raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
+    except Exception as error:  # a forged file can let any part of the reading fail
+        raise ModelFileError(f"{path} cannot be read as a model: {error or type(error).__name__}.") from error
 
 
 def _digest(version: bytes, body: bytes) -> bytes:
@@ -218,6 +216,8 @@ def _from_data(value: Any) -> Any:
 
 def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     parts = {k: _from_data(v) for k, v in value.items() if k != _MARK}
+    if any(not isinstance(parts[k], list) for k in ("items", "pairs", "tuples") if k in parts):
+        raise ValueError(f"the items of a {kind} are not a list")  # a range of 10**12 would be unfolded
     if kind in _PANDAS:
         return _PANDAS[kind][2](**parts)
     if kind == "dict":
@@ -230,10 +230,10 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
         return made.reshape(parts["shape"])
     if kind == "masked":
         return np.ma.MaskedArray(parts["data"], mask=parts["mask"])
-    cls = _own_class(parts["type"])
+    cls: Any = _own_class(parts["type"])
     if kind == "type":
         return cls
-    if kind == "tuple" and issubclass(cls, tuple):
+    if kind == "tuple" and issubclass(cls, tuple) and len(parts["items"]) == len(getattr(cls, "_fields", ())):
         return tuple.__new__(cls, parts["items"])
     if kind == "object" and not issubclass(cls, tuple):
         rebuilt: Any = object.__new__(cls)
@@ -243,15 +243,16 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
 
 
 def _own_class(name: str) -> type:
-    """Return a class defined in this package, by "module:qualified name"; imported names are refused."""
+    """Return a class of this package that holds data, by "module:qualified name"; imported names are refused."""
     module, _, qualified = name.partition(":")
-    if not re.fullmatch(r"skhybrid(\.\w+)+", module):
-        raise ValueError(f"{name!r} is not a class of skhybrid")
+    if not _HOLDERS.fullmatch(module):
+        raise ValueError(f"{name!r} is not a class of skhybrid that a model file may name")
     found: Any = importlib.import_module(module)
     for part in qualified.split("."):
         found = vars(found)[part]
-    if not isinstance(found, type) or found.__module__ != module or found.__qualname__ != qualified:
-        raise ValueError(f"{name!r} is not a class of skhybrid")
+    named = isinstance(found, type) and (found.__module__, found.__qualname__) == (module, qualified)
+    if not named or {base.__module__.partition(".")[0] for base in found.__mro__} - _BASES:
+        raise ValueError(f"{name!r} is not a class of skhybrid that a model file may name")
     return found
 
 
@@ -274,8 +275,25 @@ def _frame_to_data(value: pd.DataFrame) -> dict[str, Any]:
     return {"index": value.index, "columns": value.columns, "values": [_column_values(c) for _, c in value.items()]}
 
 
+def _data_to_range(start: int, stop: int, step: int, name: Any) -> pd.RangeIndex:
+    if len(range(start, stop, step)) > _MOST_ROWS:
+        raise ValueError(f"an index has more than {_MOST_ROWS:,} rows")
+    return pd.RangeIndex(start, stop, step, name=name)
+
+
+def _data_to_series(values: Any, index: pd.Index, name: Any) -> pd.Series:
+    return pd.Series(_per_row(values, index), index=index, name=name)
+
+
+def _per_row(values: Any, index: pd.Index) -> Any:
+    """The values, which pandas would repeat for every row if they were one number."""
+    if not isinstance(values, np.ndarray | pd.Index) or len(values) != len(index):
+        raise ValueError("the values and the index of a table differ in length")
+    return values
+
+
 def _data_to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.DataFrame:
-    made = pd.DataFrame(dict(enumerate(values)), index=index)
+    made = pd.DataFrame({number: _per_row(column, index) for number, column in enumerate(values)}, index=index)
     made.columns = columns
     return made
 
@@ -304,7 +322,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     "RangeIndex": (
         pd.RangeIndex,
         lambda v: {"start": v.start, "stop": v.stop, "step": v.step, "name": v.name},
-        lambda start, stop, step, name: pd.RangeIndex(start, stop, step, name=name),
+        _data_to_range,
     ),
     "MultiIndex": (
         pd.MultiIndex,
@@ -319,7 +337,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     "Series": (
         pd.Series,
         lambda v: {"values": _column_values(v), "index": v.index, "name": v.name},
-        lambda values, index, name: pd.Series(values, index=index, name=name),
+        _data_to_series,
     ),
     "DataFrame": (pd.DataFrame, _frame_to_data, _data_to_frame),
 }

@@ -59,7 +59,7 @@ def test_ratio_and_interval_agree_with_scipy_where_origins_are_drawn_singly():
 
     sums = (mine.sum(axis=1), other.sum(axis=1))
     truth = bootstrap(
-        sums, statistic, paired=True, vectorized=True, confidence_level=0.9, method="percentile", rng=1
+        sums, statistic, paired=True, vectorized=True, confidence_level=0.9, method="percentile", random_state=1
     ).confidence_interval
     assert found.value == pytest.approx(statistic(*sums))
     width = truth.high - truth.low

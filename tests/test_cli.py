@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
+import time
 import tomllib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +20,7 @@ import pandas as pd
 import pytest
 
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
-from skhybrid.cli import main
+from skhybrid.cli import _output, main
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model
 from skhybrid.preprocessing import FacadeIrradiance
@@ -24,16 +28,17 @@ from skhybrid.schedule import ScheduledNetwork
 from skhybrid.study import (
     Settings,
     Yesterday,
-    format_table,
     make_models,
     propose_settings,
     read_log,
     read_settings,
     run_study,
-    settings_from,
     split_log,
+    write_outputs,
 )
+from skhybrid.study.outputs import format_table
 from skhybrid.study.run import INTERVAL
+from skhybrid.study.settings import settings_from
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
@@ -362,6 +367,180 @@ def test_a_run_that_is_stopped_leaves_nothing(files, name):
     assert (running.returncode, err) == (130, "skhybrid: stopped\n")
     assert not (files / "out").exists()
     assert not list((files / "scratch").iterdir())
+
+
+# ---------------------------------------------------------------------------------------------- old folders, full disks
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    _log().to_csv(folder / "log.csv")
+    (folder / "zone.toml").write_text(CONFIG)
+    settings = read_settings(folder / "zone.toml")
+    return run_study(settings, split_log(read_log(folder / "log.csv", settings)[0], settings))
+
+
+@pytest.fixture
+def old(files, result, monkeypatch):
+    """A folder with the files of an earlier run and one of the user's; the next run finds its study done."""
+    monkeypatch.setattr("skhybrid.cli._study.run_study", lambda *_: result)
+    folder = files / "out"
+    folder.mkdir()
+    for name in FILES:
+        (folder / name).write_text("old")
+    (folder / "notes.txt").write_text("mine")
+    return folder
+
+
+def _contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def _fail(error):
+    def fail(*_, **__):
+        raise error
+
+    return fail
+
+
+def test_a_second_run_replaces_every_file_of_the_first_and_no_other(files, old):
+    assert _run(files, "-q") == 0
+    found = _contents(old)
+    assert set(found) == {*FILES, "notes.txt"}
+    assert {name for name, content in found.items() if content in (b"old", b"mine")} == {"notes.txt"}
+
+
+@pytest.mark.parametrize("part", ["_write_csv", "save_model", "write_report", "study_picture"])
+def test_a_run_that_fails_in_its_report_leaves_the_old_files(files, old, capsys, monkeypatch, part):
+    before = _contents(old)
+    monkeypatch.setattr(f"skhybrid.study.outputs.{part}", _fail(OSError(errno.ENOSPC, "No space left on device")))
+    assert _run(files, "-q") == 1
+    assert _contents(old) == before
+    err = capsys.readouterr().err
+    assert err == f"skhybrid: error: [Errno 28] cannot write: No space left on device: '{old}'\n"
+
+
+def test_a_disk_that_fills_up_leaves_the_old_files(files, old, capsys):
+    before = _contents(old)
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, most))
+    try:
+        assert _run(files, "-q") == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    assert _contents(old) == before
+    assert f"cannot write: File too large: '{old}'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_a_swap_that_is_interrupted_is_finished(result, old, monkeypatch, stop):
+    replace_, calls = Path.replace, []
+
+    def interrupted(self, target):
+        calls.append(target)
+        if len(calls) == 3:
+            raise stop
+        return replace_(self, target)
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(stop):
+        write_outputs(result, old)
+    found = _contents(old)
+    assert set(found) == {*FILES, "notes.txt"}
+    assert b"old" not in found.values()
+
+
+@pytest.fixture
+def process(monkeypatch):
+    """Runs the command line as a process does, with its handlers of signals."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["skhybrid", *map(str, arguments)])
+        return main()
+
+    yield run
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    _output._received.clear()
+
+
+def _terminate(*_, **__):
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _swallow(*_, **__):
+    with suppress(SystemExit):
+        _terminate()
+
+
+def _swallow_and_work_on(*_, **__):
+    _swallow()
+    time.sleep(30)
+
+
+def _fail_after_a_signal(*_, **__):
+    _swallow()
+    raise ImportError("numpy failed to import")
+
+
+def _lose_a_worker(*_, **__):
+    _swallow()
+    raise RuntimeError("a worker process was terminated")
+
+
+@pytest.mark.parametrize("act", [_terminate, _swallow, _fail_after_a_signal, _lose_a_worker])
+@pytest.mark.parametrize(
+    "part", ["study.read_settings", "cli._study.run_study", "study.outputs.save_model", "study.outputs.study_picture"]
+)
+def test_a_stop_ends_with_its_code_wherever_it_arrives(files, old, result, process, monkeypatch, capsys, part, act):
+    before = _contents(old)
+    done = {"read_settings": read_settings, "run_study": lambda *_: result}.get(
+        part.rpartition(".")[2], lambda *_: None
+    )
+
+    def acting(*args, **kwargs):
+        act()
+        return done(*args)
+
+    monkeypatch.setattr(f"skhybrid.{part}", acting)
+    code = process("run", files / "log.csv", "--config", files / "zone.toml", "--out", old, "-q")
+    assert (code, capsys.readouterr().err) == (130, "skhybrid: stopped\n")
+    assert _contents(old) == before
+
+
+def test_a_stop_that_a_library_swallows_is_raised_again(files, old, process, monkeypatch):
+    monkeypatch.setattr("skhybrid.cli._study.run_study", _swallow_and_work_on)
+    started = time.monotonic()
+    assert process("run", files / "log.csv", "--config", files / "zone.toml", "--out", old, "-q") == 130
+    assert time.monotonic() - started < 15
+
+
+def test_a_stop_inside_an_exec_keeps_its_code(tmp_path):
+    """CPython exits with SIGINT's code after any KeyboardInterrupt in an exec of text, though it was caught."""
+    program = (
+        "import os, signal, sys\nfrom skhybrid.cli import demo, main\n"
+        "demo.execute = lambda _: exec('os.kill(os.getpid(), signal.SIGTERM)', globals())\nsys.exit(main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "demo"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "skhybrid: stopped\n")
+
+
+def test_a_stop_while_it_starts_ends_with_its_code(files):
+    """The handlers stand before the libraries are imported."""
+    arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out", str(files / "out")]
+    running = subprocess.Popen([sys.executable, "-m", "skhybrid", *arguments], stderr=subprocess.PIPE, text=True)
+    status = Path(f"/proc/{running.pid}/status")
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        caught = status.read_text().split("SigCgt:")[1].split()[0]
+        if int(caught, 16) >> (signal.SIGTERM - 1) & 1:
+            break
+        time.sleep(0.001)
+    running.send_signal(signal.SIGTERM)
+    _, err = running.communicate(timeout=60)
+    assert (running.returncode, err) == (130, "skhybrid: stopped\n")
 
 
 # ------------------------------------------------------------------------------------------------------ configurations

@@ -648,7 +648,7 @@ def test_other_step_or_columns_than_in_fit(office):
     model = gray_box(office)
     with pytest.raises(ValueError, match="a sampling time of 30 min, but GrayBoxRC was fitted at 15 min; resample"):
         model.predict(office.X[::2])
-    with pytest.raises(ValueError, match=r"feature names should match.*(?s:.)*u_cool"):
+    with pytest.raises(ValueError, match=r"X has no column 'u_cool', which the training table has; it has 'T_oa'"):
         model.predict(office.X.drop(columns="u_cool"))
     with pytest.raises(ValueError, match="X has 4 features, but GrayBoxRC is expecting 5"):
         gray_box(office, office.X.to_numpy(), columns={"u_heat": 2, "u_cool": 3, "T_za": 4}).predict(np.zeros((3, 4)))

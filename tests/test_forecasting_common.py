@@ -207,7 +207,7 @@ def test_forecast_refuses_a_gap_and_a_missing_column():
     model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])
     with pytest.raises(ValueError, match="it must begin one step"):
         model.forecast(X.iloc[200:210], X.iloc[212:230])
-    with pytest.raises(ValueError, match="'q_sol' of the training table is missing"):
+    with pytest.raises(ValueError, match="X has no column 'q_sol', which the training table has"):
         model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
 
 

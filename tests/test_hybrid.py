@@ -26,7 +26,7 @@ from skhybrid import (
 )
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ScaleNotIdentifiableWarning
-from skhybrid.hybrid import takes_two_stages
+from skhybrid.hybrid.predictor import takes_two_stages
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter

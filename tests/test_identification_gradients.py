@@ -101,7 +101,7 @@ def test_jacobian_is_exact(kind, known, experiment):
     searched = tuple(p for p in (*network.parameters(ROLES), *disturbance.own) if p.name not in known)
     problem = PredictionErrorProblem(network, e, disturbance, searched, {k: VALUES[k] for k in known})
     x = np.array([p.to_free(VALUES[p.name]) for p in searched])
-    found, expected = problem.jacobian(x), differences(problem.residuals, x)
+    found, expected = problem.linearised(x)[1], differences(problem.residuals, x)
     assert found.shape == (len(e.y) - disturbance.first_counted(len(e.y)), len(searched))
     scale = np.abs(expected).max(axis=0)
     assert (scale > 1e-5).all()  # every parameter moves something, so that the comparison can fail

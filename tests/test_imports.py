@@ -15,7 +15,10 @@ import skhybrid
 
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
-BASE = {"_docs", "_ranges", "_rolling", "_table", "_threads", "_time", "_transaction", "exceptions"}
+BASE = {
+    "_docs", "_files", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings",
+    "exceptions",
+}  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
     "thermal": {"filtering"},
@@ -24,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "schedule": {"filtering", "thermal", "control"},
     "forecasting": {"filtering"},
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
-    "persistence": {"_skops"},
+    "persistence": {"_archive", "_files", "_skops"},
     "preprocessing": set(),
     "datasets": {"thermal", "preprocessing"},
     "model_selection": {"identification", "forecasting", "hybrid"},
@@ -43,15 +46,19 @@ STRICT = {
     "filtering": set(),
     "exceptions": set(),
     "_docs": set(),
+    "_files": set(),
+    "_warnings": {"exceptions"},
     "_time": set(),
     "_threads": set(),
     "_transaction": set(),
+    "_archive": set(),
     "_skops": set(),
-    "_ranges": {"exceptions"},
+    "_ranges": {"_warnings", "exceptions"},
     "_target": set(),
-    "_columns": {"exceptions"},
+    "_columns": {"_warnings", "exceptions"},
     "_table": {"_columns", "_ranges", "_target", "_time", "exceptions"},
-    "_rolling": {"_table", "_threads", "_time", "exceptions"},
+    "_summary": {"_table", "_time"},
+    "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
 READERS = {"model_selection", "inspection", "study", "cli"}

@@ -18,8 +18,8 @@ from skhybrid.inspection import (
     ForecastDisplay,
     LeadErrorDisplay,
     ScheduleDisplay,
-    blank_axes,
 )
+from skhybrid.inspection.unshown_figure import blank_axes
 from skhybrid.model_selection import backtest
 
 INDEX = pd.date_range("2024-01-01", periods=6 * 24, freq="1h", tz="Europe/Amsterdam")

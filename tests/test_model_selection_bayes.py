@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.integrate import trapezoid
 from sklearn.base import clone
 
 from skhybrid.exceptions import SkhybridWarning
@@ -295,7 +296,7 @@ def test_probabilities_agree_with_quadrature_to_a_hundredth(errors, comparison):
     cdf_best, _ = predicted(comparison.best_)
     for case in medians.index:
         _, density = predicted(case)
-        expected = np.trapezoid(cdf_best * density, steps)
+        expected = trapezoid(cdf_best * density, steps)
         assert comparison.probability_[case] == pytest.approx(expected, abs=0.01), case
     assert list(comparison.probability_.index) == list(medians.sort_values().index)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import pickle
+import resource
 import zipfile
 from pathlib import Path
 from typing import NamedTuple
@@ -21,10 +24,11 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
+from skhybrid._files import atomic_path
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.model_selection import RollingOriginSplit
-from skhybrid.persistence import atomic_path, load_model, save_model
+from skhybrid.persistence import load_model, save_model
 
 
 def _data():
@@ -261,3 +265,50 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path):
         _write_half(made)
     assert path.read_text() == "old"
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+
+
+def _limited(size):
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
+
+
+def test_a_full_disk_is_named_and_leaves_the_old_model(saved):
+    path, model, _ = saved
+    old = path.read_bytes()
+    _limited(500)
+    try:
+        with pytest.raises(OSError, match=rf"cannot write: File too large: '{path}'"):
+            save_model(model, path)
+    finally:
+        _limited(resource.RLIM_INFINITY)
+    assert path.read_bytes() == old
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
+def test_a_disk_that_tells_late_leaves_the_old_model(saved, monkeypatch, number):
+    path, model, _ = saved
+    old = path.read_bytes()
+
+    def fsync(_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with pytest.raises(OSError, match=rf"{os.strerror(number)}: '{path}'"):
+        save_model(model, path)
+    assert path.read_bytes() == old
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_place_that_cannot_be_written_is_named(saved, monkeypatch):
+    path, model, _ = saved
+    with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{path.parent}'"):
+        save_model(model, path.parent)
+    with pytest.raises(OSError, match=rf"cannot write: (Not a directory|File exists): '{path}/m'"):
+        save_model(model, path / "m")
+    old = path.read_bytes()
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write to every file
+    with pytest.raises(PermissionError, match=rf"Permission denied: '{path}'"):
+        save_model(model, path)
+    assert path.read_bytes() == old
+    assert len(list(path.parent.iterdir())) == 1

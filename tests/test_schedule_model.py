@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,14 +14,7 @@ from scipy.optimize import lsq_linear
 from skhybrid._table import ZoneTable
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample, hourly_sample, lead_rows
-from skhybrid.schedule import (
-    NumberedSegment,
-    RollingNetwork,
-    ScheduledNetwork,
-    fit_leads,
-    forecast_from_origins,
-    make_segment,
-)
+from skhybrid.schedule import NumberedSegment, RollingNetwork, ScheduledNetwork, fit_leads, make_segment
 from skhybrid.schedule.channels import GROUPS, known_heat, make_channels, make_plan, with_contrast
 from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
 from skhybrid.schedule.filter_model import NOISE, FilterModel
@@ -30,6 +24,27 @@ from skhybrid.thermal import get_network
 
 DAY = 48  # rows, at 30 min
 N_TRAIN = 8 * DAY
+
+
+class RolledForecasts(NamedTuple):
+    """Forecasts from several origins, and the errors of the history's."""
+
+    paths: np.ndarray  # (n_origins, n_leads) [K from the reference]
+    heat: np.ndarray  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
+    errors: np.ndarray  # (O, L) [K], as in RollingNetwork
+    states: list  # at each origin
+
+
+def forecast_from_origins(fit, rows, origins, n_leads, adapt, memory=0):
+    """Forecast from each of increasing ``origins`` (rows), by the memory of that index in HALF_LIVES."""
+    network = RollingNetwork(fit, rows.begin, rows.joined, adapt)
+    paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
+    states = []
+    for i, origin in enumerate(origins):
+        network.advance(rows, int(origin))
+        paths[i], heat[i] = (of_memories[memory] for of_memories in network.forecast(rows, n_leads))
+        states.append(network.state(memory))
+    return RolledForecasts(paths, heat, network.errors[..., memory], states)
 
 
 def slope(function, step):

@@ -19,10 +19,10 @@ from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
 from skhybrid.hybrid.members import ARXMember, DayBeforeMember, NumberedTable
-from skhybrid.hybrid.residual_correction import residual_correction
+from skhybrid.hybrid.rolling_blend import residual_correction
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import NumberedSegment, fit_leads, forecast_from_origins, loads, make_segment
+from skhybrid.schedule import NumberedSegment, RollingNetwork, fit_leads, loads, make_segment
 from skhybrid.schedule.schedule_loads import increasing_curve
 from skhybrid.thermal import get_network
 
@@ -521,13 +521,20 @@ class Piece:
         return NumberedSegment(make_segment(self.fit.segment.plan, table, self.T, self.fit.reference), N_TRAIN, True)
 
     def learned(self, origins):
-        return forecast_from_origins(self.fit, self.later(), origins, 1, None).states
+        later = self.later()
+        return [self.rolled(later, origin).state() for origin in origins]
+
+    def rolled(self, later, origin):
+        network = RollingNetwork(self.fit, later.begin, later.joined, None)
+        network.advance(later, int(origin))
+        return network
 
     def path(self, heat, origin):
         """Forecast [degC] of the rows behind an origin under the heat from it on."""
         n = self.table.n_rows - origin - 1
         later = self.later(heat[: n + 1], origin)
-        return forecast_from_origins(self.fit, later, np.array([origin]), n, None).paths[0] + self.fit.reference
+        paths, _ = self.rolled(later, origin).forecast(later, n)
+        return paths[0] + self.fit.reference
 
 
 @pytest.fixture(scope="module")

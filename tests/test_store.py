@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -98,7 +99,9 @@ def test_other_data_are_refused_with_the_difference(path):
 def test_another_kind_of_file_is_refused(path):
     path.parent.mkdir()
     path.write_text("a table of results that somebody wrote by hand\n" * 100)
-    with pytest.raises(ValueError, match="cannot be used"):
+    with pytest.raises(
+        OSError, match=r"results\.sqlite cannot be used \(file is not a database\); give the path of an"
+    ):
         ResultStore(path, {})
     assert path.read_text().startswith("a table")
 
@@ -117,6 +120,95 @@ def test_without_a_path_results_stay_in_memory():
         store.finish({TASKS[0]: GOOD})
         assert store.results(["a"]) == {TASKS[0]: GOOD}
         assert store.results(["b"]) == {}
+
+
+# ------------------------------------------------------------------------------------------------------------- the disk
+def _filled(path):
+    with ResultStore(path, {}) as store:
+        store.finish({TASKS[0]: GOOD})
+
+
+def test_a_full_disk_is_named_and_results_are_kept(path):
+    store = ResultStore(path, {})
+    store.finish({TASKS[0]: GOOD})
+    pages = store._db.execute("PRAGMA page_count").fetchone()[0]
+    store._db.execute(f"PRAGMA max_page_count = {pages}")
+    long = BAD._replace(error="x" * 100_000)
+    with pytest.raises(OSError, match=r"results\.sqlite cannot be used \(database or disk is full\); free some space"):
+        store.finish({TASKS[1]: long})
+    assert store.results() == {TASKS[0]: GOOD}
+    store.close()
+    with ResultStore(path, {}) as again:
+        assert again.results() == {TASKS[0]: GOOD}
+        again.finish({TASKS[1]: long})
+
+
+def _fill_the_disk_and_fail(store):
+    """The disk fills up between two results; then something else fails."""
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with store:
+        store.claim(TASKS)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1, most))
+        try:
+            with pytest.raises(OSError, match=r"results\.sqlite cannot be used .*what it holds is kept"):
+                store.finish({TASKS[1]: GOOD})
+            store.close()  # cannot give back its claims
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        raise RuntimeError("the cause")
+
+
+def test_a_disk_that_fills_up_hides_no_other_error(path):
+    _filled(path)
+    with pytest.raises(RuntimeError, match="the cause"):
+        _fill_the_disk_and_fail(ResultStore(path, {}))
+    with ResultStore(path, {}) as again:
+        assert again.results() == {TASKS[0]: GOOD}
+
+
+def test_a_corrupt_store_is_named_and_left_as_it_is(path):
+    _filled(path)
+    content = bytearray(path.read_bytes())
+    content[100:] = b"\xff" * (len(content) - 100)
+    path.write_bytes(content)
+    with pytest.raises(
+        OSError, match=r"results\.sqlite cannot be used \(.*malformed.*\); give the path of another file"
+    ):
+        ResultStore(path, {})
+    assert path.read_bytes() == content
+
+
+def test_a_store_that_breaks_while_it_is_used_is_named(path):
+    with ResultStore(path, {}) as store:
+        store._db.execute("DROP TABLE result")
+        for use in (store.results, lambda: store.claim(TASKS), lambda: store.finish({TASKS[0]: GOOD})):
+            with pytest.raises(OSError, match=r"results\.sqlite cannot be used \(no such table: result\)"):
+                use()
+
+
+@pytest.mark.parametrize("kind", ["folder", "below a file", "null"])
+def test_a_path_that_is_no_file_is_named(tmp_path, kind):
+    (tmp_path / "file").write_text("")
+    place = {"folder": tmp_path, "below a file": tmp_path / "file" / "a.sqlite", "null": "/dev/null"}[kind]
+    with pytest.raises(OSError, match=rf"store {place} (is not a file|cannot be created).*give the path of another"):
+        ResultStore(place, {})
+
+
+def test_a_read_only_store_is_named(path):
+    """As a user without rights, since files are never read-only for root."""
+    _filled(path)
+    path.chmod(0o444)
+    path.parent.chmod(0o555)
+    program = (
+        "import os, sys\nfrom skhybrid.model_selection.search.store import ResultStore\n"
+        "if os.getuid() == 0: os.seteuid(65534)\nResultStore(sys.argv[1], {})"
+    )
+    for folder in path.parents[:4]:
+        folder.chmod(folder.stat().st_mode | 0o055)
+    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
+    path.parent.chmod(0o755)
+    assert f"StoreError: store {path} cannot be used (" in done.stderr
+    assert "writable, or give the path of another file." in done.stderr
 
 
 # -------------------------------------------------------------------------------------------------------- fingerprint

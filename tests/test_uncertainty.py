@@ -20,7 +20,7 @@ from skhybrid.identification.uncertainty.constrained_problem import ConstrainedP
 from skhybrid.identification.uncertainty.identifiability import assess
 from skhybrid.identification.uncertainty.least_squares_errors import least_squares_uncertainty
 from skhybrid.identification.uncertainty.periodic_errors import periodic_uncertainty
-from skhybrid.identification.uncertainty.standard_errors import jackknife_covariance
+from skhybrid.identification.uncertainty.standard_errors import ParameterUncertainty, jackknife_covariance
 from skhybrid.thermal import Parameter
 
 KNOWN = {"Q_h": 6.0}
@@ -49,7 +49,7 @@ def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
     sensitivity = np.array([[200.0, 100.0, 0.0], [0.0, 0.0, 5.0]])
     flat = np.array([1.0, -2.0, 0.0])
     model = np.linalg.pinv(sensitivity.T @ sensitivity) + 1e6 * np.outer(flat, flat)
-    found = assess(sensitivity, model, np.ones(3), [A, B, C], 11, ("B",), ())
+    found = assess(ParameterUncertainty((A, B, C), sensitivity, model, np.zeros((3, 3)), 11), ("B",), ())
     np.testing.assert_allclose(found.singular_values, [np.hypot(200, 100), 5.0, 0.0], atol=1e-12)
     # A^2 B stays as it is when A rises by the power 1/2 of that by which B falls
     assert found.flat_directions in (
@@ -63,7 +63,8 @@ def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
 
 
 def test_a_direction_is_weaker_where_the_days_say_so():
-    found = assess(np.diag([100.0, 5.0]), np.diag([1e-4, 0.04]), np.array([1.0, 2.0]), [A, B], 11, (), ())
+    model, days = np.diag([1e-4, 0.04]), np.diag([1e-4, 0.16])
+    found = assess(ParameterUncertainty((A, B), np.diag([100.0, 5.0]), model, days, 11), (), ())
     assert f"{np.expm1(stats.t.ppf(0.95, 10) * 0.4):+.0%}" in found.weak_directions[0]
 
 
@@ -350,12 +351,12 @@ def test_posterior_is_about_normal_on_an_easy_problem(office):
 
 def test_bad_chains_are_errors(office, output):
     good = pd.DataFrame({"r_hat": [1.0, 1.01], "ess": [400.0, 500.0]}, index=["C_w", "C_za"])
-    posterior._refuse_bad(good)
+    posterior.refuse_bad_chains(good, "or give a prior")
     with pytest.raises(RuntimeError, match="disagree about C_za"):
-        posterior._refuse_bad(good.assign(r_hat=[1.0, 1.2]))
+        posterior.refuse_bad_chains(good.assign(r_hat=[1.0, 1.2]), "or give a prior")
     with pytest.raises(RuntimeError, match="draws of C_w are worth 20"):
-        posterior._refuse_bad(good.assign(ess=[20.0, 500.0]))
+        posterior.refuse_bad_chains(good.assign(ess=[20.0, 500.0]), "or give a prior")
     with pytest.raises(RuntimeError, match="disagree"):
-        posterior._refuse_bad(good.assign(r_hat=[1.0, np.nan]))
+        posterior.refuse_bad_chains(good.assign(r_hat=[1.0, np.nan]), "or give a prior")
     with pytest.raises(ValueError, match="chains=1 is less than 2"):
         sample_posterior(output, office.X, office.y, chains=1)

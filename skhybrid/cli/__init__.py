@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import threading
 from collections.abc import Sequence
 
 from .. import __version__
 from . import demo, run
-from ._output import DONE, FAILED, STOPPED, one_line, report_error, stop_on_signals
+from ._output import DONE, FAILED, end_on_signals, is_stopped, one_line, report_error, report_stop, stop_on_signals
 
 __all__ = ["main"]
 
@@ -22,21 +21,34 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns 0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the
     command line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
     """
-    parser = _parser()
+    if argv is not None or threading.current_thread() is not threading.main_thread():
+        return _run(argv)
     try:
-        arguments = parser.parse_args(argv)
+        stop_on_signals()  # before the imports of a command, which take seconds
+        code = _run(argv)
+    except (KeyboardInterrupt, SystemExit):
+        code = report_stop()
+    end_on_signals(code)
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """Run the command line and return its exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
     except SystemExit as stop:  # argparse has said why
-        return int(stop.code or DONE)
-    if argv is None and threading.current_thread() is threading.main_thread():
-        stop_on_signals()
+        return report_stop() if is_stopped() else int(stop.code or DONE)
     try:
         return int(arguments.execute(arguments))
-    except (ValueError, TypeError, OSError, ImportError) as error:
+    except (KeyboardInterrupt, SystemExit):
+        return report_stop()
+    except Exception as error:
+        if is_stopped():  # it may have arrived inside an import, or have ended a worker
+            return report_stop()
+        if not isinstance(error, ValueError | TypeError | OSError | ImportError):
+            raise
         report_error(one_line(error))
         return FAILED
-    except KeyboardInterrupt:
-        print("skhybrid: stopped", file=sys.stderr)
-        return STOPPED
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -25,8 +26,7 @@ class Progress:
 
     def note(self, text: str) -> None:
         """Write a line."""
-        if _received:  # a compiler's callback may have swallowed the KeyboardInterrupt
-            raise KeyboardInterrupt
+        check_stopped()
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
@@ -41,17 +41,57 @@ def report_error(text: str) -> None:
     print(f"skhybrid: error: {text}", file=sys.stderr)
 
 
+def report_stop() -> int:
+    """Write that the command was stopped; its exit code."""
+    _raise_again_every(0.0)
+    print("skhybrid: stopped", file=sys.stderr)
+    return STOPPED
+
+
 def one_line(text: object) -> str:
     """A message without its line breaks."""
     return " ".join(str(text).split())
 
 
 def stop_on_signals() -> None:
-    """Let SIGINT and SIGTERM raise KeyboardInterrupt."""
-    signal.signal(signal.SIGTERM, _stop)
-    signal.signal(signal.SIGINT, _stop)
+    """Let SIGINT and SIGTERM end the command, by a SystemExit that is raised again until it is no longer swallowed.
+
+    A KeyboardInterrupt would not do: one that is raised in a library's ``exec`` changes the exit code of CPython.
+    """
+    _received.clear()
+    for name in ("SIGTERM", "SIGINT", "SIGALRM"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _stop)
+
+
+def end_on_signals(code: int) -> None:
+    """Let a signal end the process with this exit code at once: the command has ended, only the interpreter has not."""
+    _raise_again_every(0.0)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: os._exit(code))
+
+
+def is_stopped() -> bool:
+    """Whether a signal has been received."""
+    return bool(_received)
+
+
+def check_stopped() -> None:
+    """Stop if a signal has been received: a library or a compiler's callback may have swallowed the exception."""
+    if _received:
+        raise SystemExit(STOPPED)
 
 
 def _stop(number: int, frame: Any) -> None:
     _received.append(number)
-    raise KeyboardInterrupt
+    _raise_again_every(1.0)
+    error = sys.exc_info()[1]
+    while error is not None and not isinstance(error, SystemExit):
+        error = error.__context__
+    if error is None:  # otherwise it is on its way, and must not interrupt the removal of temporary files
+        raise SystemExit(STOPPED)
+
+
+def _raise_again_every(seconds: float) -> None:
+    if _received and hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds, seconds)

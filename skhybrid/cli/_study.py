@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..study import Settings, StudyData, format_table, run_study, write_outputs
-from ._output import DONE, Progress, one_line
+from ..study import Settings, StudyData, run_study, write_outputs
+from ..study.outputs import format_table
+from ._output import DONE, Progress, check_stopped, one_line
 
 
 def study_to_folder(
@@ -17,7 +18,8 @@ def study_to_folder(
     """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
     _refuse_unwritable(out)
     result = run_study(settings, data, progress)
-    written = write_outputs(result, out, truth=None if heat_gain is None else heat_gain.reindex(result.zeta.index))
+    truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
+    written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
     for text in result.warnings:
         progress.note(f"warning: {one_line(text)}")
     print(format_table(result.table))

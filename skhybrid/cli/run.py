@@ -46,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write_config(log: Path, config: Path | None) -> int:
-    from ..persistence import atomic_path
+    from .._files import atomic_path
     from ..study import propose_settings
 
     text = propose_settings(log)

@@ -11,12 +11,9 @@ import pandas as pd
 from ..filtering import simulate_inverse
 from .setpoints import Band, Limits
 
-#: a load that overshoots by a larger share than this from step to step rings
-RINGING = 0.25
-#: largest growth per step of the state under an inverse that is stable
-_GROWTH = 1.0 + 1e-6
-#: longest hold of a load that is tried [steps]
-MOST_AHEAD = 24
+RINGING = 0.25  # a load that overshoots by a larger share than this from step to step rings
+_GROWTH = 1.0 + 1e-6  # largest growth per step of the state under an inverse that is stable
+MOST_AHEAD = 24  # longest hold of a load that is tried [steps]
 
 
 class HeatedZone(NamedTuple):
@@ -87,7 +84,8 @@ class Plant(NamedTuple):
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
     """The plant of a training table, from the heat [kW] of each stage at 1; measured heat sets no limit."""
-    most = {role: max(1.0, float(inputs[role].max())) for role in capacity}
+    roles = sorted(capacity, key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
+    most = {role: max(1.0, float(inputs[role].max())) for role in roles}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
     beyond = np.inf if any(role.startswith("Q_") for role in inputs) else 0.0
@@ -102,14 +100,23 @@ def is_plant(role: str) -> bool:
 
 
 def load_frame(
-    plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray, temperature: np.ndarray
+    plant: Plant,
+    index: pd.Index,
+    clipped: np.ndarray,
+    unclipped: np.ndarray,
+    temperature: np.ndarray,
+    zeta: np.ndarray,
 ) -> pd.DataFrame:
-    """Heat [kW] and stages [-], clipped and not, and the ``temperature`` (N,) [degC] under the clipped load."""
-    out: dict[str, np.ndarray] = {}
+    """Heat [kW] and stages [-], clipped and not, the ``temperature`` (N,) [degC] under the clipped load, ``zeta`` (N,).
+
+    Every stage has its columns; one without capacity stays at 0.
+    """
+    out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in plant.most}
     for suffix, heat in (("", clipped), ("_unclipped", unclipped)):
         for side, stages in ((np.maximum, plant.heating), (np.minimum, plant.cooling)):
             full = sum(q * plant.most[role] for role, q in stages)
             for role, _ in stages:
                 out[role + suffix] = np.abs(side(heat, 0.0) / full) * plant.most[role]
     out["Q_hvac"], out["Q_hvac_unclipped"], out["T_za"] = clipped, unclipped, temperature
+    out["zeta"] = zeta
     return pd.DataFrame(out, index=index)

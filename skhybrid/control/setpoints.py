@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import check_range
-from .._table import ZoneTable, numeric, unmasked
+from .._table import ZoneTable, as_numbers, numeric
 
 
 class Band(NamedTuple):
@@ -41,7 +41,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     elif isinstance(setpoint, tuple) and len(setpoint) == 2:
         sides = setpoint
     elif np.ndim(setpoint) == 2:
-        sides = list(np.asarray(unmasked(setpoint, "setpoint"), dtype=np.float64).T)
+        sides = list(as_numbers(setpoint, "setpoint").T)
     else:
         sides = [setpoint]
     if len(sides) not in (1, 2):
@@ -90,10 +90,7 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -
         if isinstance(table.index, pd.DatetimeIndex) and not given.index.equals(table.index):
             raise ValueError(f"{name} bears other time stamps than X; align it with .reindex(X.index).")
         given = numeric(given, name)
-    try:
-        values = np.asarray(absent if given is None else unmasked(given, name), dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} is not numeric ({error}); give a number or one value per row.") from None
+    values = as_numbers(absent if given is None else given, name)
     if values.ndim == 0:
         values = np.full(table.n_rows, float(values))
     if values.shape != (table.n_rows,):

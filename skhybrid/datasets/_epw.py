@@ -12,8 +12,7 @@ import pandas as pd
 
 from ._weather import window_irradiance
 
-#: stamp of a typical year if no year is given: not a leap year, and it begins on a Monday.
-TYPICAL_YEAR = 2001
+TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
 
 
 def read_epw(
@@ -52,8 +51,7 @@ def _repeat_typical_year(frame: pd.DataFrame, time: pd.DatetimeIndex) -> pd.Data
     """Repeat the typical year over the span of ``time``, with a margin of one day at both ends."""
     margin = pd.Timedelta("1D")
     years = range((time[0] - margin).year, (time[-1] + margin).year + 1)
-    repeated = pd.concat([_with_year(frame, year) for year in years])
-    return repeated.loc[time[0] - margin : time[-1] + margin]
+    return pd.concat([_with_year(frame, year) for year in years]).loc[time[0] - margin : time[-1] + margin]
 
 
 def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -64,22 +62,24 @@ def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
     try:
         raw, meta = pvlib_read_epw(str(file))
-    except (ValueError, KeyError, IndexError, UnicodeDecodeError, StopIteration) as error:
-        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({error}).") from error
-    raw = raw[~((raw.index.month == 2) & (raw.index.day == 29))]
+        raw = raw[~((raw.index.month == 2) & (raw.index.day == 29))]
+        site = {
+            "latitude": float(meta["latitude"]),
+            "longitude": float(meta["longitude"]),
+            "utc_offset": float(meta["TZ"]),
+            "altitude": meta["altitude"],
+            "city": str(meta["city"]),
+        }
+        timezone(timedelta(hours=site["utc_offset"]))
+        T_oa, ghi, dni, dhi = raw[["temp_air", "ghi", "dni", "dhi"]].to_numpy(dtype=np.float64).T
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, StopIteration, OverflowError) as error:
+        cause = " ".join(str(error).split())
+        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({cause}).") from error
     if len(raw) != 8760:
         raise ValueError(f"{str(file)!r} has {len(raw)} hourly rows, but a typical year has 8760.")
-    site = {
-        "latitude": meta["latitude"],
-        "longitude": meta["longitude"],
-        "utc_offset": meta["TZ"],
-        "altitude": meta["altitude"],
-        "city": str(meta["city"]),
-    }
     columns = {
-        # pvlib stamps a row with the start of its hour, but its temperature is the one at the end
-        "T_oa": np.roll(raw["temp_air"].to_numpy(dtype=np.float64), 1),
-        **{name: raw[name].to_numpy(dtype=np.float64) / 1000.0 for name in ("ghi", "dni", "dhi")},
+        "T_oa": np.roll(T_oa, 1),  # pvlib stamps a row with the start of its hour, but this is the value at the end
+        **{name: v / 1000.0 for name, v in (("ghi", ghi), ("dni", dni), ("dhi", dhi))},
     }
     return pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h")), site
 
@@ -89,8 +89,7 @@ def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
     hours = pd.date_range(f"{year}-01-01", f"{year + 1}-01-01", freq="1h", inclusive="left")
     leap_day = (hours.month == 2) & (hours.day == 29)
     source = hours.where(~leap_day, hours - pd.Timedelta("1D"))
-    key = _hour_key(pd.DatetimeIndex(frame.index))
-    rows = pd.Series(np.arange(len(frame)), index=key).reindex(_hour_key(source))
+    rows = pd.Series(np.arange(len(frame)), index=_hour_key(pd.DatetimeIndex(frame.index))).reindex(_hour_key(source))
     if rows.isna().any():
         first = hours[int(np.argmax(rows.isna().to_numpy()))]
         raise ValueError(f"the typical year has no row for {first:%d %B %H:%M}; pass the whole year.")

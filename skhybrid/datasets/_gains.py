@@ -74,8 +74,7 @@ def _noise(
     calendar: _Calendar, rng: np.random.Generator, time_constant: float, spread: float, shift: float
 ) -> np.ndarray:
     """Draw log-normal noise with a time constant [h], shape (n,); ``shift`` makes its mean about 1."""
-    phi = float(np.exp(-calendar.step_hours / time_constant))
-    return np.exp(spread * ar1(rng, len(calendar.day), phi) - shift)
+    return np.exp(spread * ar1(rng, len(calendar.day), float(np.exp(-calendar.step_hours / time_constant))) - shift)
 
 
 def _infiltration(calendar: _Calendar, rng: np.random.Generator) -> np.ndarray:
@@ -176,5 +175,4 @@ def _none(calendar: _Calendar, rng: np.random.Generator) -> Gains:
     return Gains(*(np.zeros(len(calendar.day)) for _ in Gains._fields))
 
 
-#: who uses the room
-PATTERNS = {"office": _office, "home": _home, "shop": _shop, "none": _none}
+PATTERNS = {"office": _office, "home": _home, "shop": _shop, "none": _none}  # who uses the room

@@ -110,8 +110,7 @@ def make_office(
     else:
         outside = resample_weather(weather, time)
     setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
-    gains = draw_gains(time, gain_rng, pattern)
-    run = _simulate_office(outside, setpoints, gains)
+    run = _simulate_office(outside, setpoints, draw_gains(time, gain_rng, pattern))
     arguments = {"n_days": n_days, "pattern": pattern, "excitation": excitation, "noise_std": noise_std}
     origin = "as given" if weather is not None else climate
     description = _DESCR.format(**arguments, start=first.date(), weather=origin, step=sampling_time)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._table import role_of
 from ..preprocessing._units import conversion_of, convert
-from ._stamps import find_stamp_column, line, parse_stamps
+from ._stamps import cell, find_stamp_column, line, parse_stamps
 
 
 def read_zone_csv(
@@ -112,9 +112,13 @@ def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
         raise ValueError(f"{where} is not encoded in UTF-8; save it as CSV UTF-8.") from None
     except pd.errors.ParserError as error:
         raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
+    if not isinstance(table.index, pd.RangeIndex):  # pandas has taken the first columns for labels of the rows
+        raise ValueError(f"{where} has rows with more cells than its header has names; name every column.")
     table.columns = [str(c).strip() for c in table.columns]
     if table.empty:
         raise ValueError(f"{where} has a header but no rows.")
+    if not table.columns.is_unique:
+        raise ValueError(f"{where} has two columns {table.columns[table.columns.duplicated()][0]!r}; rename one.")
     if table.shape[1] == 1:
         raise ValueError(f"{where} has only one column, {table.columns[0]!r}; pass its separator, such as sep=';'.")
     return table
@@ -144,8 +148,8 @@ def _to_numbers(column: pd.Series, name: str, where: str) -> np.ndarray:
     if wrong.any():
         first = column[wrong].index.min()
         raise ValueError(
-            f"row {line(first)} of {where}, column {name!r}: {column[first]!r} is not a number; leave the cell empty "
-            "if nothing was measured."
+            f"row {line(first)} of {where}, column {name!r}: {cell(column[first])} is not a number; leave the cell "
+            "empty if nothing was measured."
         )
     return numbers.to_numpy()
 

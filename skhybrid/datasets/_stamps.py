@@ -9,6 +9,7 @@ import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
+_YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
@@ -44,8 +45,8 @@ def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, 
     if zoned.any() and not zoned[~absent].all():
         row = int(np.argmax(~zoned & ~absent))
         raise ValueError(
-            f"row {line(text.index[row])} of {where}: the time stamp {text.iloc[row]!r} has no offset from UTC, but "
-            "others have one."
+            f"row {line(text.index[row])} of {where}: the time stamp {cell(text.iloc[row])} has no offset from UTC, "
+            "but others have one."
         )
     stamps = _parse(text, absent, bool(zoned.any()), _day_first(text, dayfirst, where), where)
     if not zoned.any():
@@ -70,27 +71,51 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     if (numbers[1] > 12).any():
         return False
     raise ValueError(
-        f"{where} has dates such as {text.iloc[0]!r}, which may begin with the day or the month; pass dayfirst=True or "
-        "dayfirst=False."
+        f"{where} has dates such as {cell(text.iloc[0])}, which may begin with the day or the month; pass "
+        "dayfirst=True or dayfirst=False."
     )
 
 
 def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, where: str) -> pd.DatetimeIndex:
     known = text.mask(absent)
     guess = guess_datetime_format(text.iloc[0], dayfirst=day_first)
-    parsed = pd.to_datetime(known, errors="coerce", utc=utc, format=guess or "mixed", dayfirst=day_first)
+    parsed = _to_stamps(known, utc, guess or "mixed", day_first, where)
     again = parsed.isna().to_numpy() & ~absent & ~_contradicts(text, day_first)
     if again.any():  # some loggers omit the time at midnight, or seconds that are zero
-        other = pd.to_datetime(known[again], errors="coerce", utc=utc, format="mixed", dayfirst=day_first)
+        other = _to_stamps(known[again], utc, "mixed", day_first, where)
         parsed = parsed.where(~again, other)
     failed = parsed.isna().to_numpy()
     if failed.any():
         row = int(np.argmax(failed))
-        found = "is empty" if absent[row] else f"{text.iloc[row]!r} is not a date and time"
+        found = "is empty" if absent[row] else f"{cell(text.iloc[row])} is not a date and time"
         raise ValueError(
             f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
         )
-    return pd.DatetimeIndex(parsed)
+    stamps = pd.DatetimeIndex(parsed)
+    strange = (stamps.year < _YEARS[0]) | (stamps.year > _YEARS[1])
+    if strange.any():
+        row = int(np.argmax(strange))
+        raise ValueError(
+            f"row {line(text.index[row])} of {where}: the time stamp {cell(text.iloc[row])} is of the year "
+            f"{stamps[row].year}; write it as 2024-01-31 13:45."
+        )
+    return stamps
+
+
+def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: str) -> pd.Series:
+    try:
+        stamps = pd.to_datetime(text, errors="coerce", utc=utc, format=form, dayfirst=day_first)
+    except ValueError:
+        stamps = text
+    if not pd.api.types.is_datetime64_any_dtype(stamps):  # zones by name
+        raise ValueError(f"{where} has time stamps with a zone by name; give an offset from UTC, or none.")
+    return stamps
+
+
+def cell(text: object) -> str:
+    """A cell as a message shows it."""
+    shown = str(text)
+    return repr(shown if len(shown) <= 40 else f"{shown[:37]}...")
 
 
 def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
@@ -112,7 +137,7 @@ def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) 
     if skipped.any():
         row = int(np.argmax(skipped))
         raise ValueError(
-            f"row {line(text.index[row])} of {where}: {text.iloc[row]!r} does not exist in {zone}, where daylight "
+            f"row {line(text.index[row])} of {where}: {cell(text.iloc[row])} does not exist in {zone}, where daylight "
             "saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
         )
     repeated = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()

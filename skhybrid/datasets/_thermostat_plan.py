@@ -10,8 +10,7 @@ import pandas as pd
 from .._time import rows_of
 from ._random import spawn_generators
 
-#: occupied hours of a weekday (paper 2.1).
-OCCUPIED_HOURS = (6, 19)
+OCCUPIED_HOURS = (6, 19)  # occupied hours of a weekday (paper 2.1)
 #: ranges of the uniformly drawn set-points [degC]; those for cooling are the paper's (2.1).
 COOLING_RANGE = {"occupied": (23.0, 25.0), "unoccupied": (28.0, 30.0)}
 HEATING_RANGE = {"occupied": (20.0, 21.0), "unoccupied": (15.0, 16.0)}

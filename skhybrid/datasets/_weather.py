@@ -13,10 +13,8 @@ from scipy.special import expit
 
 from ._random import ar1, spawn_generators
 
-#: largest fraction of the clear-sky irradiance; above 1, because thin broken cloud reflects additional light.
-MAX_CLEARNESS = 1.1
-#: albedo of the ground in front of the window [-].
-ALBEDO = 0.2
+MAX_CLEARNESS = 1.1  # largest fraction of the clear-sky irradiance; above 1, as thin broken cloud reflects more light
+ALBEDO = 0.2  # albedo of the ground in front of the window [-]
 _CLOUD_HOURS = 1.0  # time constant of passing clouds [h]
 _AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and standard deviation [K] of random changes of air temperature
 
@@ -24,8 +22,7 @@ _AIR_HOURS, _AIR_STD = 3.0, 0.4  # time constant [h] and standard deviation [K] 
 @cache
 def climates() -> dict[str, dict[str, Any]]:
     """Return the embedded climates by name: site and monthly constants."""
-    text = files("skhybrid.datasets").joinpath("data", "climate.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    return json.loads(files("skhybrid.datasets").joinpath("data", "climate.json").read_text(encoding="utf-8"))
 
 
 def make_weather(
@@ -111,8 +108,7 @@ def _irradiance(
     level, spread = np.asarray(site["clear_level"])[month], np.asarray(site["clear_spread"])[month]
     ghi = MAX_CLEARNESS * expit(level + spread * latent) * clear_sky(zenith)
     parts = erbs(ghi, zenith, middle.day_of_year.to_numpy())
-    split = pd.DataFrame({"ghi": ghi, "dni": np.asarray(parts["dni"]), "dhi": np.asarray(parts["dhi"])})
-    return split / 1000.0
+    return pd.DataFrame({"ghi": ghi, "dni": np.asarray(parts["dni"]), "dhi": np.asarray(parts["dhi"])}) / 1000.0
 
 
 def clear_sky(zenith: np.ndarray) -> np.ndarray:

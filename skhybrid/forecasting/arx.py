@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 
+from .._summary import TrainingRecord
 from .._table import ZoneTable, read_table, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
@@ -19,8 +20,7 @@ from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
-#: left-out blocks of the choice of alpha
-_MIN_BLOCKS, _MAX_BLOCKS = 3, 6
+_MIN_BLOCKS, _MAX_BLOCKS = 3, 6  # left-out blocks of the choice of alpha
 
 
 class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -46,12 +46,12 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     alpha : float, optional
         Penalty on standardised columns.  Default: of 0.1, 1, 10, 100 and 1000 the one with the lowest forecast error
         over the horizon in left-out blocks of the training table; 10 where the table is too short for three blocks.
-    origin_step : timedelta-like, optional
-        Distance of origins in ``predict``; default ``horizon``.
     columns : mapping of role to column, optional
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps, which is refused without it.
+    origin_step : timedelta-like, optional
+        Distance of origins in ``predict``; default ``horizon``.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
 
@@ -70,16 +70,16 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def __init__(
         self,
-        horizon: Any = "1D",
-        adapt: str | None = None,
         *,
+        horizon: Any = "1D",
+        adapt: Literal["refit"] | None = None,
         n_lags: int = 24,
         n_input_lags: int = 8,
         calendar: bool = True,
         alpha: float | None = None,
-        origin_step: Any = None,
         columns: Mapping[str, Any] | None = None,
         sampling_time: Any = None,
+        origin_step: Any = None,
         max_missing: float = 0.5,
     ) -> None:
         self.horizon = horizon
@@ -110,17 +110,24 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
-        self.sampling_time_ = table.step
+        self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
+        self._solve(table, T)
+        self._intervals = self._left_out_intervals(table, T)
+        end = slice(-self._design.warmup, None)
+        self._tail = table.rows(end).replace(history={"T_za": T[end]})
+        return self
+
+    def _solve(self, table: ZoneTable, T: np.ndarray) -> None:
+        """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
         self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar)
         view = self.view(table, T)
         pairs = self._design.pairs(view)
         self._moments = Moments.of(pairs)
         self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(view, pairs)
         self.coef_ = self._moments.ridge(self.alpha_)
-        self._intervals = self._left_out_intervals(table, T)
-        end = slice(-self._design.warmup, None)
-        self._tail = table.rows(end).replace(history={"T_za": T[end]})
-        return self
+
+    def _facts(self) -> dict[str, str]:
+        return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
 
     def _check_parameters(self) -> None:
         if self.adapt not in (None, "refit"):

@@ -12,10 +12,11 @@ from .._table import ZoneTable
 from ..filtering import iterate_lags
 from .features import day_type_hour, one_hot
 
-#: share of a window's temperatures that must be known for a row to be learned from
-_MIN_KNOWN = 0.5
-#: penalty of the constant: none, but where no pair is known the equations must stay regular
-_CONSTANT_PENALTY = 1e-9
+_MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
+#: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
+#: an hour of heat would be a thousand times what was learned from
+_USUAL_SPREAD = {"u_": 0.4, "Q_": 2.5}
+_CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
 
 
 class ARXData(NamedTuple):
@@ -89,7 +90,9 @@ class ARXDesign:
         # A linear recursion can diverge where the data say little: nothing far outside what was seen is forecast.
         reach = 3.0 * max(float(np.ptp(known)), 1.0)
         lagged = _lagged_inputs(table, roles, n_input_lags)
+        usual = [_USUAL_SPREAD[role[:2]] if table.hardly_ran(role) else 0.0 for role in roles]
         spread = lagged.std(axis=0)
+        scale = np.maximum(spread, np.repeat(usual, n_input_lags))
         return cls(
             n_lags,
             n_input_lags,
@@ -99,7 +102,7 @@ class ARXDesign:
             T_scale=max(float(known.std()), 1e-3),
             T_range=(float(known.min()) - reach, float(known.max()) + reach),
             input_mean=lagged.mean(axis=0),
-            input_scale=np.where(spread > 1e-9, spread, np.inf),  # a constant input has no effect
+            input_scale=np.where(spread > 1e-9, scale, np.inf),  # a constant input has no effect
         )
 
     @property
@@ -109,8 +112,7 @@ class ARXDesign:
 
     def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        lagged = _lagged_inputs(table, self.roles, self.n_input_lags)
-        blocks = [(lagged - self.input_mean) / self.input_scale]
+        blocks = [(_lagged_inputs(table, self.roles, self.n_input_lags) - self.input_mean) / self.input_scale]
         if self.calendar:
             blocks.append(one_hot(day_type_hour(table.time), 48))
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)

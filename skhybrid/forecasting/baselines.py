@@ -9,8 +9,7 @@ import numpy as np
 from .._table import ZoneTable
 from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
 
-#: a mean over fewer values than this is left to the next coarser one.
-MIN_COUNT = 2
+MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
 
 
 def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
@@ -43,8 +42,7 @@ class WeeklyProfile:
 
     def expected(self, table: ZoneTable) -> np.ndarray:
         """Expectation of each row when no past disturbance is known: the profile."""
-        slots = slot_of_day(table.time, table.step)
-        return self.profile_[table.time.day_of_week.to_numpy() * self.n_slots_ + slots]
+        return self.profile_[table.time.day_of_week.to_numpy() * self.n_slots_ + slot_of_day(table.time, table.step)]
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """The profile at each row ahead, whatever the past."""
@@ -69,8 +67,7 @@ class LastWeek(_WithProfile):
         zeta, rows = zeta_of(table), target_rows(origins, n_leads)
         per_day = rows_per_day(table.step)
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
-        daily = last_same_slot(zeta, rows, origins, per_day, 7)
-        out = np.where(np.isnan(out), daily, out)
+        out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7), out)
         return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
 
 

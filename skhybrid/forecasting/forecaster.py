@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
+from .._summary import TrainingRecord
 from .._table import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
@@ -19,7 +20,7 @@ from .extras import require_networks
 from .features import rows_per_day, zeta_of
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
-from .reading import as_fitted, read_weather
+from .reading import frame_only, read_weather
 from .training_job import JobResult, TrainingJob, chronological_split, draw_seed, repeat_seeds
 
 
@@ -60,6 +61,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         How a network sees hours and days.
     columns : mapping of role to column, optional
         Overrides the names of the columns of X; None as a column says that the role is absent on purpose.
+    sampling_time : timedelta-like, optional
+        Step of a table without time stamps; default 1 h.
     random_state : int, RandomState or None, default None
         Seed of initial weights, dropout and batches (and of a regressor whose own is None).
     verbose : int, default 0
@@ -70,8 +73,6 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Share of the training table, at its end, on which training stops; a gap of one horizon lies before it.
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``; default ``horizon``.
-    sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default 1 h.
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
     n_repeats : int, default 1
@@ -113,27 +114,27 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         *,
         n_layers: int = 1,
         hidden_size: int = 20,
-        activation: str = "relu",
+        activation: Literal["relu", "selu", "gelu"] = "relu",
         dropout: float = 0.1,
         n_channels: int = 10,
         filter_size: int = 6,
         pool_size: int = 0,
-        residual_of: str | None = "ridge",
+        residual_of: Literal["ridge", "profile", "last_week", "persistence"] | None = "ridge",
         horizon: Any = "1D",
         max_epochs: int = 1000,
         patience: int = 150,
-        time_encoding: str = "cyclic",
+        time_encoding: Literal["cyclic", "onehot", "ordinal"] = "cyclic",
         columns: Mapping[str, Any] | None = None,
+        sampling_time: Any = None,
         random_state: int | np.random.RandomState | None = None,
         verbose: int = 0,
         learning_rate: float = 0.003,
         batch_size: int = 128,
         validation_fraction: float = 0.2,
         origin_step: Any = None,
-        sampling_time: Any = None,
         max_missing: float = 0.5,
         n_repeats: int = 1,
-        repeats: str = "best",
+        repeats: Literal["best", "mean"] = "best",
         device: str = "cpu",
     ) -> None:
         self.model = model
@@ -229,7 +230,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         table, target = self._training_rows(X, y, shared)
         self._check_spans(table.step)
         self._n_leads = self._leads_of_horizon(table.step)
-        self.sampling_time_ = table.step
+        self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
         self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "used"])
@@ -294,7 +295,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             Forecast disturbance at the index of ``future``, named ``zeta``.
         """
         check_is_fitted(self)
-        ahead = self._read_X(as_fitted(self, future))
+        ahead = self._read_X(frame_only(future))
         ahead = ahead.replace(history={"zeta": np.full(ahead.n_rows, np.nan)})
         past = self._tail if history is None else self._past(history)
         if past.utc is not None and ahead.utc is not None and not ahead.follows(past):
@@ -310,15 +311,21 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _past(self, history: pd.DataFrame) -> ZoneTable:
         """The rows before the origin, after those of the training table where they continue it."""
-        table = self._read_X(as_fitted(self, history))
-        column = (self.columns or {}).get("zeta", "zeta")
-        if "zeta" not in table.history and column in history:
-            values = history[column].to_numpy(dtype=np.float64, na_value=np.nan)
-            table = table.replace(history={**table.history, "zeta": values})
+        table = self._read_X(frame_only(history))
         return append_tables(self._tail, table) if table.follows(self._tail) else table
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_weather(self, X, reset=False)
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"model": str(self.model)}
+        if self._network is None or self.case_ is None:
+            return facts
+        share = {"corrects": str(self.residual_of), "share": f"{self.network_weight_:.3g}"} if self.residual_of else {}
+        return facts | {"case": self.case_.name, "epochs": str(self.n_epochs_)} | share
+
+    def _past_roles(self) -> tuple[str, ...]:
+        return ("zeta",)
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = zeta_of(table)[0]

@@ -12,25 +12,18 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-#: slots of :class:`PathClock`: the hours of a weekday, then those of a weekend day
-N_SLOTS = 48
-#: days before an origin whose forecasts count as recent; the oldest has a weight of 0.12
-DAYS_BACK = 21
-#: age at which the weight of an error is 1/e [days]
-_MEMORY_DAYS = 10.0
+N_SLOTS = 48  # slots of :class:`PathClock`: the hours of a weekday, then those of a weekend day
+DAYS_BACK = 21  # days before an origin whose forecasts count as recent; the oldest has a weight of 0.12
+_MEMORY_DAYS = 10.0  # age at which the weight of an error is 1/e [days]
 #: weights of the prior [days]: of the shape in training, of location 0, of width 1
 _SHAPE_DAYS, _LOCATION_DAYS, _WIDTH_DAYS = 5.0, 5.0, 2.0
-#: weight of the average over hours in the scale of one hour [days]
-_HOUR_DAYS = 10.0
-#: independent errors per day, since those of a day-ahead forecast are correlated over half a day
-_INDEPENDENT_PER_DAY = 2.0
+_HOUR_DAYS = 10.0  # weight of the average over hours in the scale of one hour [days]
+_INDEPENDENT_PER_DAY = 2.0  # independent errors per day: those of a day-ahead forecast are correlated over half a day
 #: ends of the groups of leads that share a shape [h], and the lead at which each shape holds; between them it blends
 _GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
-#: largest ratio of two leads in one bin of the scale
-_BIN_RATIO = 1.35
+_BIN_RATIO = 1.35  # largest ratio of two leads in one bin of the scale
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
-#: fewest errors that intervals are learned from
-LEAST_ERRORS = 20
+LEAST_ERRORS = 20  # fewest errors that intervals are learned from
 
 
 class PathClock(NamedTuple):

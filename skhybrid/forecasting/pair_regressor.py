@@ -53,8 +53,7 @@ class PairRegressor:
         columns += [table.inputs[role] for role in irradiance_roles(table.inputs)]
         here = np.stack([c[rows] for c in columns], axis=-1)
         lead = np.broadcast_to(np.arange(1, n_leads + 1) * table.step_hours, rows.shape)[..., None]
-        lags = lag_features(table, zeta_of(table) - expected, origins, n_leads)
-        return np.concatenate([here, lead, lags], axis=-1)
+        return np.concatenate([here, lead, lag_features(table, zeta_of(table) - expected, origins, n_leads)], axis=-1)
 
 
 def _seeded(model: Any, seed: int) -> Any:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
@@ -16,12 +17,10 @@ from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 
-#: the outer two hold 80 %
-DEFAULT_QUANTILES = (0.1, 0.5, 0.9)
+DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
-#: origins per day whose errors are learned from: each lead then meets every third hour of the day
-_ORIGINS_PER_DAY = 8
+_ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day
 
 
 class LeftOut(NamedTuple):
@@ -48,7 +47,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
-            raise ValueError(self._no_intervals)
+            raise NotFittedError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
         return self._intervals
 
     @one_blas_thread
@@ -141,7 +140,10 @@ class QuantileForecastMixin(RollingForecastMixin):
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     """Quantiles as an array (n_quantiles,), which must increase within (0, 1)."""
-    levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    try:
+        levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
+    except (TypeError, ValueError):  # words, or rows of unequal lengths
+        levels = np.empty(0)
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
     return levels

@@ -1,11 +1,10 @@
-"""Tables of a forecaster: the roles that it reads, and frames with the columns of its training table."""
+"""Tables of a forecaster: the roles that it reads."""
 
 from __future__ import annotations
 
 import re
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, read_table
@@ -40,17 +39,8 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
     return table
 
 
-def as_fitted(forecaster: Any, frame: pd.DataFrame) -> pd.DataFrame:
-    """History or future with the columns of the training table; history that is absent is NaN, an input refused."""
-    if not isinstance(frame, pd.DataFrame):
-        raise ValueError(f"history and future must be DataFrames, but one is a {type(frame).__name__}.")
-    names = getattr(forecaster, "feature_names_in_", None)
-    if names is None:
-        return frame
-    mapped = forecaster.columns or {}
-    optional = {mapped.get(role, role) for role in ("zeta", "T_za")}
-    frame = frame.assign(**{name: np.nan for name in names if name in optional and name not in frame})
-    absent = [name for name in names if name not in frame]
-    if absent:
-        raise ValueError(f"column {absent[0]!r} of the training table is missing; add it to history and future.")
-    return frame[list(names)]
+def frame_only(table: Any) -> pd.DataFrame:
+    """History or future, refused where it is no DataFrame."""
+    if not isinstance(table, pd.DataFrame):
+        raise ValueError(f"history and future must be DataFrames, but one is a {type(table).__name__}.")
+    return table

@@ -31,10 +31,8 @@ from .features import (
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
 _WEATHER_SCALE = 10.0
-#: how freely the effect of the outdoor temperature may differ by hour; left-out blocks choose.
-_HOURLY_SHARES = (0.0, 0.3, 1.0)
-#: (origin, lead) pairs that are learned from; beyond it origins are thinned evenly.
-_MOST_PAIRS = 150_000
+_HOURLY_SHARES = (0.0, 0.3, 1.0)  # how freely the effect of T_oa may differ by hour; left-out blocks choose
+_MOST_PAIRS = 150_000  # (origin, lead) pairs that are learned from; beyond it origins are thinned evenly
 _DECAYS_H = (2.0, 8.0, 24.0)
 
 
@@ -63,8 +61,7 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
     gram = moments[:-2, :-2] - n * np.outer(mean, mean)
     cross = moments[:-2, -1] - n * mean * y_mean
     values, vectors = eigh(gram)
-    projected = vectors.T @ cross
-    coefs = (vectors @ (projected[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
+    coefs = (vectors @ ((vectors.T @ cross)[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
     return mean, coefs, np.asarray(y_mean)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._summary import TrainingRecord, network_tables
 from .._table import ZoneTable, append_tables, read_table, read_target, refuse_other_clock
 from .._threads import one_blas_thread
 from .._time import origin_rows, rows_of
@@ -19,8 +20,13 @@ from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
 from ..thermal import RCNetwork
+from .plausible_range import PlausibleRange
+from .preprocess import fit_preprocess, preprocessed
 from .scheme import Scheme
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
+
+#: what a forecast takes in from the history up to its origin
+Adapt = Literal["linear", "full"] | None
 
 
 def _of_scheme(name: str, doc: str) -> Any:
@@ -36,12 +42,14 @@ def _of_scheme(name: str, doc: str) -> Any:
 class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
-    adapt: str | None
+    adapt: Adapt
+    preprocess: Any
+    preprocess_: Any
     columns: Mapping[str, Any] | None
     sampling_time: Any
     origin_step: Any
     max_missing: float
-    intervals: bool = True  # whether fit learns them
+    intervals: bool  # whether fit learns them
     _scheme: Scheme
 
     def _make_scheme(self) -> Scheme:
@@ -74,6 +82,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
         scheme = self._make_scheme()
         network = scheme.network
+        self.preprocess_ = fit_preprocess(self.preprocess, X, y)
         if len(network.measured_nodes) > 1:
             raise ValueError(
                 f"network {network.name} has several measured temperatures; {type(self).__name__} forecasts one zone, "
@@ -92,6 +101,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._scheme, self.scheme_, self.sampling_time_ = scheme, scheme.name, training.step
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = scheme.rows.last_stamp
+        self.training_ = TrainingRecord.of(training)
         self._intervals = None
         if intervals:
             n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
@@ -116,7 +126,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         columns, sampling_time = self._reading()
         return read_table(
             self,
-            X,
+            X if self.preprocess_ is None else preprocessed(self.preprocess_, X, self._column_of("T_za")),
             columns=columns,
             required=network.required_roles,
             # weather and plant, and of further boundary temperatures those that the network names
@@ -150,6 +160,11 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
+
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
+        paths = super()._quantile_paths(table, origins, n_leads, levels)
+        lowest, highest = self._present_scheme().plausible(table, origins)
+        return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
 
     _no_intervals = (
         "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
@@ -194,6 +209,9 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             If the two do not join evenly or a column is missing.
         """
         check_is_fitted(self)
+        for name, rows in (("history", history), ("future", future)):
+            if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
+                raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
         n_ahead = len(future.index)
         if (history is not None and not len(history.index)) or not n_ahead:
             raise ValueError("history and future need at least one row each.")
@@ -218,9 +236,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if isinstance(future, ZoneTable):
             table = self._read_following(unmeasured(future, self._scheme.rows.training))
         else:
-            names = list(getattr(self, "feature_names_in_", future.columns))
-            refuse_absent(names, future, self._past_columns(), "the training table")
-            table = self._read_following(future.reindex(columns=names))
+            refuse_absent(self._input_columns(future), future, "the training table")
+            table = self._read_following(future)
         self._scheme.rows.refuse_unless_following(table)
         return table
 
@@ -229,14 +246,21 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if isinstance(history, ZoneTable):
             whole: Any = join_tables(history, future, self._scheme.rows.training)
         else:
-            names = list(getattr(self, "feature_names_in_", history.columns))
-            whole = join_frames(history, future, names, self._past_columns())
+            whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
         table, n_tail = self._with_history(whole)
         return table, np.array([n_tail + len(history.index) - 1])
 
-    def _past_columns(self) -> set[str]:
-        """Columns of the measured temperature, which is known up to an origin only."""
-        return {"T_za", (self._reading()[0] or {}).get("T_za", "T_za")}
+    def _column_of(self, role: str) -> Any:
+        return (self._reading()[0] or {}).get(role, role)
+
+    def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
+        """Columns of a frame that are read and known in advance."""
+        names = list(getattr(self, "feature_names_in_", frame.columns))
+        if self.preprocess_ is not None:
+            past = self._column_of("T_za")
+            return [name for name in getattr(self.preprocess_, "feature_names_in_", frame.columns) if name != past]
+        by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
+        return by_role if set(by_role) <= set(names) else names
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
@@ -302,7 +326,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         elif table.T_za is not None:
             target = table.T_za
         else:
-            raise ValueError("X has no column 'T_za'; give what was measured there or as y, with NaN where missing.")
+            raise ValueError(
+                f"X has no column {self._column_of('T_za')!r}; give what was measured there or as y, with NaN where "
+                "missing (rows ahead are for predict and forecast)."
+            )
         self._scheme = self._scheme.advanced(table.replace(history={"T_za": target}))
         return self
 
@@ -337,7 +364,17 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
         self._learned_to = self._scheme.rows.last_stamp
+        self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self
+
+    def _facts(self) -> dict[str, str]:
+        known, intervals = self._scheme.rows.latest.index[-1], "no" if self._intervals is None else "yes"
+        facts = {"scheme": self.scheme_, "network": self._scheme.network.name, "adapt": str(self.adapt)}
+        return facts | {"last known row": str(known), "intervals": intervals}
+
+    def _tables(self) -> dict[str, pd.DataFrame]:
+        weights = getattr(self._scheme, "weights_", None)
+        return network_tables(self.gray_box_) | ({} if weights is None else {"weights": weights})
 
     @one_blas_thread
     def drift(self, X: Any = None) -> pd.DataFrame:

@@ -10,10 +10,8 @@ import numpy as np
 #: ends of the groups of leads, and the leads that their weights are those of, as shares of the horizon
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
 GROUP_NAMES = ("first twelfth", "to a third", "the rest")
-#: pull toward prior weights, beside the harmonic mean of the models' squared errors
-PULL = 0.3
-#: days after which an error of the history counts half
-_HALF_LIFE = 14.0
+PULL = 0.3  # pull toward prior weights, beside the harmonic mean of the models' squared errors
+_HALF_LIFE = 14.0  # days after which an error of the history counts half
 
 
 def lead_groups(leads: np.ndarray, n_leads: int) -> np.ndarray:
@@ -70,5 +68,4 @@ def _faces(K: int) -> np.ndarray:
 
 def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
     """Weights (span, K) of leads 1 ... span, joined by straight lines between the groups of ``n_leads``."""
-    at = _CENTRES * n_leads
-    return np.column_stack([np.interp(np.arange(1, span + 1), at, w) for w in weights.T])
+    return np.column_stack([np.interp(np.arange(1, span + 1), _CENTRES * n_leads, w) for w in weights.T])

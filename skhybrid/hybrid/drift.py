@@ -8,24 +8,18 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-#: allowance of the sum [standard deviations]: a rise of twice as much is found soonest
-_ALLOWANCE = 0.5
-#: standard errors of the reference mean by which the allowance is larger
-_SURE = 1.65
+from .._transaction import unchanged_on_failure
+
+_ALLOWANCE = 0.5  # allowance of the sum [standard deviations]: a rise of twice as much is found soonest
+_SURE = 1.65  # standard errors of the reference mean by which the allowance is larger
 #: allowance of the sum of recurrences, which are more skewed than normal variables, and the largest value of one
 _ALLOWANCE_RECURRENCE, _MOST_RECURRENCE = 1.0, 6.0
-#: share of the fading mean of earlier days' errors that is kept from one day to the next
-_MEMORY = 0.7
-#: limit of a day's error in that mean, as a multiple of the reference's
-_LARGEST = 3.0
-#: blocks of a day whose mean errors are compared
-_BLOCKS = 24
-#: most days of memory that a reference of few days may show
-_MOST_CORRELATION = 0.8
-#: a working day that moves less than this share of the usual range is quiet
-_QUIET = 0.4
-#: least error of a day, as a share of the reference's median, before its logarithm is taken
-_SMALLEST = 0.05
+_MEMORY = 0.7  # share of the fading mean of earlier days' errors that is kept from one day to the next
+_LARGEST = 3.0  # limit of a day's error in that mean, as a multiple of the reference's
+_BLOCKS = 24  # blocks of a day whose mean errors are compared
+_MOST_CORRELATION = 0.8  # most days of memory that a reference of few days may show
+_QUIET = 0.4  # a working day that moves less than this share of the usual range is quiet
+_SMALLEST = 0.05  # least error of a day, as a share of the reference's median, before its logarithm is taken
 
 
 class DriftMonitor:
@@ -65,6 +59,7 @@ class DriftMonitor:
     def __init__(self, false_alarms_per_year: float = 1.0) -> None:
         self.false_alarms_per_year = false_alarms_per_year
 
+    @unchanged_on_failure
     def fit(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> Self:
         """Learn from reference days.
 
@@ -169,8 +164,7 @@ class DriftMonitor:
             return "quiet"
         known = np.isfinite(error).any(axis=0)
         profile = np.nanmean(error[:, known], axis=0) - self._bias[known]
-        level = abs(float(np.nanmean(profile)))
-        return "level" if level > float(np.nanstd(profile)) else "schedule"
+        return "level" if abs(float(np.nanmean(profile))) > float(np.nanstd(profile)) else "schedule"
 
 
 class _Sum:

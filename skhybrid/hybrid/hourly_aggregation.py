@@ -11,8 +11,7 @@ import pandas as pd
 from .._table import ZoneTable
 from .tables import Steps, steps_table
 
-#: complete steps for which there is room before a buffer is made longer
-_ROOM = 512
+_ROOM = 512  # complete steps for which there is room before a buffer is made longer
 
 
 class _Sums(NamedTuple):

@@ -9,10 +9,10 @@ import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows, refuse_other_clock
 from .._time import spell
+from .plausible_range import PlausibleRange
 from .tables import KEPT, in_zone_of
 
-#: number of recent rows that are joined to the older ones at once: joining one row costs as much as joining many
-_JOINED = 96
+_JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,12 @@ class KnownRows:
     recent: tuple[ZoneTable, ...]  # tables that came since, each as it came
     n_end: int  # how many of the settled rows belong to the end that serves as history
     keeps_all: bool  # whether rows between the training table and the end are kept
+    plausible: PlausibleRange  # of all temperatures measured so far
 
     @classmethod
     def of(cls, training: ZoneTable, *, keep_all: bool) -> Self:
-        return cls((_owned(training),), (), min(training.n_rows, _most(training)), keep_all)
+        n_end = min(training.n_rows, _most(training))
+        return cls((_owned(training),), (), n_end, keep_all, PlausibleRange.of(training.history["T_za"]))
 
     @property
     def training(self) -> ZoneTable:
@@ -59,7 +61,8 @@ class KnownRows:
 
     def appended(self, table: ZoneTable) -> KnownRows:
         """These rows and a table that follows them, in a time that does not depend on how many there are."""
-        longer = replace(self, recent=(*self.recent, _owned(table)))
+        plausible = self.plausible.extended(table.history["T_za"])
+        longer = replace(self, recent=(*self.recent, _owned(table)), plausible=plausible)
         if longer._n_recent < _JOINED:
             return longer
         most = _most(table)
@@ -72,8 +75,7 @@ class KnownRows:
 
     def retrained(self, training: ZoneTable) -> KnownRows:
         """Rows whose training table is another one, which ends where these end."""
-        n_end = min(self.n_end + self._n_recent, training.n_rows)
-        return replace(self, settled=(training,), recent=(), n_end=n_end)
+        return replace(self, settled=(training,), recent=(), n_end=min(self.n_end + self._n_recent, training.n_rows))
 
     @property
     def _n_recent(self) -> int:

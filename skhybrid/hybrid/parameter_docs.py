@@ -22,9 +22,18 @@ shared_docs = docs_from(
         horizon : timedelta-like, default="1D"
             How far ahead ``predict`` looks; None forecasts from the first row on.
         """,
-        "parts": """
+        "preprocess": """
+        preprocess : transformer, optional
+            Applied to every table before it is read, so that ``forecast``, ``predict_quantiles``, ``predict_load`` and
+            ``update`` work as they would inside a Pipeline; a clone is fitted in ``fit`` as ``preprocess_`` (None
+            without one).  Its output must keep index and names (``set_output``), by which ``columns`` and
+            ``feature_names_in_`` go.  Temperatures that were not measured stay missing, whatever it fills.
+        """,
+        "memory": """
         memory : str or joblib.Memory, optional
             Where identifications are kept, so that candidates of a search that share one identify it once.
+        """,
+        "parts": """
         n_jobs : int, optional
             Passed to a gray box that has none.
         random_state : int, RandomState or None
@@ -37,6 +46,8 @@ shared_docs = docs_from(
             Columns whose names are not their roles.
         sampling_time : timedelta-like, optional
             Step of tables without time stamps.
+        """,
+        "origins": """
         origin_step : timedelta-like, optional
             Distance of forecast origins; default = ``horizon``.
         max_missing : float, default=0.5
@@ -49,6 +60,7 @@ shared_docs = docs_from(
             Steps of the table and of the disturbance.
         intervals_ : LeadIntervals
             Errors on left-out days of the training, from which quantiles are made.
+        preprocess_ : transformer or None
         """,
     }
 )

@@ -30,8 +30,11 @@ class HybridPredictor(BaseTwoStage):
     intervals : bool, default=True
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles`; networks and regressors are trained a second
         time for them.
-    %(parts)s
+    %(preprocess)s
+    %(memory)s
     %(data)s
+    %(parts)s
+    %(origins)s
 
     Attributes
     ----------

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..thermal import RCNetwork, get_network
-from .base import BaseHybrid
+from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
 
-#: network of the schedule model
-DEFAULT_NETWORK = "4R3C"
+DEFAULT_NETWORK = "4R3C"  # network of the schedule model
 
 
 @shared_docs
@@ -21,7 +20,9 @@ class SchedulePredictor(BaseHybrid):
     """Day-ahead forecast of temperature and load by the schedule model.
 
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
-    forecast is blended with ARX.  The user guide has the equations.
+    forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
+    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`) and takes a network of the usual size.  Every
+    forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
     Parameters
     ----------
@@ -35,7 +36,11 @@ class SchedulePredictor(BaseHybrid):
         What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also linear
         coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what was missed one
         and two weeks ago.  ``"full"``: also the network and its filter, fitted again every ten days.
+    intervals : bool, default=True
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.
+    %(preprocess)s
     %(data)s
+    %(origins)s
 
     Attributes
     ----------
@@ -66,7 +71,9 @@ class SchedulePredictor(BaseHybrid):
         *,
         known=None,
         horizon="1D",
-        adapt="full",
+        adapt: Adapt = "full",
+        intervals=True,
+        preprocess=None,
         columns=None,
         sampling_time=None,
         origin_step=None,
@@ -76,6 +83,8 @@ class SchedulePredictor(BaseHybrid):
         self.known = known
         self.horizon = horizon
         self.adapt = adapt
+        self.intervals = intervals
+        self.preprocess = preprocess
         self.columns = columns
         self.sampling_time = sampling_time
         self.origin_step = origin_step

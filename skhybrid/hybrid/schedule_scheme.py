@@ -11,8 +11,10 @@ import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
+from .._warnings import warn_user
 from ..control.setpoints import Band, Limits
-from ..exceptions import ScaleNotIdentifiableWarning, warn_user
+from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..schedule import ScheduledNetwork, loads
@@ -21,20 +23,17 @@ from .blend import GROUP_NAMES, PULL, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
 from .known_rows import KnownRows
 from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
+from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
 
-#: temperatures that the black box regresses on
-_LAGS = 24
+_LAGS = 24  # temperatures that the black box regresses on
 #: prior share of the simple rule, and the pull toward it: where no days could be left out to try what was learned, with
 #: a week of training or less, and with two weeks or more
 _UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
-#: rows beside its leads that a forecast from the last known row looks back on, for the lags of the black box
-_MORE_ROWS = 64
-#: the last rows that a new fit learns from, where the first one had fewer
-_MOST_LEARNED = pd.Timedelta("56D")
-#: every so many hours an error of the blend is taken for its intervals
-_EVERY = 3
+_MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
+_MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
+_EVERY = 3  # every so many hours an error of the blend is taken for its intervals
 
 
 class ScheduleScheme(Scheme):
@@ -62,6 +61,7 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured)
         self._warn_scale()
+        self._warn_undetermined()
         return self
 
     def _learn(self, measured: ZoneTable) -> None:
@@ -76,13 +76,24 @@ class ScheduleScheme(Scheme):
         fit = self._physics.fit_
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         left_out = np.stack([m.left_out(training, sample, fit.blocks) for m in self._members], axis=-1)
+        left_out = self._of_clipped(left_out, sample)
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
         per_day = rows_per_day(training.step)
         rule, pull = _caution(fit.blocks, training.n_rows / per_day)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         prior, every = _prior(self._members, rule), rows_per_hour(training.step)
-        self._record = BlendRecord(sample, left_out, member_of, products, groups, prior, pull, n_leads, per_day, every)
+        plausible = self.rows.plausible
+        self._record = BlendRecord(
+            sample, left_out, member_of, products, groups, prior, pull, n_leads, per_day, every, plausible
+        )
+
+    def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
+        """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""
+        T = self.rows.training.history["T_za"]
+        forecast = T[sample.targets(len(T))[0], None] - errors
+        clipped = self.rows.plausible.clip(forecast)
+        return np.where(clipped == forecast, errors, errors + forecast - clipped)
 
     def _warn_scale(self) -> None:
         """Warn where neither a capacity nor a measured heat fixes what a kW is."""
@@ -97,6 +108,20 @@ class ScheduleScheme(Scheme):
             "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
             ScaleNotIdentifiableWarning,
         )
+
+    def _warn_undetermined(self) -> None:
+        """Warn of plants of whose effect the training says next to nothing."""
+        capacity = {s.role: s.parameter for s in self.network.sources(self.rows.training.inputs)}
+        for role in self._physics.fit_.undetermined:
+            parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
+            free = parameter is not None and parameter not in self.known
+            remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
+            warn_user(
+                f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
+                "its gain, so that forecasts with it are a guess; train on a log in which it goes on and off for a "
+                f"few hours{remedy}.",
+                ExcitationWarning,
+            )
 
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
@@ -141,9 +166,11 @@ class ScheduleScheme(Scheme):
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
         paths = Paths(np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads)))
+        lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
-            paths.temperature[i], paths.zeta[i] = blend.forecast(views, n_leads)
+            plausible = PlausibleRange(lowest[i], highest[i])
+            paths.temperature[i], paths.zeta[i] = blend.forecast(views, n_leads, plausible)
         return paths
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
@@ -154,7 +181,8 @@ class ScheduleScheme(Scheme):
         for origin in origins + moved:
             rolling.advance(view, int(origin))
             states.append(rolling.state())
-        return loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
+        load = loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
+        return self._clipped_load(load, table, origins, setpoint)
 
     def left_out_errors(self, n_leads: int, every: int = _EVERY) -> LeftOut:
         """Errors of the blend on left-out blocks, interpolated between leads."""
@@ -184,7 +212,7 @@ class ScheduleScheme(Scheme):
             rows = self._last_rows(max(0, blend.row - back), ahead)
         views = blend.views(rows)
         blend.advance(views, self.rows.n_rows - 1)
-        path, heat = blend.forecast(views, future.n_rows)
+        path, heat = blend.forecast(views, future.n_rows, self.rows.plausible)
         self._ahead = blend
         return Paths(path[None], heat[None])
 

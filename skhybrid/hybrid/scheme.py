@@ -13,6 +13,7 @@ from ..control.setpoints import Band, Limits
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
+from .plausible_range import PlausibleRange
 
 
 class Paths(NamedTuple):
@@ -82,6 +83,17 @@ class Scheme(ABC):
     @abstractmethod
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
         """Daily report on whether what was learned still holds (:class:`DriftMonitor`); None: of rows taken in."""
+
+    def plausible(self, table: ZoneTable, origins: np.ndarray) -> PlausibleRange:
+        """What a forecast from each origin is clipped to: ranges (n_origins, 1), from what is known there."""
+        T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
+        return self.rows.plausible.at(T, origins)
+
+    def _clipped_load(self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band) -> pd.DataFrame:
+        """A load whose temperature is plausible, or one between the set-points."""
+        of_row = np.repeat(origins, np.diff(np.append(origins, table.n_rows)))
+        low, high = (ends.ravel() for ends in self.plausible(table, of_row).around(setpoint))
+        return load.assign(T_za=PlausibleRange(low, high).clip(load["T_za"].to_numpy()))
 
     def adapting(self, adapt: str | None) -> Self:
         """The scheme with another ``adapt``."""

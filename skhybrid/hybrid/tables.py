@@ -12,10 +12,8 @@ from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
-#: the disturbance is forecast by hours (paper 3.3)
-_HOUR = pd.Timedelta("1h")
-#: kept history: two weeks, which is the longest lag of any forecaster, and a day
-KEPT = pd.Timedelta("15D")
+_HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
+KEPT = pd.Timedelta("15D")  # kept history: two weeks, which is the longest lag of any forecaster, and a day
 #: stamps that a table without any is given in ``predict``, so that it follows no training table
 ELSEWHERE = ASSUMED_START + pd.Timedelta(weeks=5200)
 
@@ -45,13 +43,13 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
     return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
 
 
-def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: set[str]) -> pd.DataFrame:
-    """History and future as one frame, in which the ``past`` columns of the future are missing, but no others."""
+def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: Any) -> pd.DataFrame:
+    """History and future as one frame of the columns ``names`` and ``past``, which is missing in the future."""
     stamps = in_zone_of(future.index, history.index)
-    refuse_absent([name for name in names if name in history.columns], future, past, "history")
+    refuse_absent([name for name in names if name in history.columns], future, "history")
     whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
-    for name in past & set(whole.columns):
-        whole[name] = whole[name].where(np.arange(len(whole)) < len(history))
+    if past in whole:
+        whole[past] = whole[past].where(np.arange(len(whole)) < len(history))
     return whole
 
 
@@ -62,9 +60,9 @@ def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> Z
     return concatenate_tables([history, unmeasured(future, training)])
 
 
-def refuse_absent(names: Sequence[Any], future: pd.DataFrame, past: set[str], where: str) -> None:
-    """Raise a ValueError if the future lacks one of the columns ``names``; the ``past`` ones it need not have."""
-    absent = [name for name in names if name not in future.columns and name not in past]
+def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
+    """Raise a ValueError if the future lacks one of the columns ``names``."""
+    absent = [name for name in names if name not in future.columns]
     if absent:
         raise ValueError(f"future has no column {absent[0]!r}, which {where} has.")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..identification import PeriodicDisturbanceID
-from .base import BaseHybrid
+from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
 from .scheme import Scheme
 from .two_stage_scheme import TwoStageScheme, refits_fast
@@ -27,16 +27,17 @@ class BaseTwoStage(BaseHybrid):
         *,
         network=None,
         known=None,
-        disturbance="input",
+        disturbance: Literal["input", "output"] = "input",
         horizon="1D",
-        adapt="full",
+        adapt: Adapt = "full",
         intervals=True,
+        preprocess=None,
         memory=None,
+        columns=None,
+        sampling_time=None,
         n_jobs=None,
         random_state=None,
         verbose=0,
-        columns=None,
-        sampling_time=None,
         origin_step=None,
         max_missing=0.5,
     ):
@@ -48,6 +49,7 @@ class BaseTwoStage(BaseHybrid):
         self.horizon = horizon
         self.adapt = adapt
         self.intervals = intervals
+        self.preprocess = preprocess
         self.memory = memory
         self.n_jobs = n_jobs
         self.random_state = random_state
@@ -165,7 +167,7 @@ class BaseTwoStage(BaseHybrid):
             raise ValueError("rows were taken in since fit; fit again before other forecasters are fitted.")
         kind = self.disturbance if disturbance is None else disturbance
         made = [clone(self).set_params(forecaster=one, disturbance=kind) for one in forecasters]
-        read = ("n_features_in_", "feature_names_in_")
+        read = ("n_features_in_", "feature_names_in_", "preprocess_")
         for one, fitted in zip(made, scheme.with_forecasters([m._forecaster_part() for m in made], kind), strict=True):
             vars(one).update({name: value for name, value in vars(self).items() if name in read})
             one._take(fitted, intervals=False)
@@ -197,8 +199,11 @@ class TwoStagePredictor(BaseTwoStage):
     intervals : bool, default=True
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles` from forecasters fitted without a part of the
         training: a baseline without each week, others, trained a second time, without the last quarter.
-    %(parts)s
+    %(preprocess)s
+    %(memory)s
     %(data)s
+    %(parts)s
+    %(origins)s
 
     Attributes
     ----------

@@ -95,8 +95,7 @@ class TwoStageScheme(Scheme):
         training, step = self.rows.training, self.disturbance_step_
         empty = HourlyAggregation([*self.steps.inputs, "zeta"], step, training.step < step, zone_of(training))
         stamps = stamps_ns(training)
-        added = empty.added(stamps, self._rows_of(training, zeta))
-        self._aggregation = added.since(int(stamps[-1] - KEPT.value))
+        self._aggregation = empty.added(stamps, self._rows_of(training, zeta)).since(int(stamps[-1] - KEPT.value))
         self._learned_to = int(stamps_ns(self.steps)[-1])
         self._seen_since = False  # whether a temperature was measured after the training
         self._refit = WeeklyRefit(self.forecaster_)
@@ -119,8 +118,7 @@ class TwoStageScheme(Scheme):
 
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
-        seen = np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since
-        return np.where(seen, zeta, np.nan)
+        return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
 
     def forecast_ahead(self, future: ZoneTable) -> Paths:
         rows = self._rows_of(future, np.full(future.n_rows, np.nan))
@@ -131,7 +129,7 @@ class TwoStageScheme(Scheme):
         zeta = _path(forecaster, steps, known, int(wanted[-1]) + 1)[0, wanted]
         acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
         temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
-        return Paths(temperature[None], zeta[None, 1:])
+        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:])
 
     @property
     def _n_kept(self) -> int:
@@ -189,7 +187,7 @@ class TwoStageScheme(Scheme):
         zeta = self._disturbance_paths(table, here, origins, n_leads + shift, 1 - shift)
         acting = zeta[:, :n_leads]
         temperature = self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
-        return Paths(temperature, zeta[:, shift:])
+        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, shift:])
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""
@@ -198,7 +196,7 @@ class TwoStageScheme(Scheme):
         paths = self._disturbance_paths(table, here, origins, int(counts.max()), first)
         rows = origins - table.n_history
         load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
-        return load.assign(zeta=np.concatenate([path[:n] for path, n in zip(paths, counts, strict=True)]))
+        return self._clipped_load(load, table, origins, setpoint)
 
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors in weeks (or the last quarter, where fits are slow) that the forecaster was not fitted on."""
@@ -212,8 +210,7 @@ class TwoStageScheme(Scheme):
             origins = block_origins(block, per_day)
             if len(origins) and np.isfinite(known).any():
                 without = fit_forecaster(clone(self.forecaster_), self.steps, known)
-                other = self._with(adapt=None, forecaster_=without)
-                paths = other.forecast(table, origins, n_leads).temperature
+                paths = self._with(adapt=None, forecaster_=without).forecast(table, origins, n_leads).temperature
                 found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
         return joined(found)
 

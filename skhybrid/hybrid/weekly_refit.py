@@ -14,8 +14,7 @@ from .tables import KEPT, fit_forecaster, forecast_steps
 
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))
-#: share of the error by all steps below which fewer steps are believed
-_CLEARLY = 0.9
+_CLEARLY = 0.9  # share of the error by all steps below which fewer steps are believed
 _WEEK, _DAY = pd.Timedelta("7D"), pd.Timedelta("1D")
 
 
@@ -54,8 +53,7 @@ class WeeklyRefit:
         if key not in self._fits:
             self._fits[key] = fit_forecaster(clone(self._forecaster), steps.rows(slice(n - length, None)))
             # only the fits of this week and of the one before are wanted again
-            week = int(_WEEK / steps.step)
-            self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - week}
+            self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - int(_WEEK / steps.step)}
         return self._fits[key]
 
 
@@ -65,8 +63,7 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
     recent = steps.rows(slice(max(0, steps.n_rows - week - int(KEPT / steps.step)), None))
     origins = np.arange(recent.n_rows - week - 1, recent.n_rows - day, day)
     paths = forecast_steps(forecaster, recent, origins, day)
-    truth = recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]
-    error = (paths - truth) ** 2
+    error = (paths - recent.history["zeta"][origins[:, None] + np.arange(1, day + 1)]) ** 2
     return float(np.sqrt(np.nanmean(error))) if np.isfinite(error).any() else np.inf
 
 
@@ -76,10 +73,8 @@ def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFra
     per_day = round(_DAY / steps.step)
     begins = np.flatnonzero(day[1:] != day[:-1]) + 1
     begins = begins[begins + per_day <= steps.n_rows]
-    at = begins[:, None] + np.arange(per_day)
-    measured = pd.DataFrame(steps.history["zeta"][at], index=day[begins])
-    paths = forecast_steps(forecaster, steps, begins - 1, per_day)
-    return measured, pd.DataFrame(paths, index=measured.index)
+    measured = pd.DataFrame(steps.history["zeta"][begins[:, None] + np.arange(per_day)], index=day[begins])
+    return measured, pd.DataFrame(forecast_steps(forecaster, steps, begins - 1, per_day), index=measured.index)
 
 
 def reference_days(steps: ZoneTable, forecaster: Any, refit: bool) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
 from .._threads import one_blas_thread
 from .._time import rows_covering
@@ -64,6 +66,8 @@ class NetworkIdentifier(NetworkModel):
     priors: Any
     parameters_: tuple[Parameter, ...]
     theta_std_: pd.Series
+    noise_std_: float
+    loss_: float
     sampling_time_: pd.Timedelta
 
     def _make_problem(
@@ -75,6 +79,10 @@ class NetworkIdentifier(NetworkModel):
     def _search(self, minimise: Minimise, starts: np.ndarray, drop: Any, **settings: Any) -> list[Minimum]:
         own = {"n_jobs": self.n_jobs, "verbose": self.verbose, "name": type(self).__name__}
         return search(minimise, starts, drop, **own, **settings)
+
+    def _start_draws(self) -> np.random.RandomState:
+        # without a seed always the same ones: searches from other starts stop at slightly different places
+        return check_random_state(0 if self.random_state is None else self.random_state)
 
     def _minima(self, problem: Any, begin: Mapping[str, float] | None) -> list[Minimum]:
         """Minima from the random starts, or from the one start at ``begin``."""
@@ -130,6 +138,7 @@ class NetworkIdentifier(NetworkModel):
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
         self.sampling_time_ = table.step
+        self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
         keep = rows_covering(self.warmup, table.step)
         self.filtered_network_ = filter_training(kalman, table, experiment, self._first_state, keep)
@@ -145,14 +154,24 @@ class NetworkIdentifier(NetworkModel):
         table = self._read(X, network, reset=True)
         target = read_targets(y, table, network.history_roles, max_missing=self.max_missing)
         self._check_spans(table.step)
-        parameters = bounded_parameters(
-            self._widened(network.parameters(table.inputs)),
-            network.parameters(),
-            self._own_parameters(),
-            dict(self.known or {}),
-            dict(self.bounds or {}),
-        )
-        return network, table, make_experiment(network, tuple(sorted(table.inputs)), table, target), parameters
+        experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
+        return network, table, experiment, self._bounded_parameters(network, table)
+
+    def _bounded_parameters(self, network: RCNetwork, table: ZoneTable) -> tuple[Parameter, ...]:
+        """The network's parameters with the bounds that the user gave; refuses settings that name no parameter."""
+        known, bounds = dict(self.known or {}), dict(self.bounds or {})
+        parameters = self._widened(network.parameters(table.inputs))
+        names = [p.name for p in (*parameters, *self._own_parameters())]
+        under_other_inputs = {p.name for p in network.parameters()}
+        for setting, given in (("known", known), ("bounds", bounds)):
+            for name in given:
+                if name not in names and name not in under_other_inputs:
+                    raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
+        out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
+        for p in out:
+            if known.get(p.name) is not None:
+                _check_known(p, known[p.name])
+        return out
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
         table = read_table(
@@ -190,6 +209,12 @@ class NetworkIdentifier(NetworkModel):
             if p.name in idle
         }
 
+    def _facts(self) -> dict[str, str]:
+        return {"network": self.network_.name, "noise": f"{self.noise_std_:.3g} K", "loss": f"{self.loss_:.6g}"}
+
+    def _tables(self) -> dict[str, pd.DataFrame]:
+        return network_tables(self)
+
     @property
     def _theta(self) -> dict[str, float]:
         return {p.name: float(self.theta_[p.name]) for p in self.parameters_}
@@ -200,9 +225,7 @@ class NetworkIdentifier(NetworkModel):
         self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
-        self.identifiability_ = assess(
-            found.sensitivity, found.model, found.growth, found.parameters, found.n_days, at_bound, idle
-        )
+        self.identifiability_ = assess(found, at_bound, idle)
 
     def theta_interval(self, level: float = 0.9) -> pd.DataFrame:
         """Intervals that hold each parameter with the given probability.
@@ -243,29 +266,6 @@ class NetworkIdentifier(NetworkModel):
         """The identified model as discrete state-space matrices, at the training's sampling time."""
         check_is_fitted(self)
         return self.state_space_
-
-
-def bounded_parameters(
-    parameters: Sequence[Parameter],
-    others: Sequence[Parameter],
-    own: Sequence[Parameter],
-    known: Mapping[str, Any],
-    bounds: Mapping[str, Any],
-) -> tuple[Parameter, ...]:
-    """The network's parameters with the bounds that the user gave; refuses settings that name no parameter.
-
-    Settings may also name ``others``, parameters of the network under other inputs, and ``own``, of the disturbance.
-    """
-    names = [p.name for p in (*parameters, *own)]
-    for setting, given in (("known", known), ("bounds", bounds)):
-        for name in given:
-            if name not in names and name not in {p.name for p in others}:
-                raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
-    out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
-    for p in out:
-        if known.get(p.name) is not None:
-            _check_known(p, known[p.name])
-    return out
 
 
 def _check_known(p: Parameter, value: Any) -> None:

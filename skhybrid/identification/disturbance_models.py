@@ -16,12 +16,9 @@ from .experiment import Experiment
 # Each model turns discretised networks, one per start, into innovations-form predictors with exact derivatives by all
 # parameters: those of the network first, then the disturbance's own.
 
-#: standard deviation of a node's temperature that was not measured at the first row [K]
-HIDDEN_SD = 2.0
-#: standard deviation of the measured node at the first row [K]
-MEASURED_SD = 0.5
-#: standard deviation of the disturbance at the first row [kW]
-ZETA_SD = 1.0
+HIDDEN_SD = 2.0  # standard deviation of a node's temperature that was not measured at the first row [K]
+MEASURED_SD = 0.5  # standard deviation of the measured node at the first row [K]
+ZETA_SD = 1.0  # standard deviation of the disturbance at the first row [kW]
 
 
 def measurement_variance(hours: float) -> float:
@@ -128,8 +125,7 @@ class Conventional(_Disturbance):
         model = append_states(d, np.zeros((S, 0)), 0, 0)
         Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
         s0, P0 = first_state(network, segment), first_covariance(network)
-        R = measurement_variance(segment.hours)
-        return _complete(model, _outputs(network, 0, False), s0, R, Q=Q, P0=P0)
+        return _complete(model, _outputs(network, 0, False), s0, measurement_variance(segment.hours), Q=Q, P0=P0)
 
 
 @dataclass(frozen=True)

@@ -91,8 +91,7 @@ class FilteredNetwork:
         if checked_kind(kind) == "input":
             return self.run(table, smooth).gain
         experiment = self.experiment(table)
-        path = self.open_loop(experiment, self.open_start(table))
-        return experiment.outputs - path[:-1, self.kalman.measured]
+        return experiment.outputs - self.open_loop(experiment, self.open_start(table))[:-1, self.kalman.measured]
 
     def advanced(self, table: ZoneTable) -> tuple[FilteredNetwork, FilteredStates, np.ndarray]:
         """The network after the rows that follow the last, their states, and (N, o) output beyond the open loop [K]."""
@@ -116,10 +115,11 @@ class FilteredNetwork:
         kalman, disturbance = self.kalman, np.asarray(disturbance, dtype=np.float64)
         size, wanted = disturbance.shape[:2], kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
-        if given.shape[2:] != (wanted,):
+        if given.shape[2:] != (wanted,) or len(given) != len(origins) or not given.shape[1]:
             raise ValueError(
-                f"disturbance has shape {disturbance.shape}, but network {self.network.name} has {wanted} of kind "
-                f"{kind!r}: give (n_origins, n_leads{f', {wanted}' if wanted > 1 else ''})."
+                f"disturbance has shape {disturbance.shape}, but there are {len(origins)} origins and network "
+                f"{self.network.name} has {wanted} of kind {kind!r}: give (n_origins, n_leads"
+                f"{f', {wanted}' if wanted > 1 else ''})."
             )
         if kind == "input":
             return ForecastStart(self.run(table).nodes[origins], given, np.zeros((*size, len(kalman.measured))))

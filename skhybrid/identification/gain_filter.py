@@ -103,8 +103,7 @@ class GainFilter:
 
 def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:
     """The filter that gives CONV its states: noise on every node, no unmeasured heat."""
-    noise = Conventional(0).noise(kalman.network)
-    return replace(kalman, phi=0.0, Q=noise, R=measurement_variance(hours), g_sd=0.0)
+    return replace(kalman, phi=0.0, Q=Conventional(0).noise(kalman.network), R=measurement_variance(hours), g_sd=0.0)
 
 
 def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:

@@ -16,16 +16,13 @@ from .experiment import Experiment
 # hours and days are thus learned, and they carry most of the information about the building.
 
 DAY_TYPES = ("weekday", "weekend")
-#: weekday hours of ventilation
-DAY_HOURS = (6, 21)
+DAY_HOURS = (6, 21)  # weekday hours of ventilation
 #: prior standard deviations, for a plant of 6 kW: of the profile's level [kW] and of the ventilation [kW/K]
 LEVEL_SD, VENTILATION_SD = 3.0, 0.03
-#: harmonics of the day that a profile is made of, out of twelve; the others cost more time than they gain
-N_HARMONICS = 8
+N_HARMONICS = 8  # harmonics of the day in a profile, out of twelve; the others cost more time than they gain
 #: prior of a standard deviation [6 kW plant], as mean and standard deviation of its logarithm; and of a day's factor
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
-#: most days that have a factor of their own; in longer logs two or more days in a row share one
-MOST_DAYS = 56
+MOST_DAYS = 56  # most days that have a factor of their own; in longer logs two or more days in a row share one
 _HOURS = 24
 
 

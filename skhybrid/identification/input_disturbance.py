@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
@@ -45,7 +45,7 @@ class InputDisturbanceID(LeastSquaresIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        measurement_sd=None, objective="one_step",
+        measurement_sd=None, objective: Literal["one_step", "multi_step"] = "one_step",
     ):  # fmt: skip
         store_arguments(self, locals())
 

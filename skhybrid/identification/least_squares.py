@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from .._time import rows_covering, rows_of
@@ -35,7 +34,7 @@ class LeastSquaresIdentifier(NetworkIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        objective="one_step",
+        objective: Literal["one_step", "multi_step"] = "one_step",
     ):  # fmt: skip
         store_arguments(self, locals())
 
@@ -69,9 +68,8 @@ class LeastSquaresIdentifier(NetworkIdentifier):
 
     def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
-            loss = float(np.sum(problem.residuals(np.zeros(0)) ** 2))
-            return [Minimum(np.zeros(0), loss, 1, True)]
-        starts = random_starts(problem.searched, self.n_starts, check_random_state(self.random_state))
+            return [Minimum(np.zeros(0), float(np.sum(problem.residuals(np.zeros(0)) ** 2)), 1, True)]
+        starts = random_starts(problem.searched, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
         rough = partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1])
         return self._search(rough, starts, problem.drop, polish=problem.minimise)

@@ -64,7 +64,8 @@ def network_load(
     )
     measured = np.ravel(filtered.measurements(here))[:1]
     first = np.where(np.isfinite(measured), measured, zone.output @ start.states[0])
-    return load_frame(plant, here.index, clipped, unclipped, np.append(first, path[:-1]))
+    zeta = heat[:, 0] + offset  # a disturbance is the one or the other
+    return load_frame(plant, here.index, clipped, unclipped, np.append(first, path[:-1]), zeta)
 
 
 def _without_plant(filtered: FilteredNetwork, table: ZoneTable) -> np.ndarray:

@@ -10,8 +10,8 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
-from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, unmasked
+from .._rolling import RollingForecastMixin, checked_origins
+from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import origin_rows
 from ..control import Plant
@@ -43,6 +43,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         """Of one segment of rows; ``segment`` is its number in the training table, None where it is not from there."""
         return kalman_innovations(self.filtered_network_, table, segment)
+
+    def _past_roles(self) -> tuple[str, ...]:
+        return self.network_.history_roles
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self.filtered_network_.drive(table, origins, self._forecast_start(table, origins, n_leads))
@@ -157,7 +160,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         columns = dict(zip(self._zeta_names(), zeta.T, strict=True))
         if isinstance(X, ZoneTable):
             return X.replace(history={**X.history, **columns})
-        return X.assign(**columns) if isinstance(X, pd.DataFrame) else np.column_stack([np.asarray(X, float), zeta])
+        if not isinstance(X, pd.DataFrame):
+            return np.column_stack([np.asarray(X, float), zeta])
+        kept = [name for name in getattr(self, "feature_names_in_", X.columns) if name in X]
+        return X[kept].assign(**columns)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Names of the columns that :meth:`transform` returns.
@@ -224,8 +230,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self.filtered_network_.drive(table, rows, self.filtered_network_.under(table, rows, disturbance, kind))
+        rows = checked_origins(origins, table.n_rows - n_tail, n_tail) + n_tail
+        start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
+        return self.filtered_network_.drive(table, rows, start)
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
@@ -246,7 +253,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         -------
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need.
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need, and
+            the expected disturbance ``zeta`` [kW, or K of an output disturbance].
 
         Notes
         -----
@@ -279,8 +287,14 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = np.asarray(origins, dtype=np.int64) + n_tail
-        return self._load(table, rows, self.filtered_network_.under(table, rows, disturbance, kind), setpoint, limits)
+        rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
+        if not len(rows) or rows[0] != n_tail or (np.diff(rows) <= 0).any():
+            raise ValueError(f"origins={origins!r} must begin with row 0 of X and increase.")
+        start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
+        given, needed = start.heat.shape[1], int(np.diff(rows, append=table.n_rows).max())
+        if given < needed:
+            raise ValueError(f"disturbance has {given} leads, but {needed} rows lie up to the next origin or the end.")
+        return self._load(table, rows, start, setpoint, limits)
 
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
         return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
@@ -292,8 +306,7 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     stamps = getattr(heat_gain, "index", None)
     if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
         raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
-    given = np.zeros((n, d)) if heat_gain is None else unmasked(heat_gain, "heat_gain")
-    heat = np.asarray(given, dtype=np.float64)
+    heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
         each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
@@ -304,9 +317,17 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     return heat
 
 
+def _checked_disturbance(disturbance: Any) -> np.ndarray:
+    """Disturbance by origin, lead and node [kW or K]."""
+    values = as_numbers(disturbance, "disturbance")
+    _refuse_missing("disturbance", values)
+    check_range(values.ravel(), "zeta", "disturbance", pd.RangeIndex(values.size))
+    return values
+
+
 def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
     """(n,) node temperatures [degC]."""
-    state = np.asarray(unmasked(initial_state, "initial_state"), dtype=np.float64).reshape(-1)
+    state = as_numbers(initial_state, "initial_state").reshape(-1)
     if state.shape != (len(network.nodes),):
         raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
     _refuse_missing("initial_state", state)

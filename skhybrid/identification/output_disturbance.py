@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -51,7 +51,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        rho_box="stable", objective="one_step",
+        rho_box: Literal["stable", "paper"] = "stable", objective: Literal["one_step", "multi_step"] = "one_step",
     ):  # fmt: skip
         store_arguments(self, locals())
 
@@ -87,7 +87,6 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         experiment, kalman = known.experiment(table), known.kalman
         rho_1, rho_2 = float(self.disturbance_["rho_1"]), float(self.disturbance_["rho_2"])
         states = known.open_loop(experiment, known.open_start(table))
-        free = experiment.outputs - states[:-1, kalman.measured]
-        zeta = arma_prediction(free, rho_1, rho_2).states
+        zeta = arma_prediction(experiment.outputs - states[:-1, kalman.measured], rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
         return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
@@ -24,8 +23,7 @@ from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
 
-#: factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
-_WIDER = 10.0
+_WIDER = 10.0  # factor by which the search reaches beyond the paper's bounds; a prior keeps it from going astray
 
 
 @shared_docs
@@ -82,7 +80,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        variance="day_night",
+        variance: Literal["day_night", "3h"] = "day_night",
     ):  # fmt: skip
         store_arguments(self, locals())
 
@@ -122,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return [problem.minimise(np.zeros(0))]
-        starts = _prior_starts(problem, self.n_starts, check_random_state(self.random_state))
+        starts = _prior_starts(problem, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
 
         def each(batch: np.ndarray) -> list[Minimum]:
@@ -215,7 +213,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
 def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
     """Size of the plant, in units of the 6 kW for which the priors were chosen."""
-    measured = [v for role, v in table.inputs.items() if role.startswith("Q_")]
+    measured = [v for role, v in table.inputs.items() if role.startswith("Q_") and not table.hardly_ran(role)]
     if measured:
         return max(float(np.quantile(np.abs(np.sum(measured, axis=0)), 0.98)), 0.05) / 6.0
     capacities = [abs(float(v)) for name, v in known.items() if name.startswith("Q_")]
@@ -253,5 +251,4 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
     draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0
-    bounds = np.array([p.free_bounds for p in problem.searched]).T
-    return np.clip(np.array(centre) + draws, *bounds)
+    return np.clip(np.array(centre) + draws, *np.array([p.free_bounds for p in problem.searched]).T)

@@ -29,7 +29,7 @@ _BLOCKS = {
     n_jobs : int, optional
         Starts run in parallel.
     random_state : int, RandomState or None
-        Of the starts; the result is the same under any ``n_jobs``.
+        Of the starts; None is 0, so that equal tables give equal fits.  The result is the same under any ``n_jobs``.
     verbose : int, default=0
         1 shows a progress bar.
     origin_step : timedelta-like, optional
@@ -70,5 +70,4 @@ _BLOCKS = {
     """,
 }
 
-#: puts these blocks into a class docstring
-shared_docs = docs_from(_BLOCKS)
+shared_docs = docs_from(_BLOCKS)  # puts these blocks into a class docstring

@@ -1,13 +1,11 @@
 """Displays of fitted models and back-tests, as in scikit-learn; matplotlib is imported when a figure is drawn."""
 
-from ._day import DayAheadDisplay
 from ._disturbance import DisturbanceWeekDisplay, ScheduleDisplay
-from ._forecast import ForecastDisplay, LeadErrorDisplay
+from ._forecast import DayAheadDisplay, ForecastDisplay, LeadErrorDisplay
 from ._posterior import PosteriorDisplay, RobustnessDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
 from ._response_display import BodeDisplay, StepResponseDisplay
-from ._style import blank_axes
 
 __all__ = [
     "BodeDisplay",
@@ -21,5 +19,4 @@ __all__ = [
     "RobustnessDisplay",
     "ScheduleDisplay",
     "StepResponseDisplay",
-    "blank_axes",
 ]

@@ -48,11 +48,16 @@ class DisturbanceWeekDisplay(Display):
 
         Parameters
         ----------
-        estimator : fitted estimator; a gray box, or a predictor with one in ``gray_box_``
-        X : DataFrame; consecutive rows with the measured ``T_za``
-        truth : Series or array-like of shape (n_samples,), optional; true disturbance, if it is known [kW]
-        kind : {"input", "output"}, default="input"; heat into the zone [kW], or a shift of the measured temperature [K]
-        smooth : bool, default=True; whether each estimate uses the whole table, or only the rows up to its own
+        estimator : fitted estimator
+            A gray box, or a predictor with one in ``gray_box_``.
+        X : DataFrame
+            Consecutive rows with the measured ``T_za``.
+        truth : Series or array-like of shape (n_samples,), optional
+            True disturbance, if it is known [kW].
+        kind : {"input", "output"}, default="input"
+            Heat into the zone [kW], or a shift of the measured temperature [K].
+        smooth : bool, default=True
+            Whether each estimate uses the whole table, or only the rows up to its own.
         %(drawing)s
         """
         gray_box = getattr(estimator, "gray_box_", estimator)
@@ -60,8 +65,7 @@ class DisturbanceWeekDisplay(Display):
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
             X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
-        unit = "kW" if kind == "input" else "K"
-        return cls.from_predictions(zeta, truth=truth, unit=unit, ax=ax, **kwargs)
+        return cls.from_predictions(zeta, truth=truth, unit="kW" if kind == "input" else "K", ax=ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -163,7 +167,8 @@ class ScheduleDisplay(Display):
 
         Parameters
         ----------
-        schedule : DataFrame; ``gain`` [kW] and ``ua`` [kW/K] by day type and hour
+        schedule : DataFrame
+            As in the class.
         %(drawing)s
         """
         return cls(schedule).plot(ax, **kwargs)

@@ -13,8 +13,7 @@ from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, heading, legend, shared_legend, tidy
 
 _GREY = "#8a8a8a"
-#: height of the highest curve, as a fraction of a row.
-_HEIGHT = 0.75
+_HEIGHT = 0.75  # height of the highest curve, as a fraction of a row
 
 
 @dataclass(eq=False, repr=False)

@@ -13,8 +13,7 @@ from ..identification import frequency_response, step_response
 from ._display import Display
 from ._style import MEASURED, grid_or_new, line_style, shared_legend, tidy
 
-#: label of the true system.
-_TRUTH = "true"
+_TRUTH = "true"  # label of the true system
 #: labelled periods of the axis [s].
 _TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800.0: "1 wk", 2592000.0: "30 d"}
 

@@ -39,22 +39,6 @@ def _given_axes(ax: Any, n_axes: int) -> np.ndarray:
     return given
 
 
-def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
-    """Make a figure that pyplot does not keep in memory, and its (n_rows,) axes.
-
-    Parameters
-    ----------
-    n_rows : int; number of axes, one below the other
-    figsize : tuple of float; width and height [inch]
-    share : bool; whether the axes share their horizontal axis
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=figsize, layout="constrained")
-    axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
-    return figure, axes[:, 0]
-
-
 def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None = None) -> None:
     """Set the labels, a light grid and no box."""
     ax.set_ylabel(ylabel)

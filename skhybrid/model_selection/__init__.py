@@ -5,12 +5,14 @@ from .choice.case_rules import CaseChoice, select_case
 from .choice.pattern_expressiveness import PatternExpressiveness
 from .choice.robustness_comparison import RobustnessComparison
 from .compare import ModelComparison, compare_models
+from .scorers import DayAheadScorer, day_ahead_scorer, quantile_scorer
 from .search.design_matrix import DesignMatrix, design_matrix
 from .search.design_matrix_search import DesignMatrixSearchCV
 from .splitters import RollingOriginSplit
 
 __all__ = [
     "CaseChoice",
+    "DayAheadScorer",
     "DesignMatrix",
     "DesignMatrixSearchCV",
     "ModelComparison",
@@ -19,7 +21,9 @@ __all__ = [
     "RollingOriginSplit",
     "backtest",
     "compare_models",
+    "day_ahead_scorer",
     "design_matrix",
+    "quantile_scorer",
     "score_backtest",
     "score_intervals",
     "select_case",

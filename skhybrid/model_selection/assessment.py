@@ -78,8 +78,7 @@ def hold_out(
     shown, first = _rows(X, span), int(test[0] - train[0])
     score = log_density(model.innovations(shown)).iloc[first:]
     start = shown.index[first] if isinstance(getattr(shown, "index", None), pd.DatetimeIndex) else first
-    frame = backtest(model, shown, _rows(y, span), horizon=horizon, origin_step=origin_step, start=start)
-    return score, frame
+    return score, backtest(model, shown, _rows(y, span), horizon=horizon, origin_step=origin_step, start=start)
 
 
 def _rows(values: Any, rows: np.ndarray) -> Any:

@@ -27,6 +27,7 @@ def backtest(
     origin_step: Any = "1D",
     start: Any = None,
     quantiles: Sequence[float] | None = None,
+    whole: bool = True,
 ) -> pd.DataFrame:
     """Forecast from every origin and put the measurements next to the forecasts.
 
@@ -48,13 +49,14 @@ def backtest(
         from here.
     quantiles : sequence of float, optional
         Quantiles to forecast as well, in (0, 1), increasing; they need an estimator with ``predict_quantiles_from``.
+    whole : bool, default=True
+        Whether to leave out the origins whose horizon does not end in X; else the rows that are there count.
 
     Returns
     -------
     DataFrame
         One row per origin and lead: ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
-        (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.  Only origins whose
-        whole horizon lies in X.
+        (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.
 
     Raises
     ------
@@ -70,13 +72,14 @@ def backtest(
     stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
-    origins = origins[origins + n_leads < len(wall)]
+    origins = origins[origins + (n_leads if whole else 1) < len(wall)]
     if not len(origins):
         raise ValueError(
             f"no origin fits: X has {len(wall)} rows ({len(wall) * sampling}), and a horizon of {horizon!r} must "
             "follow the first origin; pass a longer X."
         )
-    rows = origins[:, None] + np.arange(1, n_leads + 1)
+    ahead = origins[:, None] + np.arange(1, n_leads + 1)
+    rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()
     if quantiles is not None and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
     if hasattr(forecaster, "predict_from"):
@@ -92,11 +95,13 @@ def backtest(
     }
     frame = pd.DataFrame(columns)
     if quantiles is None:
-        return frame
+        return frame[there].reset_index(drop=True)
     if not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
-    return frame.assign(**dict(zip(quantile_columns(quantiles), bands.reshape(-1, bands.shape[-1]).T, strict=True)))
+    values = bands.reshape(-1, bands.shape[-1]).T
+    frame = frame.assign(**dict(zip(quantile_columns(quantiles), values, strict=True)))
+    return frame[there].reset_index(drop=True)
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:

@@ -61,8 +61,7 @@ def likelihood_ratio_tests(fitted: Mapping[str, Assessment], table: pd.DataFrame
             white = max(_number(table, name, "whiteness_p") for name in (small, large)) > 0.01
             names = ", ".join((*extra.at_edge, *extra.inside))
             rows.append((small, large, names, statistic, distribution, p_value, white))
-    columns = ["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"])
 
 
 def _number(table: pd.DataFrame, name: str, column: str) -> float:

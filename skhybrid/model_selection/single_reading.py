@@ -31,7 +31,7 @@ def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time
 
 def takes_tables(estimator: Any) -> bool:
     """Whether an estimator reads its input by the data contract, and so takes a table that was read before."""
-    return isinstance(estimator, RollingForecastMixin)
+    return isinstance(estimator, RollingForecastMixin) and getattr(estimator, "preprocess", None) is None
 
 
 def reading_of(estimator: Any) -> dict[str, Any]:

@@ -107,8 +107,7 @@ class FacadeIrradiance(TableTransformer):
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
             raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
-        step = self._stamps(table, None)[1]
-        self.facades_, self.positions_, self.sampling_time_ = facades, positions, step
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, self._stamps(table, None)[1]
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
@@ -211,7 +210,7 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
         )
     try:
         return index.tz_localize(timezone).tz_convert("UTC")
-    except (ValueError, KeyError) as error:  # unknown zone, or an hour that is repeated or skipped
+    except Exception as error:  # unknown zone, or an hour repeated or skipped; zoneinfo and pytz differ in the class
         raise ValueError(
             f"the time stamps (first {index[0]}) cannot be localized to timezone={timezone!r} ({error}); localize "
             "them yourself, or pass a fixed offset such as '+01:00' for a log without daylight saving."

@@ -10,13 +10,15 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from .._table import HISTORY_ROLES, refuse_shape, role_of, unmasked
 from .._table import numeric as numeric
-from .._table import refuse_shape, unmasked
+from .._transaction import unchanged_on_failure
 
 
 class TableTransformer(TransformerMixin, BaseEstimator):
     """Base of the transformers, which learn nothing from values and accept missing ones."""
 
+    @unchanged_on_failure
     def fit(self, X: Any, y: Any = None) -> Self:
         """Check the parameters against the table; nothing is learned from its values.
 
@@ -58,8 +60,22 @@ def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame
         values = unmasked(X, "X")
         return validate_data(estimator, values, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True)
     refuse_shape(X, 1)
+    if not reset:
+        X = _in_fitted_order(estimator, X)
     validate_data(estimator, X, reset=reset, skip_check_array=True)
     return X
+
+
+def _in_fitted_order(estimator: BaseEstimator, X: pd.DataFrame) -> pd.DataFrame:
+    """The columns of ``fit``, found by name; frames without any role are left to scikit-learn's check."""
+    names = list(getattr(estimator, "feature_names_in_", ()))
+    if not any(role_of(name) for name in names):
+        return X
+    absent = [name for name in names if name not in X.columns]
+    if absent:
+        hint = "; for rows ahead take preprocess= of a predictor, or give NaN" if absent[0] in HISTORY_ROLES else ""
+        raise ValueError(f"X has no column {absent[0]!r}, which {type(estimator).__name__} was fitted on{hint}.")
+    return X[names]
 
 
 def roles_by_position(n_columns: int) -> list[str]:

@@ -49,7 +49,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
         self.sampling_time = sampling_time
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
-        self.max_gap_ = _duration(self.max_gap, "max_gap")
+        self.max_gap_ = duration(self.max_gap, "max_gap")
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         if not isinstance(table, pd.DataFrame):
@@ -92,7 +92,8 @@ def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> n
     return filled
 
 
-def _duration(value: Any, name: str) -> pd.Timedelta:
+def duration(value: Any, name: str) -> pd.Timedelta:
+    """A duration that is not negative."""
     try:
         span = pd.Timedelta(value)
     except (ValueError, TypeError) as error:

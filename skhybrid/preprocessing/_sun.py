@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-#: largest zenith angle [deg] at which direct irradiance is computed from global and diffuse irradiance.
-LOWEST_SUN = 87.0
+LOWEST_SUN = 87.0  # largest zenith angle [deg] at which direct irradiance is computed from global and diffuse one
 _W_PER_KW = 1000.0
 
 
@@ -41,16 +40,14 @@ def on_planes(
 ) -> dict[str, np.ndarray]:
     """Irradiance on the vertical plane of each azimuth [deg from north], (n,), with the sun as at ``stamps``."""
     from pvlib.iam import physical
-    from pvlib.irradiance import aoi, get_extra_radiation
+    from pvlib.irradiance import aoi
     from pvlib.solarposition import get_solarposition
 
     if not len(stamps):
         return {name: np.zeros(0) for name in azimuths}
     sun = get_solarposition(stamps, place.latitude, place.longitude, method="ephemeris")
     zenith, azimuth = sun["zenith"].to_numpy(), sun["azimuth"].to_numpy()
-    day = stamps.day_of_year.to_numpy()
-    extraterrestrial = np.asarray(get_extra_radiation(day)) / _W_PER_KW
-    light = split(ghi, dni, dhi, zenith, day, extraterrestrial)
+    light = split(ghi, dni, dhi, zenith, stamps.day_of_year.to_numpy())
     from_sky, from_ground = pane_diffuse() if place.glazing else (1.0, 1.0)
     # a vertical plane sees half of an isotropic sky, and half of the ground
     scattered = 0.5 * light.diffuse * from_sky + 0.5 * place.albedo * light.total * from_ground
@@ -64,19 +61,13 @@ def on_planes(
 
 
 def split(
-    ghi: np.ndarray,
-    dni: np.ndarray | None,
-    dhi: np.ndarray | None,
-    zenith: np.ndarray,
-    day: np.ndarray,
-    extraterrestrial: np.ndarray,
+    ghi: np.ndarray, dni: np.ndarray | None, dhi: np.ndarray | None, zenith: np.ndarray, day: np.ndarray
 ) -> Light:
     """Direct, diffuse and global irradiance, with those not given computed from the others.
 
-    ``zenith`` is that of the sun [deg], ``day`` the day of the year and ``extraterrestrial`` the irradiance above the
-    atmosphere [kW/m2], an upper limit of direct irradiance.  Negative readings count as zero; NaN stays NaN.
+    ``zenith`` is that of the sun [deg], ``day`` the day of the year.  Negative readings count as zero; NaN stays NaN.
     """
-    from pvlib.irradiance import erbs
+    from pvlib.irradiance import erbs, get_extra_radiation
 
     total = ghi.clip(0.0)
     height = np.cos(np.radians(zenith)).clip(0.0)
@@ -90,7 +81,8 @@ def split(
     # at a low sun, division by a small cosine would turn an error of a few watts into hundreds
     high = zenith <= LOWEST_SUN
     beam = (total - diffuse).clip(0.0) / np.where(high, height, 1.0)
-    direct = np.where(high, np.minimum(beam, extraterrestrial), 0.0)
+    above_atmosphere = np.asarray(get_extra_radiation(day)) / _W_PER_KW
+    direct = np.where(high, np.minimum(beam, above_atmosphere), 0.0)
     return Light(direct, diffuse if dhi is not None else total - direct * height, total)
 
 

@@ -7,7 +7,7 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
-from .rolling_network import ErrorHistory, RollingNetwork, forecast_from_origins
+from .rolling_network import ErrorHistory, RollingNetwork
 from .schedule_loads import loads
 from .scheduled_network import ScheduledNetwork
 from .segment import NumberedSegment, Segment, make_segment
@@ -20,7 +20,6 @@ __all__ = [
     "ScheduledNetwork",
     "Segment",
     "fit_leads",
-    "forecast_from_origins",
     "loads",
     "make_segment",
 ]

@@ -19,11 +19,9 @@ from ..thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
-#: knots of the part-load curve, as shares of a stage's largest training value
-_KNOTS = (0.2, 0.45)
+_KNOTS = (0.2, 0.45)  # knots of the part-load curve, as shares of a stage's largest training value
 _HOURS, _DAYS = 24, 7
-#: a unit of the conductance schedule is the heat at this difference from the mean outdoor temperature [K]
-UA_DIFFERENCE = 10.0
+UA_DIFFERENCE = 10.0  # a unit of the conductance schedule is the heat at this difference from the mean T_oa [K]
 #: parts of the day that replace facades where there is one irradiance only: centre [h from solar noon], half-width [h]
 _DAY_PARTS = {"morning": -3.5, "noon": 0.0, "afternoon": 3.5}
 _HALF_WIDTH = 3.5
@@ -107,7 +105,11 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
     stages = [role for role in table.inputs if role.startswith("u_")]
     stages.sort(key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
     sign = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in stages}
-    given = _given_capacities(network, table, known, stages, sign, bool(measured))
+    capacity = {source.role: source.parameter for source in network.sources(stages)}
+    given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
+    if not measured and not given and stages:  # nothing fixes the scale: a stage that runs is taken to have 6 kW
+        running = [role for role in stages if np.ptp(table.inputs[role]) > 0] or stages
+        given = [(running[0], 6.0 * sign[running[0]])]
     with_capacity = {role for role, _ in given}
     irradiance = tuple(role for role in table.inputs if role.startswith("q_sol"))
     largest = {role: float(table.inputs[role].max()) for role in stages}
@@ -122,23 +124,6 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
         _solar_noon(table, irradiance),
         calendar,
     )
-
-
-def _given_capacities(
-    network: RCNetwork,
-    table: ZoneTable,
-    known: Mapping[str, float],
-    stages: Sequence[str],
-    sign: Mapping[str, float],
-    measured: bool,
-) -> list[tuple[str, float]]:
-    """Stages with a capacity [kW]: the given ones, or one stage that runs, at 6 kW, where nothing fixes the scale."""
-    capacity = {source.role: source.parameter for source in network.sources(stages)}
-    given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
-    if not measured and not given and stages:
-        running = [role for role in stages if np.ptp(table.inputs[role]) > 0] or stages
-        given = [(running[0], 6.0 * sign[running[0]])]
-    return given
 
 
 def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:

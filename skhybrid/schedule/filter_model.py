@@ -10,10 +10,8 @@ import numpy as np
 from ..filtering import discretize
 from ..thermal import MatrixBuilder, RCNetwork
 
-#: standard deviation of the thermometer [K]; only ratios of the others to it matter
-NOISE = 0.05
-#: standard deviation of the first row's temperatures: common to all nodes, and of each node [K]
-_COMMON_START, _NODE_START = 4.0, 1.0
+NOISE = 0.05  # standard deviation of the thermometer [K]; only ratios of the others to it matter
+_COMMON_START, _NODE_START = 4.0, 1.0  # standard deviation at the first row, common and of each node [K]
 #: parameters beside the network's: random walk of its temperatures [K/sqrt(h)], gain of the filter [kW] and its time
 #: constant [h], time constant of the emitter [h]
 FILTER_PARAMETERS = ("sigma_x", "sigma_g", "tau_g", "tau_e")

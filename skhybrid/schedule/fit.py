@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,23 +18,19 @@ from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
 
-#: leads of a sample on which the grid is scored
-_COARSE = slice(2, None, 4)
+_COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
 _SCALES, _PACES = (0.1, 0.3, 1.0, 3.0, 10.0), (0.3, 1.0, 3.0)
 #: rough guess of a network for 2.5 kW of spread in its heat: capacitance of the measured node and of others [kWh/K],
 #: resistance inside and to the outside [K/kW]
 _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
-#: least spread of the known heat, as a share of its largest value
-_LEAST_SPREAD = 0.1
-#: prior standard deviation of the parameters' logarithms around the grid's best point
-_PRIOR_SPREAD = 1.2
-#: least standard deviation of a lead's errors in its weight [K]
-_LEAST_ERROR = 0.02
-#: shrinkages that are tried
-_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)
-#: numbers of blocks of days that are left out in turn
-_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3
+_GUESS_PLANT = 6.0  # plant for which the guess was made, where nothing tells its size [kW]
+_LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest value
+_LEAST_EVIDENCE = 1.0  # log-likelihood that a determined source gains: below it, chance explains as much
+_PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms around the grid's best point
+_LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
+_GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
+_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
 _DAY = 24.0
 
 
@@ -48,6 +45,7 @@ class LeadFit:
     blocks: np.ndarray  # (O,) int, block of days of each origin
     left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
     reference: float  # temperature from which deviations count [degC]
+    undetermined: tuple[str, ...] = ()  # plant roles of whose effect the training says next to nothing
 
     @property
     def model(self) -> FilterModel:
@@ -101,22 +99,54 @@ def fit_leads(
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
-    ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.
+    ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
+    the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.
     """
+    plan = make_plan(network, table, known or {}, calendar)
+    reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
+    heat = make_segment(plan, table, T, reference).heat
+    # a plant that hardly ran does not make the building small
+    scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
+    fit = _fit_at_scale(plan, table, T, n_leads, reference, scale if scale > 1e-6 else 1.0, _SCALES)
+    undetermined = _undetermined(fit, table, T)
+    if plan.known and {role for role, _ in plan.known} <= set(undetermined):
+        plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
+        usual = _GUESS_HEAT * plant / _GUESS_PLANT
+        fit = _fit_at_scale(plan, table, T, n_leads, reference, usual, (1.0,))
+    return replace(fit, undetermined=undetermined)
+
+
+def _undetermined(fit: LeadFit, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
+    """Plant roles without which the rows are explained about as well."""
+    best, out = fit.problem.evaluate(fit.psi).loss, []
+    for role in (*dict(fit.plan.known), *dict(fit.plan.stages)):
+        idle = table.replace(inputs={**table.inputs, role: np.zeros(table.n_rows)})
+        without = fit.with_rows(fit.make_segment(idle, T)).problem.evaluate(fit.psi).loss
+        if without - best < _LEAST_EVIDENCE:
+            out.append(role)
+    return tuple(out)
+
+
+def _fit_at_scale(
+    plan: ChannelPlan,
+    table: ZoneTable,
+    T: np.ndarray,
+    n_leads: int,
+    reference: float,
+    heat_scale: float,
+    scales: Sequence[float],
+) -> LeadFit:
+    """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]."""
     step = table.step / pd.Timedelta("1h")
+    segment = make_segment(plan, table, T, reference)
+    model = FilterModel.of(plan.network, step, heat_scale)
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
     if not len(sample.leads):
         raise ValueError(
             f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
             "day or more, or a shorter horizon."
         )
-    plan = make_plan(network, table, known or {}, calendar)
-    reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
-    segment = make_segment(plan, table, T, reference)
-    # a plant that hardly ran does not make the building small
-    scale = max(float(segment.heat.std()), _LEAST_SPREAD * float(np.abs(segment.heat).max()))
-    model = FilterModel.of(network, step, scale if scale > 1e-6 else 1.0)
-    problem = _initial_problem(model, ScoredForecasts(segment, sample))
+    problem = _initial_problem(model, ScoredForecasts(segment, sample), scales)
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
@@ -128,10 +158,10 @@ def fit_leads(
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference)
 
 
-def _initial_problem(model: FilterModel, scored: ScoredForecasts) -> LeadProblem:
+def _initial_problem(model: FilterModel, scored: ScoredForecasts, scales: Sequence[float]) -> LeadProblem:
     """Problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
     spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(scored.sample.leads)
-    start = _best_of_grid(model, scored, spread).psi
+    start = _best_of_grid(model, scored, spread, scales).psi
     problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads))
     at = problem.evaluate(start)
     errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
@@ -140,7 +170,9 @@ def _initial_problem(model: FilterModel, scored: ScoredForecasts) -> LeadProblem
     return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
 
 
-def _best_of_grid(model: FilterModel, scored: ScoredForecasts, spread: np.ndarray) -> Evaluation:
+def _best_of_grid(
+    model: FilterModel, scored: ScoredForecasts, spread: np.ndarray, scales: Sequence[float]
+) -> Evaluation:
     """The point of a coarse grid with the least loss of a few forecasts."""
     leads = scored.sample.leads
     coarse = ForecastSample(scored.sample.origins[::6], leads[_COARSE] if len(leads) > 4 else leads)
@@ -150,7 +182,7 @@ def _best_of_grid(model: FilterModel, scored: ScoredForecasts, spread: np.ndarra
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
         return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(coarse.leads))).evaluate(psi)
 
-    return min((evaluate(scale, pace) for scale in _SCALES for pace in _PACES), key=lambda at: at.loss)
+    return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss)
 
 
 def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:

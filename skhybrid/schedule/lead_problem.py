@@ -16,14 +16,10 @@ from .filter_model import FilterModel
 from .responses import Responses, error_columns, error_sensitivities, simulate_responses
 from .segment import Segment
 
-#: hours within which forecasts overlap so much that they count as one
-_OVERLAP = 8.0
-#: penalty of coefficients that are not shrunk, which keeps the equations regular
-_LEAST_PENALTY = 1e-3
-#: unit of a window [m2] under that penalty
-_WINDOW = 10.0
-#: penalty of swapping the type of a day of the week: a few days of evidence overcome it
-_SWAP_PENALTY = 150.0
+_OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
+_LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
+_WINDOW = 10.0  # unit of a window [m2] under that penalty
+_SWAP_PENALTY = 150.0  # penalty of swapping the type of a day of the week: a few days of evidence overcome it
 
 
 class Shrinkage(NamedTuple):

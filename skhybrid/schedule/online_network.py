@@ -14,10 +14,8 @@ from .lead_problem import LeadProblem
 from .responses import ResponseFilter, Responses, emitter_series, node_inputs
 from .segment import Segment
 
-#: days after which evidence counts half: in a long memory, and in a short one that adapts to a change sooner
-HALF_LIVES = (30.0, 7.0)
-#: weight of a forecast of the history relative to one of the training
-HISTORY_WEIGHT = 3.0
+HALF_LIVES = (30.0, 7.0)  # days after which evidence counts half: in a long memory, and in one that adapts sooner
+HISTORY_WEIGHT = 3.0  # weight of a forecast of the history relative to one of the training
 _DAY = 24.0
 
 
@@ -139,8 +137,7 @@ class OnlineNetwork:
 
     def advance(self, segment: Segment, first: int, origins: np.ndarray, spacing: float) -> CompletedForecasts:
         """Go through the next rows, from row ``first`` on; forecasts begin at ``origins``, ``spacing`` rows apart."""
-        responses = self.respond(segment, origins - first)
-        return self._open.advance(responses, segment.seen, first, origins, spacing)
+        return self._open.advance(self.respond(segment, origins - first), segment.seen, first, origins, spacing)
 
     def learn(self, completed: CompletedForecasts, row: int) -> None:
         """Add forecasts that have ended by the last row, ``row``."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +13,10 @@ from .lead_problem import ScoredForecasts, minimise
 from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
 
-#: days between refits of the network
-_REFIT_DAYS = 10
+_REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
 _WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
-#: days of rows that a refitted network goes through at once, which bounds the memory
-_PIECE_DAYS = 7
+_PIECE_DAYS = 7  # days of rows that a refitted network goes through at once, which bounds the memory
 _DAY = 24.0
 
 
@@ -178,26 +175,3 @@ class RollingNetwork:
         last = min(origin + n_leads, rows.first + rows.segment.n_rows - 1)
         ahead = rows.between(min(origin + 1, last), last + 1)
         return self._network.forecast(ahead, last - origin, self.coefs(), n_leads)
-
-
-class RolledForecasts(NamedTuple):
-    """Forecasts from several origins, and the errors of the history's."""
-
-    paths: np.ndarray  # (n_origins, n_leads) [K from the reference]
-    heat: np.ndarray  # (n_origins, n_leads) unmeasured heat over the step of each row ahead [kW]
-    errors: np.ndarray  # (O, L) [K], as in :class:`RollingNetwork`
-    states: list[OriginState]  # at each origin
-
-
-def forecast_from_origins(
-    fit: LeadFit, rows: NumberedSegment, origins: np.ndarray, n_leads: int, adapt: str | None, memory: int = 0
-) -> RolledForecasts:
-    """Forecast from each of increasing ``origins`` (rows), by the memory of that index in HALF_LIVES."""
-    network = RollingNetwork(fit, rows.begin, rows.joined, adapt)
-    paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
-    states = []
-    for i, origin in enumerate(origins):
-        network.advance(rows, int(origin))
-        paths[i], heat[i] = (of_memories[memory] for of_memories in network.forecast(rows, n_leads))
-        states.append(network.state(memory))
-    return RolledForecasts(paths, heat, network.errors[..., memory], states)

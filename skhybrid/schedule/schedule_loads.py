@@ -18,10 +18,8 @@ from .fit import LeadFit
 from .online_network import OriginState
 from .segment import Segment
 
-#: stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
-_GRID = 101
-#: least slope of a part-load curve, as a share of the proportional one
-_LEAST_SLOPE = 0.5
+_GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
+_LEAST_SLOPE = 0.5  # least slope of a part-load curve, as a share of the proportional one
 #: noise of a wanted temperature: at most this share of the error of the training's one-step forecasts, at least so much
 _NOISE_SHARE, _LEAST_NOISE = 0.5, 0.01  # [-], [K]
 
@@ -50,8 +48,7 @@ def loads(
         within = Limits(*(side[rows] for side in limits))
         ahead = segment.between(int(origin), int(end))
         frames.append(_load_from(fit, ahead, state, table.index[origin:end], band, within, variation))
-    # a stage whose capacity came out as 0 at one origin delivers nothing there
-    return pd.concat(frames).fillna(0.0) if len(frames) > 1 else frames[0]
+    return pd.concat(frames) if len(frames) > 1 else frames[0]
 
 
 class _Variation(NamedTuple):
@@ -109,8 +106,7 @@ def _load_from(
     unclipped, _ = heat_within(-free, free)
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(at_origin, path[:-1]) + fit.reference
-    out = load_frame(plant, index, clipped, unclipped, temperature)
-    return _at_part_load(out, fit, plant, coef).assign(zeta=zeta)
+    return _at_part_load(load_frame(plant, index, clipped, unclipped, temperature, zeta), fit, plant, coef)
 
 
 def _at_part_load(out: pd.DataFrame, fit: LeadFit, plant: Plant, coef: np.ndarray) -> pd.DataFrame:

@@ -2,11 +2,11 @@
 
 from .compared_models import StudyModel, Yesterday, make_models
 from .data import StudyData, read_log, split_log
-from .outputs import format_table, write_outputs
+from .outputs import write_outputs
 from .proposal import propose_settings
-from .report import study_picture, verdict, write_report
+from .report import write_report
 from .run import StudyResult, run_study
-from .settings import Settings, read_settings, settings_from
+from .settings import Settings, read_settings
 
 __all__ = [
     "Settings",
@@ -14,16 +14,12 @@ __all__ = [
     "StudyModel",
     "StudyResult",
     "Yesterday",
-    "format_table",
     "make_models",
     "propose_settings",
     "read_log",
     "read_settings",
     "run_study",
-    "settings_from",
     "split_log",
-    "study_picture",
-    "verdict",
     "write_outputs",
     "write_report",
 ]

@@ -119,7 +119,7 @@ def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
 
 def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> tuple[HybridPredictor, str]:
     """The two-stage scheme with the identification of the settings, and a note on it."""
-    common = {"horizon": settings.horizon, "random_state": settings.random_state}
+    common: dict[str, Any] = {"horizon": settings.horizon, "random_state": settings.random_state}
     own = settings.estimator.get("name", "periodic")
     made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
     return made, f"{own} identification, {forecaster.model} disturbance forecast"

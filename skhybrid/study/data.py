@@ -19,8 +19,7 @@ SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-#: missing T_za at the end of a log is a failed sensor if shorter than this, else the next day
-_SHORTEST_FUTURE = pd.Timedelta("1h")
+_SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 _STANDSTILL = pd.Timedelta("1D")  # a temperature that does not change for this long comes from a stuck sensor
 
 
@@ -103,6 +102,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     ValueError
         If a span has no rows, or the test begins before the training ends.
     """
+    if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
+        raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):

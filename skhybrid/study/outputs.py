@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import tempfile
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from .. import __version__
-from ..persistence import atomic_path, save_model
+from .._files import named_in_errors
+from ..persistence import save_model
 from .compared_models import HYBRID
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
@@ -35,21 +38,68 @@ def format_table(table: pd.DataFrame) -> str:
     return "\n".join([*lines, "", verdict(table, HYBRID)])
 
 
-def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd.Series | None = None) -> list[Path]:
-    """Write tables, metrics, model, report and picture of a study, none ever half written; return their paths.
+#: every file that a study writes, in the order in which it is listed
+_NAMES = (
+    "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
+)  # fmt: skip
+
+
+def write_outputs(
+    result: StudyResult,
+    folder: str | PathLike[str],
+    *,
+    truth: pd.Series | None = None,
+    before_swap: Callable[[], None] | None = None,
+) -> list[Path]:
+    """Write tables, metrics, model, report and picture of a study, all or none; return their paths.
+
+    They are written to a hidden folder first.  Then the files of an earlier study are removed and the new ones take
+    their place, so that the folder never holds files of two studies; other files in it stay.
 
     Parameters
     ----------
     result : StudyResult
     folder : path-like, created if it does not exist
     truth : Series, optional, true unmeasured heat [kW] at the stamps of the training rows, for the report
+    before_swap : callable, optional, called after all is written and before a file in the folder changes
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written to, or the disk is full; the folder is then as it was.
     """
     out = Path(folder)
+    with named_in_errors(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out if out.is_dir() else out.parent) as made:
+            staged = Path(made)
+            _write_all(result, staged, truth)
+            if before_swap is not None:
+                before_swap()
+            try:
+                _swap(staged, out)
+            except (KeyboardInterrupt, SystemExit):  # half of a swap would be worse than a moment more
+                _swap(staged, out)
+                raise
+    return [out / name for name in _NAMES]
+
+
+def _swap(staged: Path, out: Path) -> None:
+    """Let the staged files take the place of those of an earlier study; continues where it was stopped."""
+    out.mkdir(exist_ok=True)
+    left = [name for name in _NAMES if (staged / name).exists()]
+    for name in left:
+        (out / name).unlink(missing_ok=True)
+    for name in left:
+        (staged / name).replace(out / name)
+
+
+def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     _write_csv(result.forecast, out / "forecast.csv")
     _write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
     _write_csv(result.parameters, out / "parameters.csv", digits=6)
-    with atomic_path(out / "metrics.json") as made:
-        made.write_text(json.dumps(_metrics(result), indent=2, allow_nan=False, default=str) + "\n", encoding="utf-8")
+    metrics = json.dumps(_metrics(result), indent=2, allow_nan=False, default=str)
+    (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
     write_report(
         out / "report.html",
@@ -69,11 +119,6 @@ def write_outputs(result: StudyResult, folder: str | PathLike[str], *, truth: pd
     )
     ordered = {name: result.frames[name] for name in [HYBRID, *result.table.index.drop(HYBRID)]}
     study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
-    tables, others = (
-        ("forecast", "backtest", "parameters"),
-        ("metrics.json", "model.skops", "report.html", "forecast.png"),
-    )
-    return [*(out / f"{name}.csv" for name in tables), *(out / name for name in others)]
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
@@ -89,10 +134,8 @@ def _learned(result: StudyResult) -> dict[str, Any]:
 
 
 def _write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
-    with atomic_path(path) as made:
-        frame.to_csv(
-            made, float_format=f"%.{digits}g" if digits > 4 else f"%.{digits}f", date_format="%Y-%m-%dT%H:%M:%S%z"
-        )
+    form = f"%.{digits}g" if digits > 4 else f"%.{digits}f"
+    frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 
 def _wide(result: StudyResult) -> pd.DataFrame:
@@ -113,13 +156,12 @@ def _spans(result: StudyResult) -> dict[str, Any]:
 
 def _metrics(result: StudyResult) -> dict[str, Any]:
     numbers = result.table.drop(columns="note").astype(object)
-    rows = numbers.where(numbers.notna(), None).to_dict(orient="index")
     return {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
-        "models": rows,
+        "models": numbers.where(numbers.notna(), None).to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),

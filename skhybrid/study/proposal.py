@@ -58,9 +58,7 @@ def propose_settings(log: str | PathLike[str]) -> str:
             shown = ", ".join(map(repr, table.columns))
             raise ValueError(f"no column of {file.name} looks like the {what} temperature ({shown}).")
     frame = read_zone_csv(file, chosen, sep=sep, decimal=decimal).replace([np.inf, -np.inf], np.nan)
-    return _proposal(
-        file, chosen, _guess_units(frame, chosen), _guess_scale(frame), _segment(frame, file.name), (sep, decimal)
-    )
+    return _proposal(file, frame, chosen, (sep, decimal))
 
 
 def _guess_separators(file: Path) -> tuple[str, str]:
@@ -124,23 +122,18 @@ def _usual(index: pd.DatetimeIndex) -> pd.Timedelta:
     return pd.Timedelta((index[1:] - index[:-1]).to_series().median())
 
 
-def _proposal(
-    file: Path,
-    chosen: Mapping[str, str],
-    units: Mapping[str, str],
-    scale: Mapping[str, float],
-    index: pd.DatetimeIndex,
-    separators: tuple[str, str],
-) -> str:
+def _proposal(file: Path, frame: pd.DataFrame, chosen: Mapping[str, str], separators: tuple[str, str]) -> str:
+    index = _segment(frame, file.name)
     source = _usual(index)
     if not source > pd.Timedelta(0):
         raise ValueError(
             f"most stamps of {file.name} occur twice, such as {index[0]}; give date and time in one column."
         )
+    guessed: dict[str, Mapping[str, Any]] = {"units": _guess_units(frame, chosen), "scale": _guess_scale(frame)}
     blocks = [
         _log_lines(file, index, source, separators),
         _column_lines(chosen),
-        *[_table_lines(title, table) for title, table in (("units", units), ("scale", scale)) if table],
+        *[_table_lines(title, table) for title, table in guessed.items() if table],
         *_model_lines(chosen),
         *_span_lines(file, index),
         ["[load]", 'setpoint = "measured"  # or a temperature [degC]'],

@@ -123,7 +123,6 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
         forecast = _next_day(model, identification, data, "q_0.1" in tested[HYBRID].frame)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
-    texts = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return StudyResult(
         settings,
         data,
@@ -134,7 +133,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         forecast,
         zeta,
         _parameters(identification),
-        list(dict.fromkeys([*remarks, *texts])),
+        list(dict.fromkeys([*remarks, *(str(w.message) for w in caught if issubclass(w.category, UserWarning))])),
         time.perf_counter() - begun,
     )
 
@@ -232,8 +231,7 @@ def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData)
     if load is None or delivered is None:
         return np.nan
     known = rows["T_za"].notna() & rows["T_za"].shift(-1).notna() & (rows.index >= data.test_start)
-    error = (_in_kilowatts(load, identification, rows)["Q_hvac"] - delivered)[known]
-    return float(np.sqrt((error**2).mean()))
+    return float(np.sqrt(((_in_kilowatts(load, identification, rows)["Q_hvac"] - delivered)[known] ** 2).mean()))
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
@@ -242,8 +240,8 @@ def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}
-    for end in ("", "_unclipped"):  # a stage whose capacity is 0 has no column
-        by_role = load.reindex(columns=[role + end for role in stages], fill_value=0.0).set_axis(stages, axis=1)
+    for end in ("", "_unclipped"):
+        by_role = load[[role + end for role in stages]].set_axis(stages, axis=1)
         heat["Q_hvac" + end] = delivered_heat(identification, by_role)
     return load.assign(**heat)
 

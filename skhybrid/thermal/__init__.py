@@ -3,13 +3,12 @@
 from .catalogue import CATALOGUE, get_network, list_networks
 from .declaration import Source
 from .drawing import draw
-from .matrices import Continuous, MatrixBuilder
+from .matrices import MatrixBuilder
 from .network import RCNetwork
 from .parameters import Parameter
 
 __all__ = [
     "CATALOGUE",
-    "Continuous",
     "MatrixBuilder",
     "Parameter",
     "RCNetwork",

@@ -84,17 +84,10 @@ _FAMILY = (
     _network("TiTeThAeRia", "e h", "R_ze R_zh R_eo R_zo", "TiTeThRia with sun on the envelope", sun="e"),
     _network("TiTmTeTh", "m e h", "R_zm R_ze R_zh R_eo", "zone air, medium, envelope and heater"),
     _network("TiTeThTs", "e h s", "R_ze R_zh R_zs R_eo", "zone air, envelope, heater and a sensor that lags"),
-    _network(
-        "TiTmTeThTsAeRia",
-        "m e h s",
-        "R_zm R_ze R_zh R_zs R_eo R_zo",
-        "the full model of the family",
-        sun="e",
-    ),
+    _network("TiTmTeThTsAeRia", "m e h s", "R_zm R_ze R_zh R_zs R_eo R_zo", "the full model of the family", sun="e"),
 )
 
-#: the networks by name
-CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}
+CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}  # the networks by name
 
 
 def get_network(network: str | RCNetwork) -> RCNetwork:

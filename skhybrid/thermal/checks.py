@@ -11,8 +11,7 @@ from .declaration import ROLE_PREFIXES, Declaration, all_shares, is_by_role
 
 _NODE = re.compile(r"[A-Za-z]\w*\Z")
 _BOUNDARY = re.compile(r"T_\w+\Z")
-#: prefixes of the parameters of sources
-_SOURCE_PARAMETERS = ("A_win", "Q_")
+_SOURCE_PARAMETERS = ("A_win", "Q_")  # prefixes of the parameters of sources
 
 
 def check(network: Declaration) -> None:

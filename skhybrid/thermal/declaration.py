@@ -12,8 +12,7 @@ from .parameters import Parameter, make_parameter
 Target = str | Mapping[str, str | None]
 Shares = tuple[tuple[str, str | None], ...]
 
-#: prefixes of the roles of each kind of heat
-ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}
+ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}  # prefixes of the roles of each kind of heat
 
 
 class Source(NamedTuple):

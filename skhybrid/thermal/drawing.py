@@ -38,10 +38,6 @@ class _Column:
         """Resistors that rise from the node, from left to right."""
         return [*self.to_left, *(name for name, _ in self.rising), *self.to_right]
 
-    def port_offset(self, resistor: str) -> float:
-        """Horizontal offset from the node at which a resistor rises."""
-        return _PORT * (self.ports.index(resistor) - 0.5 * (len(self.ports) - 1))
-
     @property
     def half_bus(self) -> float:
         """Half the width of the horizontal wire that joins the rising ones."""
@@ -71,7 +67,8 @@ def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
     rail = _Rail(network, roles)
     canvas = _Canvas()
     for resistor, i, j in rail.neighbours:
-        _draw_resistor_on_rail(canvas, rail, resistor, i, j)
+        a, b = rail.columns[i], rail.columns[j]
+        canvas.resistor(a.x, 0.5 * (a.x + a.half_bus + b.x - b.half_bus), b.x, 0.0, resistor)
     for resistor, boundary, side in rail.ends:
         _draw_end_of_rail(canvas, rail, resistor, boundary, side)
     for column in rail.columns:
@@ -193,11 +190,6 @@ def _assign_levels(distant: list[tuple[str, int, int]]) -> list[tuple[str, int, 
     return out
 
 
-def _draw_resistor_on_rail(canvas: _Canvas, rail: _Rail, resistor: str, i: int, j: int) -> None:
-    a, b = rail.columns[i], rail.columns[j]
-    canvas.resistor(a.x, 0.5 * (a.x + a.half_bus + b.x - b.half_bus), b.x, 0.0, resistor)
-
-
 def _draw_end_of_rail(canvas: _Canvas, rail: _Rail, resistor: str, boundary: str, side: int) -> None:
     column = rail.columns[0 if side < 0 else -1]
     end = column.x + side * rail.reach(column)
@@ -208,7 +200,7 @@ def _draw_end_of_rail(canvas: _Canvas, rail: _Rail, resistor: str, boundary: str
 
 def _draw_riser(canvas: _Canvas, column: _Column, resistor: str, to: float) -> float:
     """Draw the wire from a node up to its resistor; return its abscissa."""
-    x = column.x + column.port_offset(resistor)
+    x = column.x + _PORT * (column.ports.index(resistor) - 0.5 * (len(column.ports) - 1))
     points = [(column.x, 0.0), (column.x, -26.0), (x, -26.0), (x, to)]
     canvas.wire(points if x != column.x else [points[0], points[-1]])
     if len(column.ports) > 2:

@@ -22,11 +22,14 @@ class Continuous(NamedTuple):
 
     Attributes
     ----------
-    A : ndarray of shape (n, n); [1/h]
-    B : ndarray of shape (n, m); the last columns are 1 kW of heat gain on each disturbed node
-    dA : ndarray of shape (p, n, n); derivatives with respect to the values of the parameters
-    dB : ndarray of shape (p, n, m)
-    capacitance : ndarray of shape (n,); [kWh/K]
+    A : ndarray of shape (n, n)
+        [1/h]
+    B : ndarray of shape (n, m)
+        The last columns are 1 kW of heat gain on each disturbed node.
+    dA, dB : ndarray of shape (p, n, n) and (p, n, m)
+        Derivatives with respect to the values of the parameters.
+    capacitance : ndarray of shape (n,)
+        [kWh/K]
     """
 
     A: np.ndarray
@@ -108,7 +111,8 @@ class MatrixBuilder:
 
         Parameters
         ----------
-        theta : ndarray of shape (S, p); one parameter vector per row, in the order of ``parameters``
+        theta : ndarray of shape (S, p)
+            One parameter vector per row, in the order of ``parameters``.
         """
         theta = np.asarray(theta, dtype=np.float64)
         size, p, n = len(theta), len(self.parameters), len(self.capacitances)
@@ -126,8 +130,7 @@ class MatrixBuilder:
         capacitance = theta[:, self.capacitances]
         rate = ((first * second)[:, None, :] @ self.coefficients).reshape(size, n, -1) / capacitance[:, :, None]
         d_rate = (d_product[:, :p] @ self.coefficients).reshape(size, p, n, -1) / capacitance[:, None, :, None]
-        node = np.arange(n)
-        d_rate[:, self.capacitances, node] -= rate / capacitance[:, :, None]
+        d_rate[:, self.capacitances, np.arange(n)] -= rate / capacitance[:, :, None]
         return Continuous(
             np.ascontiguousarray(rate[..., :n]),
             np.ascontiguousarray(rate[..., n:]),

@@ -86,15 +86,8 @@ class EarlyStoppingPerNetwork(Callback):
 
 def epoch_losses(net: NeuralNet) -> dict[str, list[float]]:
     """``train_loss`` and, with validation, ``valid_loss`` of the last epoch: mean squared errors by network."""
-    found = {}
-    for part in ("train", "valid"):
-        batches = [batch for batch in net.history[-1]["batches"] if f"{part}_squares" in batch]
-        if batches:
-            squares, n_known = (
-                torch.stack([batch[f"{part}_{name}"] for batch in batches]).sum(dim=0) for name in ("squares", "known")
-            )
-            found[f"{part}_loss"] = (squares / n_known.clamp(min=1)).tolist()
-    return found
+    last = net.history[-1]
+    return {f"{part}_loss": last[f"{part}_losses"] for part in ("train", "valid") if f"{part}_losses" in last}
 
 
 def _keep(net: NeuralNet, rows: list[int]) -> None:

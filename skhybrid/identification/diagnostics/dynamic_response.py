@@ -13,8 +13,7 @@ from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
 from ..state_space import StateSpace, state_space_of
 
-#: inputs of the paper's network
-_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
+_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")  # inputs of the paper's network
 
 
 def make_state_space(
@@ -48,8 +47,7 @@ def make_state_space(
     absent = [p.name for p in network.parameters(roles) if p.name not in theta]
     if absent:
         raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
-    values = {p.name: float(theta[p.name]) for p in network.parameters(roles)}
-    return state_space_of(network, values, roles, step)
+    return state_space_of(network, {p.name: float(theta[p.name]) for p in network.parameters(roles)}, roles, step)
 
 
 def as_state_space(model: Any) -> StateSpace:
@@ -85,9 +83,8 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     model = as_state_space(model)
     chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
     z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
-    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128))
-    response = model.C[output] @ states + model.D[output]
-    return pd.DataFrame(response, index=chosen, columns=list(model.input_names))
+    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128)[None])
+    return pd.DataFrame(model.C[output] @ states + model.D[output], index=chosen, columns=list(model.input_names))
 
 
 def default_periods(model: StateSpace) -> pd.TimedeltaIndex:

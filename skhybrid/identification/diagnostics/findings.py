@@ -19,10 +19,8 @@ _MEANING = {
     "T_": "heat to this neighbour",
     "u_": "this stage (its capacity or its lag)",
 }
-#: 95 % of a standard normal variable lies within
-_Z95 = 1.96
-#: a correlation below this is real where rows are many, and still of little weight
-_WEAK = 0.1
+_Z95 = 1.96  # 95 % of a standard normal variable lies within
+_WEAK = 0.1  # a correlation below this is real where rows are many, and still of little weight
 
 
 @dataclass(frozen=True)

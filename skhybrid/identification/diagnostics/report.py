@@ -198,8 +198,7 @@ def _tests(
     for name in crossed.columns.unique("input"):
         t = crossed[name]["t"].loc[1:]  # an input acts on later temperatures only; before that it is the thermostat
         rows[f"independent of {name}"] = (float(t.abs().max()), independence(t))
-    known = z[np.isfinite(z)]
-    shape = stats.jarque_bera(known)
+    shape = stats.jarque_bera(z[np.isfinite(z)])
     rows["normal (Jarque-Bera)"] = (float(shape.statistic), float(shape.pvalue))
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["statistic", "p_value"])
     table.index.name = "test"

@@ -11,10 +11,8 @@ from scipy import stats
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-#: 95 % of a standard normal variable lies within
-_Z95 = 1.959964
-#: longest autoregression that makes an input white
-_MAX_ORDER = 32
+_Z95 = 1.959964  # 95 % of a standard normal variable lies within
+_MAX_ORDER = 32  # longest autoregression that makes an input white
 
 
 def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:

@@ -14,8 +14,7 @@ from ..disturbance_models import first_covariance
 from ..gain_model import LEVEL_SD
 from .zone import CLASSES, Calendar, Zone
 
-#: heat of the plant for which LEVEL_SD was chosen [kW]
-_PLANT = 6.0
+_PLANT = 6.0  # heat of the plant for which LEVEL_SD was chosen [kW]
 #: parameters of the gain and of the thermometer that an identification finds besides the network's
 NUISANCE = ("tau", *(f"sigma_{c}" for c in CLASSES.names), "sigma_y")
 _HOURS = 24
@@ -154,8 +153,7 @@ def relative_errors(information: np.ndarray, n_free: int, flat: float = 1e-9) ->
     """(n_free,) standard errors of the first unknowns from (q, q) information; infinite where no row moves them."""
     scale = np.sqrt(np.diag(information))
     moved = scale > 1e-12 * scale.max(initial=0.0)
-    scaled = information[np.ix_(moved, moved)] / np.outer(scale[moved], scale[moved])
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = np.linalg.eigh(information[np.ix_(moved, moved)] / np.outer(scale[moved], scale[moved]))
     weak = values < flat  # of the information scaled to a unit diagonal
     lost = (vectors[:, weak] ** 2).sum(axis=1) > 1e-6
     variance = (vectors[:, ~weak] ** 2 / values[~weak]).sum(axis=1)

@@ -16,8 +16,7 @@ from ...thermal import RCNetwork, get_network
 from .information import FilterInformation, relative_errors
 from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
 
-#: half the distance between heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
-HALF_BAND = 0.5
+HALF_BAND = 0.5  # half the distance of heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 _NONE = "none"
 _STAGES = {"u_heat": "Q_h", "u_cool": "Q_c"}
 
@@ -172,8 +171,7 @@ def plan_experiment(
     if not (np.isfinite(target) and target > 0):
         raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
     free = tuple(name for name in zone.order if name not in known)
-    rng = np.random.default_rng(random_state)
-    errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, rng)
+    errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, np.random.default_rng(random_state))
     return _make_plan(cases, free, errors, float(target))
 
 
@@ -207,8 +205,8 @@ def _zone(
             "known= fixes no capacitance, resistance, area or capacity, so the scale of the network cannot be found "
             "from any log; name one that the identification will be given, such as known=['Q_h']."
         )
-    values = {n: float(theta[n]) for n in names}
-    return Zone(net, values, roles, GainStatistics() if gain is None else gain), known
+    gain = GainStatistics() if gain is None else gain
+    return Zone(net, {n: float(theta[n]) for n in names}, roles, gain), known
 
 
 def _fitted_gain(model: Any) -> GainStatistics | None:

@@ -13,8 +13,7 @@ from ...filtering import Discrete
 from ...thermal import RCNetwork
 from ..gain_model import HOUR_CLASSES, profile_cell
 
-#: classes of hours that have a variance of their own, by cell of the weekly profile
-CLASSES = HOUR_CLASSES["day_night"]
+CLASSES = HOUR_CLASSES["day_night"]  # classes of hours that have a variance of their own, by cell of the weekly profile
 _HOURS = 24
 
 
@@ -55,9 +54,8 @@ class GainStatistics:
     noise_std: float = 0.03
 
     def __post_init__(self) -> None:
-        numbers = {k: v for k, v in vars(self).items() if k != "profile"}
-        for name, value in numbers.items():
-            if not np.isfinite(value) or value <= 0:
+        for name, value in vars(self).items():
+            if name != "profile" and (not np.isfinite(value) or value <= 0):
                 raise ValueError(f"GainStatistics: {name}={value!r} must be a positive number.")
         if np.shape(self.profile) != (_HOURS, 2) or not np.isfinite(self.profile).all():
             raise ValueError(

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from ..._table import ZoneTable
-from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, warn_user
+from ..._warnings import warn_user
+from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ...thermal import RCNetwork
 
-#: a table shorter than this shows no storage of heat from one day to the next
-_FEW_DAYS = pd.Timedelta("2D")
+_FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next
 
 
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
@@ -31,31 +31,49 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
 
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
-    """Gains whose input never ran; warns of them and of other parameters that the rows can hardly identify."""
+    """Gains whose input never or hardly ran; warns of them and of others that the rows can hardly identify."""
     _warn_little_excited(network, table, set(known), name)
     roles = network.sources(table.inputs)
-    idle = [s for s in roles if s.parameter is not None and not np.any(table.inputs[s.role])]
+    idle = [s for s in roles if s.parameter is not None and _is_idle(table, s.role)]
     out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
     if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
         out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
     if out:
-        columns = ", ".join(sorted({s.role for s in idle}))
+        what = ", ".join(_idleness(table, role) for role in sorted(s.role for s in idle))
         warn_user(
-            f"{name}: {columns} is 0 in every row, so {', '.join(out)} cannot be identified and stays at its default; "
-            "pass it in known= or add days on which it ran.",
+            f"{name}: {what}, so {', '.join(out)} cannot be identified and stays at its default; pass it in known= or "
+            "add days on which it ran.",
             ExcitationWarning,
         )
     return tuple(out)
 
 
+def _is_idle(table: ZoneTable, role: str) -> bool:
+    return table.hardly_ran(role) or not np.any(table.inputs[role])
+
+
+def _idleness(table: ZoneTable, role: str) -> str:
+    return (
+        f"{role} ran for {table.hours_run(role):.2g} h only"
+        if table.inputs[role].any()
+        else f"{role} is 0 in every row"
+    )
+
+
 def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], name: str) -> None:
-    """Warn of inputs that never change, and of a table of less than two days, with what they leave open."""
+    """Warn of inputs that never change, plants that hardly ran, and less than two days, with what they leave open."""
     found = []
     still = {role for role, v in table.inputs.items() if np.ptp(v) == 0}
     gains = {s.role: s.parameter for s in network.sources(table.inputs) if np.any(table.inputs[s.role])}
     for role in sorted(still):
         open_ = [r for r, ends in network.resistors.items() if role in ends] + [gains.get(role)]
         found.append((f"{role} is the same in every row", [p for p in open_ if p]))
+    network_of_heat = [*network.capacitances.values(), *network.resistors]
+    found += [
+        (_idleness(table, role), network_of_heat)
+        for role, capacity in gains.items()
+        if capacity is None and role not in still and table.hardly_ran(role)
+    ]
     if table.n_rows * table.step < _FEW_DAYS:
         found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
     for what, names in found:

@@ -10,8 +10,7 @@ import numpy as np
 #: evaluates S points (S, p): merit (S,), Gauss-Newton matrix (S, p, p) and half gradient (S, p)
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
-#: keeps the search from following a flat direction, whose slope is rounding
-_LEAST_DAMPING = 1e-9
+_LEAST_DAMPING = 1e-9  # keeps the search from following a flat direction, whose slope is rounding
 _FIRST_DAMPING, _MOST_DAMPING = 1e-2, 1e12
 
 

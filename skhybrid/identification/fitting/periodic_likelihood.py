@@ -19,10 +19,8 @@ from .gauss_newton import Minimum
 from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
 
-#: standard deviation of a log parameter's prior; the data dominate it wherever they are informative
-PRIOR_LOG_SD = 1.2
-#: units of what enters linearly: a weak prior in the middle of its bounds would pull it
-_NO_PRIOR = ("-", "m2", "kW")
+PRIOR_LOG_SD = 1.2  # standard deviation of a log parameter's prior; the data dominate it wherever they are informative
+_NO_PRIOR = ("-", "m2", "kW")  # units of what enters linearly: a weak prior in the middle of its bounds would pull it
 #: typical uncertainty of a parameter on the searched scale, the unit of the search's steps
 _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
 
@@ -197,16 +195,14 @@ class PeriodicProblem:
             dB[names.index(name), i, k + i] = -1.0 / c.capacitance[i] ** 2
         return discretize(c.A, B, c.dA, dB, c.capacitance, self.experiment.hours)
 
-    def _log_sigma(self, values: Mapping[str, float]) -> np.ndarray:
-        """(k,) logarithms that add up to those of the standard deviations: of the hours, then of the days."""
-        return np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
-
     def _matrices(self, values: dict[str, float]) -> PeriodicMatrices:
         layout, d = self.layout, self._discrete(values)
         n, k, m = len(layout.place), len(self.network.boundaries), len(layout.disturbed)
         heat = d.B[:, k:]
         phi = float(np.exp(-self.experiment.hours / values["tau"]))
-        sigma = np.exp(self.variance.variance @ self._log_sigma(values)) * self.heat_scale
+        # logarithms of the hours, then of the days, which add up
+        logs = np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
+        sigma = np.exp(self.variance.variance @ logs) * self.heat_scale
         A, Q = np.zeros((n + m, n + m)), np.zeros((len(sigma), n + m, n + m))
         A[:n, :n], A[:n, n:], A[n:, n:] = d.A, heat[:, layout.disturbed], phi * np.eye(m)
         for i in range(n, n + m):

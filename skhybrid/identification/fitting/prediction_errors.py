@@ -16,8 +16,7 @@ from .gauss_newton import Minimum, minimise_together
 
 #: evaluations and tolerance of the search from every start, and those that carry the best ones to the end
 ROUGH, FINE = (40, 1e-5), (150, 1e-10)
-#: memory that the sensitivities of starts evaluated together may take [bytes]
-_MEMORY = 2**25
+_MEMORY = 2**25  # memory that the sensitivities of starts evaluated together may take [bytes]
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,7 @@ class PredictionErrorProblem:
             columns[p.name] = p.sign * np.exp(free[:, q]) if p.transform == "log" else free[:, q]
             if p.transform == "log":
                 slopes[:, q] = columns[p.name]
-        theta = np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1)
-        c = self._matrix_builder.matrices(theta)
+        c = self._matrix_builder.matrices(np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1))
         dA, dB = (c.dA, c.dB) if derive else (c.dA[:, :0], c.dB[:, :0])
         d = discretize(c.A, c.B, dA, dB, c.capacitance, self.experiment.hours)
         if not derive:
@@ -177,10 +175,6 @@ class PredictionErrorProblem:
         """Errors that count, (n,) [K]; weighted where rows are missing."""
         return self._errors(np.asarray(free)[None], False)[0][0]
 
-    def jacobian(self, free: np.ndarray) -> np.ndarray:
-        """Exact derivatives of the residuals by ``free``, (n, p)."""
-        return self.linearised(free)[1]
-
     def linearised(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (n,) and their exact derivatives (n, p), of one run."""
         errors, derrors = self._errors(np.asarray(free)[None], True)
@@ -204,8 +198,7 @@ class PredictionErrorProblem:
             slope = (slope + share * away) * lift[:, None]
             matrix = (matrix + (share / self.spread)[:, None, :] * np.eye(len(self.searched))) * lift[:, None, None]
             merit = merit * lift
-        fine = np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2))
-        return np.where(fine, merit, np.inf), matrix, slope
+        return np.where(np.isfinite(merit) & np.isfinite(matrix).all(axis=(1, 2)), merit, np.inf), matrix, slope
 
     def log_density(self, free: np.ndarray) -> tuple[float, np.ndarray]:
         """Log posterior density on the searched scale, the noise integrated out, and its gradient."""

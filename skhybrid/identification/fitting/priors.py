@@ -10,8 +10,7 @@ from scipy.stats import norm
 
 from ...thermal import Parameter
 
-#: 90 % of a normal distribution lie within this many standard deviations
-_Z = float(norm.ppf(0.95))
+_Z = float(norm.ppf(0.95))  # 90 % of a normal distribution lie within this many standard deviations
 _ACCEPTED = "(median, factor), scipy.stats.lognorm(...) or, for a parameter of either sign, scipy.stats.norm(...)"
 
 

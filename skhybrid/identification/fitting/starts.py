@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 
 import numpy as np
 import pandas as pd
@@ -11,10 +12,8 @@ from joblib import Parallel, delayed, effective_n_jobs
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
-#: starts that have to end at the best minimum before the search ends
-ENOUGH = 5
-#: two minima are one where their log-likelihoods differ by no more than this
-SAME = 0.05
+ENOUGH = 5  # starts that have to end at the best minimum before the search ends
+SAME = 0.05  # two minima are one where their log-likelihoods differ by no more than this
 
 Minimise = Callable[[np.ndarray], list[Minimum]]
 
@@ -27,6 +26,12 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
 
 def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
     """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
+    if not isinstance(begin, Mapping):
+        raise ValueError(f"theta_init={begin!r} is not a mapping of parameters to values.")
+    for p in searched:
+        value = begin.get(p.name, p.default)
+        if not isinstance(value, Real) or not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0):
+            raise ValueError(f"theta_init gives {p.name} the value {value!r}; it lies in [{p.lower:g}, {p.upper:g}].")
     start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
     return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
 
@@ -90,11 +95,10 @@ def starts_table(
     minima: Sequence[Minimum], searched: Sequence[Parameter], drop: Callable[[float, float], float]
 ) -> pd.DataFrame:
     """One row per start that was made: its loss, whether that is the best, its evaluations, and where it ended."""
-    best = reached_best(minima, drop)
     rows = [
         {"loss": m.loss, "reached_best": bool(b), "n_evaluations": m.n_evaluations, "converged": m.converged}
         | {p.name: p.from_free(x) for p, x in zip(searched, m.free, strict=True)}
-        for m, b in zip(minima, best, strict=True)
+        for m, b in zip(minima, reached_best(minima, drop), strict=True)
     ]
     return pd.DataFrame(rows, index=pd.RangeIndex(len(rows), name="start"))
 

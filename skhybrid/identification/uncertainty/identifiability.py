@@ -12,16 +12,14 @@ from scipy.linalg import qr
 from scipy.stats import t as student
 
 from ...thermal import Parameter
+from .standard_errors import ParameterUncertainty
 
 #: a direction is flat by a singular value below this share of the largest, or a standard deviation of e^5 or more
 FLAT, FLAT_SD = 1e-6, 5.0
-#: a direction is weak when its leading parameter may be off by more than this share at 90 %
-WEAK = 0.25
+WEAK = 0.25  # a direction is weak when its leading parameter may be off by more than this share at 90 %
 _LEVEL = 0.9
-#: members of a direction below this share of its leading one are not named
-_MINOR = 0.1
-#: weak directions, and members of each, that are named, so that the report fits one screen
-_MOST_WEAK, _MOST_MEMBERS = 4, 4
+_MINOR = 0.1  # members of a direction below this share of its leading one are not named
+_MOST_WEAK, _MOST_MEMBERS = 4, 4  # weak directions, and members of each, that are named: the report fits one screen
 
 
 @dataclass(frozen=True)
@@ -115,27 +113,17 @@ class Identifiability:
         )
 
 
-def assess(
-    sensitivity: np.ndarray,
-    model: np.ndarray,
-    growth: np.ndarray,
-    parameters: Sequence[Parameter],
-    n_days: int,
-    at_bound: tuple[str, ...],
-    not_excited: tuple[str, ...],
-) -> Identifiability:
-    """Flat and weak directions of the ``sensitivity`` (n, k) to k parameters, all as in ParameterUncertainty.
-
-    ``model`` is (k, k), and ``growth`` (k,) the factor by which every standard error exceeds that of the model.
-    """
+def assess(found: ParameterUncertainty, at_bound: tuple[str, ...], not_excited: tuple[str, ...]) -> Identifiability:
+    """Flat and weak directions in the space of the parameters that the data decide."""
+    parameters, n_days = found.parameters, found.n_days
     names = [p.name for p in parameters]
     if not names:
         return Identifiability(pd.Series(dtype=np.float64), (), at_bound, not_excited, n_days=n_days)
-    values, rows, flat = _directions(sensitivity)
+    values, rows, flat = _directions(found.sensitivity)
     leading = rows[np.arange(len(rows)), np.argmax(np.abs(rows), axis=1)]
     table = pd.DataFrame(rows / leading[:, None], columns=names)
     together = tuple(_together(row, parameters) for row in _sparse_basis(rows[flat]))
-    weak = _weak(rows[~flat], model, growth, parameters, n_days)
+    weak = _weak(rows[~flat], found)
     series = pd.Series(values, name="singular_value")
     return Identifiability(series, together, at_bound, not_excited, weak, table, n_days)
 
@@ -176,13 +164,11 @@ def _together(row: np.ndarray, parameters: Sequence[Parameter]) -> str:
     return (f"{up} together" if "," in up or down else f"{up} alone") + (f", {down} inversely" if down else "")
 
 
-def _weak(
-    rows: np.ndarray, model: np.ndarray, growth: np.ndarray, parameters: Sequence[Parameter], n_days: int
-) -> tuple[str, ...]:
+def _weak(rows: np.ndarray, found: ParameterUncertainty) -> tuple[str, ...]:
     """Directions that the data determine loosely: principal axes of the covariance without the flat directions."""
-    held = growth[:, None] * (rows.T @ rows)
-    variances, axes = np.linalg.eigh(held @ model @ held.T)
-    reach = student.ppf(0.5 + _LEVEL / 2, max(n_days - 1, 1)) * np.sqrt(np.maximum(variances, 0.0))
+    held, parameters = found.growth[:, None] * (rows.T @ rows), found.parameters
+    variances, axes = np.linalg.eigh(held @ found.model @ held.T)
+    reach = student.ppf(0.5 + _LEVEL / 2, max(found.n_days - 1, 1)) * np.sqrt(np.maximum(variances, 0.0))
     out: list[str] = []
     for far, axis in zip(reach[::-1], axes.T[::-1], strict=True):
         lead = int(np.argmax(np.abs(axis)))

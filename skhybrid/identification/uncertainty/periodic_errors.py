@@ -89,8 +89,7 @@ def _moves_without_days(
         if not np.isfinite(y[days == d]).any():
             continue
         y[days == d] = np.nan
-        left = replace(problem, experiment=problem.experiment._replace(y=y))
-        _, slope, linear = left.evaluate(free)
+        _, slope, linear = replace(problem, experiment=problem.experiment._replace(y=y)).evaluate(free)
         moves.append(np.concatenate([-outer @ slope, linear.beta - beta]))
     return np.array(moves)
 
@@ -113,8 +112,7 @@ def _joint_information(
     turned, k = back.T @ joint @ back, len(turn)
     cross = turned[:k, k:]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(turned)[k:], 1e-12))
-    nuisance = scale[:, None] * turned[k:, k:] * scale
-    values, vectors = np.linalg.eigh(nuisance)
+    values, vectors = np.linalg.eigh(scale[:, None] * turned[k:, k:] * scale)
     held = values > 1e-9
     reduced = (cross * scale) @ vectors[:, held]
     return turned[:k, :k] - (reduced / values[held]) @ reduced.T

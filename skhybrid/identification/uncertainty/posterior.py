@@ -15,12 +15,9 @@ from scipy.special import expit, logit
 from ..._threads import one_blas_thread
 from .constrained_problem import ConstrainedProblem, free_point
 
-#: a chain is refused above this R-hat, or below this many effective draws
-WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0
-#: how near a bound the search for the starting point may come, as a share of the range
-_MARGIN = 1e-3
-#: largest standard deviation that the scaling of the sampler assumes along any direction
-_WIDEST = 3.0
+WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0  # a chain is refused above this R-hat, or below this many effective draws
+_MARGIN = 1e-3  # how near a bound the search for the starting point may come, as a share of the range
+_WIDEST = 3.0  # largest standard deviation that the scaling of the sampler assumes along any direction
 
 
 @dataclass(frozen=True)
@@ -133,7 +130,7 @@ def sample_posterior(
     for name in table:
         data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
     summary = summarise_chains(table)
-    _refuse_bad(summary)
+    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
     return Posterior(table, summary, data)
 
 
@@ -241,10 +238,6 @@ def summarise_chains(table: pd.DataFrame, level: float = 0.9) -> pd.DataFrame:
         out[name] = (*spread, float(az.rhat(by_chain)), float(az.ess(by_chain)))
     names = ["mean", "std", "median", "lower", "upper", "r_hat", "ess"]
     return pd.DataFrame.from_dict(out, orient="index", columns=names)
-
-
-def _refuse_bad(summary: pd.DataFrame) -> None:
-    refuse_bad_chains(summary, "or give a prior to what identifiability_ calls flat or at a bound")
 
 
 def refuse_bad_chains(summary: pd.DataFrame, advice: str, n_divergent: int = 0) -> None:

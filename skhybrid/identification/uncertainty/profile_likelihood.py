@@ -14,8 +14,7 @@ from scipy.stats import t as student
 from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
 
-#: most steps outward to an end of the interval, and the factor by which each is longer than the last
-_STEPS, _GROWTH = 8, 1.6
+_STEPS, _GROWTH = 8, 1.6  # most steps outward to an end of the interval, and the ratio of each to the last
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,10 @@ from scipy.stats import t as student
 
 from ...thermal import Parameter
 
-#: largest standard error of a logarithm that is computed; beyond it a direction is as good as free
-_MOST = 1e3
-#: an interval of more than this many e-foldings is that of all values
-_BEYOND = 50.0
-#: most parts that a periodic log is left without; in a longer log each is two days or more, which saves time
-MOST_PARTS = 56
-#: fewer days than this give no useful scatter
-FEW_DAYS = 3
+_MOST = 1e3  # largest standard error of a logarithm that is computed; beyond it a direction is as good as free
+_BEYOND = 50.0  # an interval of more than this many e-foldings is that of all values
+MOST_PARTS = 56  # most parts that a periodic log is left without; in a longer log each is two days or more
+FEW_DAYS = 3  # fewer days than this give no useful scatter
 
 
 class ParameterUncertainty(NamedTuple):

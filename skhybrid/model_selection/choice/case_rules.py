@@ -213,9 +213,8 @@ def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dic
     """The case that the rules choose, and one sentence per rule."""
     left = overview.loc[robust.indistinguishable_]
     best = overview.loc[robust.best_]
-    kind = _KIND[str(best["disturbance"])]
     reasons = [
-        f"{best['name']} ({kind}) has the lowest median error, {best['median']:.3f} K; "
+        f"{best['name']} ({_KIND[str(best['disturbance'])]}) has the lowest median error, {best['median']:.3f} K; "
         f"{len(left) - 1} of the {len(robust.probability_) - 1} other cases are indistinguishable from it."
     ]
     if len(left) > 1:
@@ -281,5 +280,4 @@ def _table(
     cases = overview.assign(kind="case", probability=robust.probability_, verdict=verdicts)
     verdict = np.where(baselines["sufficient"].astype(bool), "sufficient", "worse than the choice")
     others = baselines.assign(kind="baseline", history=np.nan, verdict=verdict)
-    both = [part[columns] for part in (cases, others) if len(part)]
-    return pd.concat(both).sort_values("median", kind="stable")
+    return pd.concat([part[columns] for part in (cases, others) if len(part)]).sort_values("median", kind="stable")

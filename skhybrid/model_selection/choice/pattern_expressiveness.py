@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
+from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
 from .regression_terms import RegressionTerms, build_terms
@@ -101,6 +102,7 @@ class PatternExpressiveness(BaseEstimator):
         self.chains = chains
         self.random_state = random_state
 
+    @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> PatternExpressiveness:
         """Sample the posterior of the effects.
 
@@ -212,8 +214,7 @@ def regression_model(
             y_mean = np.bincount(groups, y) / n
             spread = (sigma_group**2 + variance / n) ** 0.5
             pm.Normal("means", (X_mean * coefficients).sum(axis=1), spread, observed=y_mean)
-            inside = X - X_mean[groups], y - y_mean[groups]
-            _observe_rows(pm, *inside, len(y) - len(n), coefficients, variance)
+            _observe_rows(pm, X - X_mean[groups], y - y_mean[groups], len(y) - len(n), coefficients, variance)
     return model, start
 
 

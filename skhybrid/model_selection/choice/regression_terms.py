@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
-from ...exceptions import SkhybridWarning, warn_user
+from ..._warnings import warn_user
+from ...exceptions import SkhybridWarning
 from ...forecasting import ModelCase
 from ...forecasting.cases import NETWORKS, SIZES
 from .results_table import ingredients

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from ...exceptions import SkhybridWarning, warn_user
+from ..._warnings import warn_user
+from ...exceptions import SkhybridWarning
 from ...forecasting import ModelCase
 from ...forecasting.cases import NETWORKS, resolve_case
 

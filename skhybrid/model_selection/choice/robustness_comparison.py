@@ -10,6 +10,7 @@ import pandas as pd
 from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 
+from ..._transaction import unchanged_on_failure
 from ...identification.uncertainty import posterior
 from .results_table import finished
 
@@ -76,6 +77,7 @@ class RobustnessComparison(BaseEstimator):
         self.chains = chains
         self.random_state = random_state
 
+    @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> RobustnessComparison:
         """Sample the posterior of all cases and compare them with the best.
 
@@ -186,8 +188,7 @@ def _spreads(errors: pd.Series) -> _Spreads:
     if equal.any():
         case = equal.idxmax()
         raise ValueError(f"all {n[case]} errors of {case!r} are equal; a log-normal distribution needs a spread.")
-    mean = groups.mean().reindex(medians.index)
-    return _Spreads(medians, n.to_numpy(float), mean.to_numpy(), squares.to_numpy())
+    return _Spreads(medians, n.to_numpy(float), groups.mean().reindex(medians.index).to_numpy(), squares.to_numpy())
 
 
 def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
@@ -205,8 +206,7 @@ def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
         mu = pm.Deterministic("mu", mean + sigma * z / np.sqrt(n))
         pm.Potential("prior_of_mu", pm.logp(pm.Normal.dist(0.0, 10.0), mu))
         if len(spread):
-            rate = 0.5 / sigma[spread] ** 2
-            pm.Gamma("squares", 0.5 * (n[spread] - 1.0), rate, observed=squares[spread])
+            pm.Gamma("squares", 0.5 * (n[spread] - 1.0), 0.5 / sigma[spread] ** 2, observed=squares[spread])
     guess = np.sqrt(np.maximum(squares, 1e-12) / np.maximum(n - 1.0, 1.0))
     return model, {"sigma": np.where(n > 1, guess, 0.5), "z": np.zeros(len(n))}
 

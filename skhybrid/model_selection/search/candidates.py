@@ -12,11 +12,11 @@ from sklearn.pipeline import Pipeline
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import RECURRENT, resolve_case
-from ...hybrid import HybridPredictor, TwoStagePredictor, takes_two_stages
+from ...hybrid import HybridPredictor, TwoStagePredictor
+from ...hybrid.predictor import takes_two_stages
 from .fingerprint import as_plain
 
-#: the parameter of a candidate that is an estimator of its own, fitted and scored on the same splits
-BASELINE = "baseline"
+BASELINE = "baseline"  # parameter of a candidate that is an estimator of its own, fitted and scored on the same splits
 #: sizes with which the time to fit a candidate grows
 _COSTLY = ("n_layers", "hidden_size", "n_channels", "filter_size", "max_epochs", "n_repeats", "n_estimators")
 

@@ -16,6 +16,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
+from ..._transaction import unchanged_on_failure
 from ...forecasting.extras import require_networks
 from ...forecasting.named_models import is_network
 from ..splitters import default_split
@@ -124,6 +125,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.retry_failed = retry_failed
         self.chunk_size = chunk_size
 
+    @unchanged_on_failure
     def fit(self, X: Any, y: Any = None) -> Self:
         """Fit and score all candidates that the store does not hold yet, and fit the best one on the whole table.
 
@@ -229,7 +231,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
             warnings.warn(
                 f"{failed.sum()} of {len(failed)} candidates failed (see results_['error']), the first with: {first}",
                 FitFailedWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
         if len(outcome.rungs):
             self._rank_stopped_last(outcome.stopped_at)
@@ -272,7 +274,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         warnings.warn(
             f"halving stopped {stopped.sum()} of {len(stopped)} candidates early; they were scored after fewer epochs "
             "(see results_['stopped_at'] and halving_).",
-            stacklevel=4,
+            stacklevel=5,
         )
 
     def _choose(self, metric: Any) -> None:

@@ -13,8 +13,7 @@ try:
 except ImportError:  # before 1.6, joblib brought its own
     from joblib.externals import cloudpickle
 
-#: most objects that a worker keeps unpacked: the data, and the networks of the splits that it works on
-_MAX_UNPACKED = 32
+_MAX_UNPACKED = 32  # most objects that a worker keeps unpacked: the data, and the networks of the splits in work
 _unpacked: OrderedDict[str, Any] = OrderedDict()
 
 

@@ -26,7 +26,20 @@ CREATE TABLE IF NOT EXISTS result (
     candidate TEXT NOT NULL, split INTEGER NOT NULL, scores TEXT NOT NULL, rmse REAL, fit_time REAL NOT NULL,
     score_time REAL NOT NULL, n_epochs INTEGER, error TEXT, finished REAL NOT NULL, PRIMARY KEY (candidate, split));
 """
+_OTHER_FILE = "give the path of another file."
+_KEPT = "what it holds is kept: run the same search again to continue."
+_REMEDIES = {
+    sqlite3.SQLITE_FULL: f"free some space on the disk; {_KEPT}",
+    sqlite3.SQLITE_IOERR: f"check the disk, and that it has space; {_KEPT}",
+    sqlite3.SQLITE_READONLY: "make the file and its folder writable, or give the path of another file.",
+    sqlite3.SQLITE_CANTOPEN: "make its folder writable, or give the path of another file.",
+    sqlite3.SQLITE_BUSY: f"another process holds it; {_KEPT}",
+}
 _PATIENCE = 120.0  # how long a process waits for the transaction of another one [s]
+
+
+class StoreError(OSError):
+    """A store cannot be read or written; the message names its path, the cause and the remedy."""
 
 
 class Task(NamedTuple):
@@ -63,11 +76,11 @@ class ResultStore:
         self.lease = lease
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        folder = os.path.dirname(self.path)
-        if path is not None and folder:
-            os.makedirs(folder, exist_ok=True)
-        # joblib may ask for tasks from any thread; the lock keeps their transactions apart
-        self._db = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
+        if path is not None:
+            _refuse_other_kinds(self.path)
+        with self._explained():
+            # joblib may ask for tasks from any thread; the lock keeps their transactions apart
+            self._db = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
         try:
             self._open(settings)
         except BaseException:
@@ -77,18 +90,16 @@ class ResultStore:
         self._heartbeat.start()
 
     def _open(self, settings: Mapping[str, str]) -> None:
-        try:
+        with self._explained():
             self._write_ahead()
-            with self._transaction() as db:
-                for statement in _TABLES.strip().split(";\n"):
-                    db.execute(statement)
-                known = dict(db.execute("SELECT name, value FROM setting"))
-                check_settings(self.path, known, {"format": _FORMAT, **settings})
-                if not known:
-                    db.executemany("INSERT INTO setting VALUES (?, ?)", [("format", _FORMAT), *settings.items()])
-                self._renew(db)
-        except sqlite3.DatabaseError as error:
-            raise ValueError(f"store {self.path} cannot be used ({error}); give the path of another file.") from None
+        with self._transaction() as db:
+            for statement in _TABLES.strip().split(";\n"):
+                db.execute(statement)
+            known = dict(db.execute("SELECT name, value FROM setting"))
+            check_settings(self.path, known, {"format": _FORMAT, **settings})
+            if not known:
+                db.executemany("INSERT INTO setting VALUES (?, ?)", [("format", _FORMAT), *settings.items()])
+            self._renew(db)
 
     def _write_ahead(self) -> None:
         """Switch to a write-ahead log; SQLite does not wait if another process does the same, so it is retried."""
@@ -97,8 +108,8 @@ class ResultStore:
             try:
                 self._db.execute("PRAGMA journal_mode=WAL")
                 return
-            except sqlite3.OperationalError:
-                if time.monotonic() > until:
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > until:
                     raise
                 time.sleep(0.05)
 
@@ -114,22 +125,37 @@ class ResultStore:
             return
         self._closed.set()
         self._heartbeat.join()
-        with self._transaction() as db:
-            db.execute("DELETE FROM claim WHERE owner = ?", (self.owner,))
-            db.execute("DELETE FROM owner WHERE id = ?", (self.owner,))
-        self._db.close()
+        try:
+            # a claim that cannot be given back lapses, and results are stored already
+            with suppress(OSError), self._transaction() as db:
+                db.execute("DELETE FROM claim WHERE owner = ?", (self.owner,))
+                db.execute("DELETE FROM owner WHERE id = ?", (self.owner,))
+        finally:
+            self._db.close()
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         """A transaction during which no other process writes."""
-        with self._lock:
+        with self._lock, self._explained():
             self._db.execute("BEGIN IMMEDIATE")
             try:
                 yield self._db
                 self._db.execute("COMMIT")
             except BaseException:
-                self._db.execute("ROLLBACK")
+                # SQLite has rolled back by itself if the disk is full, and cannot if it is gone
+                with suppress(sqlite3.Error):
+                    self._db.execute("ROLLBACK")
                 raise
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Let errors of SQLite name the file and say what to do."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            code = getattr(error, "sqlite_errorcode", None)
+            remedy = _REMEDIES.get(-1 if code is None else code & 0xFF, _OTHER_FILE)
+            raise StoreError(f"store {self.path} cannot be used ({error}); {remedy}") from error
 
     def _renew(self, db: sqlite3.Connection) -> None:
         own = (self.owner, platform.node(), os.getpid(), time.time())
@@ -137,7 +163,7 @@ class ResultStore:
 
     def _beat(self) -> None:
         while not self._closed.wait(self.lease / 4.0):
-            with suppress(sqlite3.OperationalError), self._transaction() as db:  # busy: try at the next beat
+            with suppress(OSError), self._transaction() as db:  # busy, or full: try at the next beat
                 self._renew(db)
 
     def _drop_dead_owners(self, db: sqlite3.Connection) -> None:
@@ -176,7 +202,7 @@ class ResultStore:
         """Finished results, of all candidates or of those with the given ids."""
         wanted = None if candidates is None else set(candidates)
         query = "SELECT candidate, split, scores, rmse, fit_time, score_time, n_epochs, error FROM result"
-        with self._lock:
+        with self._lock, self._explained():
             rows = self._db.execute(query).fetchall()
         return {  # SQLite stores NaN as NULL
             Task(candidate, split): Result(json.loads(scores), float("nan") if rmse is None else rmse, *rest)
@@ -188,6 +214,16 @@ class ResultStore:
         """Delete results that are errors, so that they are computed again; return how many there were."""
         with self._transaction() as db:
             return db.execute("DELETE FROM result WHERE error IS NOT NULL").rowcount
+
+
+def _refuse_other_kinds(path: str) -> None:
+    """Create the folder of a store; refuse a path that is a folder or a device."""
+    try:
+        os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"store {path} cannot be created ({error.strerror}); {_OTHER_FILE}") from error
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise StoreError(f"store {path} is not a file; {_OTHER_FILE}")
 
 
 def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:

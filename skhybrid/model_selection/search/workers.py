@@ -88,8 +88,7 @@ class Runner:
                 found = self._store.results(named)
                 bar.n = len(found)
                 bar.refresh()
-        names = map(candidate_id, candidates)
-        return [[found[Task(name, split)] for split in range(n_splits)] for name in names]
+        return [[found[Task(name, split)] for split in range(n_splits)] for name in map(candidate_id, candidates)]
 
     def _chunks(self, named: Mapping[str, dict[str, Any]]) -> list[Chunk]:
         """Chunks with the same network and kind of disturbance, the longest first so that none waits at the end."""

@@ -10,15 +10,15 @@ from typing import Any
 
 import pandas as pd
 
+from ..._files import atomic_path
 from ...inspection import (
     DayAheadDisplay,
     DisturbanceWeekDisplay,
     ForecastDisplay,
     LeadErrorDisplay,
     ScheduleDisplay,
-    blank_axes,
 )
-from ...persistence import atomic_path
+from ...inspection.unshown_figure import blank_axes
 
 _SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
 _MOST_LINES = 3  # most models in a figure; more would hide one another

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
-from ...persistence import atomic_path
+from ..._files import atomic_path
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
 _NOISE = 0.05  # relative differences below this are noise with a few dozen origins

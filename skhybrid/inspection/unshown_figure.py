@@ -1,0 +1,14 @@
+"""Figures for files, which pyplot neither shows nor keeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
+    """Make a figure that pyplot does not keep in memory, and its (n_rows,) axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=figsize, layout="constrained")
+    axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
+    return figure, axes[:, 0]

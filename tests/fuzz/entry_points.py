@@ -1,0 +1,259 @@
+"""Every public method and function that takes a table, and values for its other arguments."""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+from collections.abc import Callable
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, clone
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from zone_tables import training
+
+from skhybrid import (
+    ARXRegressor,
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+)
+from skhybrid.datasets import regularize
+from skhybrid.forecasting import fit_many
+from skhybrid.identification import diagnose, profile_likelihood
+from skhybrid.model_selection import backtest
+from skhybrid.persistence import load_model, save_model
+from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
+from skhybrid.study import Settings, split_log
+
+_ONE_NODE = {"n_starts": 1, "random_state": 0}
+_KNOWN = {"C_za": 3.0, "R_zo": 3.0, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0}
+#: estimators with small budgets
+ESTIMATORS: dict[str, Any] = {
+    "GrayBoxRC": GrayBoxRC("1R1C", **_ONE_NODE),
+    "GrayBoxRC, all known": GrayBoxRC("1R1C", known=_KNOWN, **_ONE_NODE),
+    "InputDisturbanceID": InputDisturbanceID("1R1C", **_ONE_NODE),
+    "OutputDisturbanceID": OutputDisturbanceID("1R1C", **_ONE_NODE),
+    "PeriodicDisturbanceID": PeriodicDisturbanceID("1R1C", **_ONE_NODE),
+    "ARXRegressor": ARXRegressor(n_lags=3, n_input_lags=2, calendar=False),
+    "ARXRegressor, refit": ARXRegressor(n_lags=2, n_input_lags=1, adapt="refit"),
+    "DisturbanceForecaster, profile": DisturbanceForecaster("profile"),
+    "DisturbanceForecaster, last week": DisturbanceForecaster("last_week"),
+    "DisturbanceForecaster, persistence": DisturbanceForecaster("persistence"),
+    "DisturbanceForecaster, ridge": DisturbanceForecaster("ridge"),
+    "DisturbanceForecaster, regressor": DisturbanceForecaster(Ridge()),
+    "HybridPredictor": HybridPredictor(network="1R1C"),
+    "SchedulePredictor": SchedulePredictor(network="1R1C", adapt=None),
+    "TwoStagePredictor": TwoStagePredictor(InputDisturbanceID("1R1C", **_ONE_NODE), DisturbanceForecaster("profile")),
+    "Pipeline": make_pipeline(UnitConverter(), GapFiller(), ARXRegressor(n_lags=3, n_input_lags=2, calendar=False)),
+    "GapFiller": GapFiller("3h"),
+    "UnitConverter": UnitConverter({"T_oa": "degF"}),
+    "FacadeIrradiance": FacadeIrradiance(52.4, 4.9),
+}
+#: how often one is fitted, where a fit is slow (others: 10)
+_SHARE = {"HybridPredictor": 3, "SchedulePredictor": 3, "TwoStagePredictor": 3, "PeriodicDisturbanceID": 1}
+_SHARE |= {"profile_likelihood": 1, "fit_many": 2, "backtest": 4, "GrayBoxRC": 4, "InputDisturbanceID": 4}
+_SHARE |= {"OutputDisturbanceID": 4}
+TRANSFORMERS = ("GapFiller", "UnitConverter", "FacadeIrradiance")
+#: public methods that take no table of a user: they take what another method has read, or no table at all
+NO_TABLE = {
+    "left_out_paths", "view", "iterate", "refitted", "recursive", "take_rows", "published", "theta_interval",
+    "to_state_space", "get_feature_names_out", "set_params", "get_params", "summary",
+}  # fmt: skip
+#: methods that change the estimator
+CHANGING = ("fit", "partial_fit", "update")
+
+# values of arguments by the name of the parameter; the first is the usual one, X is the table that is passed
+Make = Callable[[Any], Any]
+
+
+def _n(X: Any) -> int:
+    return len(X) if hasattr(X, "__len__") else 3
+
+
+def _stamps(X: Any) -> Any:
+    return X.index if isinstance(X, pd.DataFrame) else None
+
+
+def _constant(**values: Any) -> dict[str, Make]:
+    return {name: (lambda X, v=v: v) for name, v in values.items()}
+
+
+_BAD = _constant(NaN=np.nan, inf=np.inf, word="warm", none=None)
+ARGUMENTS: dict[str, dict[str, Make]] = {
+    "setpoint": {
+        **_constant(number=21.0, pair=(20.0, 24.0), heat_only=(20.0, None), free=(None, None), crossed=(24.0, 20.0)),
+        "series": lambda X: pd.Series(21.0, index=_stamps(X)) if _stamps(X) is not None else [21.0] * _n(X),
+        "array": lambda X: np.full(_n(X), 21.0),
+        "short array": lambda X: np.full(max(_n(X) - 1, 0), 21.0),
+        "frame": lambda X: pd.DataFrame({"heat": 20.0, "cool": 24.0}, index=range(_n(X))),
+        **_constant(degF=72.0, sentinel=-9999.0, text="21", three=(20.0, 21.0, 22.0), flag=True, complex=21j),
+        **_BAD,
+    },
+    "limits": {
+        **_constant(none=None, usual=(-5.0, 5.0), off=(0.0, 0.0), crossed=(5.0, -5.0), one=(5.0,), number=5.0),
+        **_constant(nan=(np.nan, 5.0), inf=(-np.inf, np.inf), watt=(-5000.0, 5000.0), sentinel=(-9999.0, 5.0)),
+        "arrays": lambda X: (np.full(_n(X), -5.0), np.full(_n(X), 5.0)),
+        "short": lambda X: (np.full(2, -5.0), 5.0),
+        **_constant(words=("low", "high")),
+    },
+    "quantiles": _constant(
+        usual=(0.1, 0.5, 0.9), one=[0.5], zero=[0.0], over=[1.5], below=[-0.1], empty=[], nan=[np.nan], word="median",
+        number=0.5, twice=[0.5, 0.5], unordered=[0.9, 0.1], percent=[10, 90], none=None, extreme=[1e-9, 1 - 1e-9],
+    ),
+    "origins": {
+        **_constant(first=[0], two=[0, 5], negative=[-1], far=[10**6], half=[0.5], unsorted=[5, 0], twice=[3, 3]),
+        "last": lambda X: [max(_n(X) - 1, 0)],
+        "end": lambda X: [_n(X)],
+        "all": lambda X: np.arange(_n(X)),
+        "mask": lambda X: np.ones(_n(X), bool),
+        **_constant(empty=[], number=0, word="noon", none=None, levels=[[0]], nan=[np.nan]),
+    },
+    "disturbance": {
+        "one": lambda X: np.zeros((1, max(_n(X), 24))),
+        **_constant(two=np.zeros((2, 24)), vector=np.zeros(24), none=None, word="none", huge=np.full((1, 24), 1e300)),
+        **_constant(nan=np.full((1, 24), np.nan), empty=np.zeros((1, 0)), three=np.zeros((1, 24, 3)), short=[[0.0]]),
+    },
+    "kind": _constant(input="input", output="output", both="both", none=None),
+    "smooth": _constant(no=False, yes=True),
+    "horizon": _constant(
+        none=None, quarter="6h", uneven="7min", zero="0h", back="-1D", word="day", number=24, years="1000D", nan=np.nan,
+        every="1h", infinite=np.inf,
+    ),
+    "heat_gain": {
+        **_constant(none=None, word="sun", infinite=np.inf),
+        "array": lambda X: np.full(_n(X), 0.5),
+        "series": lambda X: pd.Series(0.5, index=_stamps(X)) if _stamps(X) is not None else np.zeros(_n(X)),
+        "short": lambda X: np.zeros(2),
+        "nan": lambda X: np.full(_n(X), np.nan),
+        "number": lambda X: 0.5,
+    },
+    "initial_state": _constant(
+        none=None, one=[20.0], number=20.0, two=[20.0, 20.0], nan=[np.nan], word="warm", empty=[], sentinel=[-9999.0]
+    ),
+    "sample_weight": {
+        "none": lambda X: None,
+        "ones": lambda X: np.ones(_n(X)),
+        "short": lambda X: np.ones(2),
+        "negative": lambda X: -np.ones(_n(X)),
+        "nan": lambda X: np.full(_n(X), np.nan),
+    },
+    "theta_init": _constant(
+        none=None, some={"R_zo": 5.0}, unknown={"x": 1.0}, nan={"R_zo": np.nan}, negative={"R_zo": -1.0}, word="5"
+    ),
+    "step": _constant(
+        none=None, quarter="15min", hour="1h", zero="0h", back="-1h", uneven="7min", tiny="1ns", word="step",
+        days="10D", nan=np.nan,
+    ),
+    "max_gap": _constant(hour="1h", zero="0h", back="-1h", word="gap", years="1000D", none=None),
+    "return_report": _constant(no=False, yes=True),
+    "origin_step": _constant(day="1D", hours="6h", uneven="7min", zero="0h", word="step"),
+    "start": _constant(none=None, early="1990-01-01", within="2024-10-27", late="2090-01-01", word="start", row=3),
+    "max_lag": _constant(day="1D", zero="0h", word="lag", years="1000D", back="-1D"),
+    "level": _constant(usual=0.5, zero=0.0, one=1.0, over=2.0, nan=np.nan, word="high"),
+    "parameter": _constant(resistance="R_zo", unknown="R_xy", none=None),
+    "by": _constant(none=None, lead="lead", word="x"),
+    "settings": _constant(usual=Settings(columns={"T_za": "T_za", "T_oa": "T_oa"}, step="1h")),
+    "y_ahead": _constant(none=None),
+}  # fmt: skip
+#: parameters with a default that are left alone
+LEFT_ALONE = {"output", "values", "on_error", "verbose", "n_leads"}
+TABLES = {"X", "history", "future", "frame", "y", "target"}
+
+
+class Entry(NamedTuple):
+    """One public method of an estimator, or a function."""
+
+    name: str
+    estimator: str | None  # key of ESTIMATORS
+    method: str
+    parameters: tuple[str, ...]
+
+    @property
+    def share(self) -> int:
+        """How often it is called, against others."""
+        slow = self.method in ("fit", "partial_fit") or self.estimator is None
+        return _SHARE.get(self.estimator or self.method, 10) if slow else 5
+
+
+def _there_and_back(estimator: Any, X: Any) -> Any:
+    """What a saved and loaded estimator predicts, which is what the estimator itself predicts."""
+    with tempfile.TemporaryDirectory() as folder:
+        save_model(estimator, Path(folder) / "m")
+        return load_model(Path(folder) / "m").predict(X)
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "regularize": regularize,
+    "backtest": lambda X, y, horizon, origin_step, start: backtest(
+        fitted("ARXRegressor"), X, y, horizon=horizon, origin_step=origin_step, start=start
+    ),
+    "diagnose": lambda X, max_lag, level: diagnose(fitted("InputDisturbanceID"), X, max_lag=max_lag, level=level),
+    "profile_likelihood": lambda X, y, parameter: profile_likelihood(
+        clone(ESTIMATORS["InputDisturbanceID"]), X, y, parameter
+    ),
+    "fit_many": lambda X, y: fit_many([clone(ESTIMATORS["DisturbanceForecaster, profile"])], X, y)[0],
+    "split_log": split_log,
+    "save and load, ARXRegressor": lambda X: _there_and_back(fitted("ARXRegressor"), X),
+    "save and load, HybridPredictor": lambda X: _there_and_back(fitted("HybridPredictor"), X),
+}
+
+
+@cache
+def fitted(name: str) -> Any:
+    """An estimator, fitted on the training table."""
+    X, y = training().X, training().y
+    if name.startswith("DisturbanceForecaster"):
+        return clone(ESTIMATORS[name]).fit(X, y - 22.0)
+    return clone(ESTIMATORS[name]).fit(X, y)
+
+
+def _methods(name: str) -> list[str]:
+    estimator = fitted(name)
+    public = [m for m in dir(estimator) if not m.startswith("_") and m not in NO_TABLE and hasattr(estimator, m)]
+    methods = [m for m in public if inspect.ismethod(getattr(estimator, m))]
+    return [m for m in methods if TABLES & set(inspect.signature(getattr(estimator, m)).parameters)]
+
+
+@cache
+def entries() -> dict[str, Entry]:
+    """All entry points by name; a parameter that nothing is known of is an error, so that none is forgotten."""
+    found = []
+    for name in ESTIMATORS:
+        for method in _methods(name):
+            found.append(_entry(f"{name}.{method}", name, method, getattr(fitted(name), method)))
+    found += [_entry(name, None, name, function) for name, function in FUNCTIONS.items()]
+    return {entry.name: entry for entry in found}
+
+
+def _entry(name: str, estimator: str | None, method: str, function: Callable[..., Any]) -> Entry:
+    signature = inspect.signature(function).parameters.values()
+    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
+    parameters = tuple(p.name for p in signature if p.name not in ("self", *LEFT_ALONE) and p.kind not in kinds)
+    unknown = [p for p in parameters if p not in ARGUMENTS and p not in TABLES]
+    if unknown:
+        raise LookupError(f"{name} has a parameter {unknown[0]!r}: say in ARGUMENTS which values it may take.")
+    return Entry(name, estimator, method, parameters)
+
+
+def called(entry: Entry) -> tuple[BaseEstimator | None, Callable[..., Any]]:
+    """The estimator, a copy where the call changes it, and what is called."""
+    if entry.estimator is None:
+        return None, FUNCTIONS[entry.method]
+    if entry.method == "fit":
+        estimator = clone(ESTIMATORS[entry.estimator])
+    elif entry.method in CHANGING:
+        estimator = deepcopy(fitted(entry.estimator))
+    else:
+        estimator = fitted(entry.estimator)
+    return estimator, getattr(estimator, entry.method)

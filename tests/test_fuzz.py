@@ -1,0 +1,116 @@
+"""A small budget of the fuzzing in ``tests/fuzz``: all outcomes are accepted and finite, or refused in one sentence."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, seed, settings
+from sklearn.base import clone
+
+sys.path.insert(0, str(Path(__file__).with_name("fuzz")))
+
+from calls import Call, calls
+from entry_points import ESTIMATORS, entries
+from file_readers import READERS, good_files_are_read, mutant
+from outcomes import ACCEPTED, REFUSED, observe, wrong_numbers
+from zone_tables import Table, training
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+#: entry points that take seconds until numba has compiled them; the large budget has them
+SLOW = ("PeriodicDisturbanceID", "profile_likelihood")
+#: arguments of a usual call that are refused on purpose: a back-test needs a horizon
+USUAL = {"backtest": (("horizon", "quarter"),)}
+
+
+@pytest.fixture(scope="module")
+def names():
+    return tuple(name for name in entries() if not name.startswith(SLOW))
+
+
+def test_every_entry_point_accepts_a_good_table(names):
+    outcomes = {name: Call(name, arguments=USUAL.get(name, ())).outcome() for name in names}
+    assert {name: o for name, o in outcomes.items() if o.kind != ACCEPTED} == {}
+
+
+#: what was found by fuzzing, and words of the refusal that it gets now
+FOUND = {
+    Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",
+    Call("GrayBoxRC.drive", arguments=(("origins", "twice"),)): "2 origins",
+    Call("GrayBoxRC.drive", arguments=(("origins", "word"),)): "row numbers of X",
+    Call("GrayBoxRC.drive", arguments=(("disturbance", "nan"),)): "disturbance contains NaN",
+    Call("GrayBoxRC.required_heat", arguments=(("origins", "last"),)): "begin with row 0",
+    Call("GrayBoxRC.required_heat", arguments=(("disturbance", "short"),)): "48 rows lie",
+    Call("GrayBoxRC.simulate", arguments=(("heat_gain", "word"),)): "heat_gain is not numeric",
+    Call("GrayBoxRC.simulate", arguments=(("initial_state", "word"),)): "initial_state is not numeric",
+    Call("GrayBoxRC.predict_load", arguments=(("limits", "words"),)): "the lower limit is not numeric",
+    Call("InputDisturbanceID.fit", arguments=(("theta_init", "nan"),)): "theta_init gives R_zo the value nan",
+    Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "not a mapping",
+    Call("ARXRegressor.predict_quantiles", arguments=(("quantiles", "word"),)): "quantiles='median'",
+    Call("ARXRegressor.score", arguments=(("sample_weight", "short"),)): "sample_weight",
+    Call("split_log", Table(columns=("T_oa", "q_sol"))): "with a column T_za",
+}
+
+
+@pytest.mark.parametrize("call", FOUND, ids=repr)
+def test_what_was_found_is_refused_now(call):
+    outcome = call.outcome()
+    assert outcome.kind == REFUSED, outcome
+    assert FOUND[call] in outcome.detail
+
+
+def test_attributes_can_be_asked_for_where_no_intervals_were_learned():
+    short = clone(ESTIMATORS["ARXRegressor"]).fit(training().X[:9], training().y[:9])
+    assert not hasattr(short, "intervals_")
+    assert "predict" in dir(short)
+
+
+@settings(max_examples=400, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@seed(0)
+@given(calls(SLOW))
+def test_odd_tables_are_accepted_or_refused(call):
+    outcome = call.outcome()
+    assert not outcome.failed, f"{call!r}: {outcome}"
+
+
+@pytest.mark.parametrize("name", sorted(READERS))
+def test_mutants_of_files_are_read_or_refused(name, tmp_path):
+    for number in range(60):
+        content, choice = mutant(name, number, tmp_path)
+        outcome = READERS[name].read(content, choice, tmp_path)
+        assert not outcome.failed, f"{name} {number}: {outcome}"
+
+
+def test_good_files_are_read(tmp_path):
+    outcomes = good_files_are_read(tmp_path)
+    refused = {name: o for name, o in outcomes.items() if o.kind != ACCEPTED}
+    assert set(refused) == {"csv 2"}
+    assert "sep=';'" in refused["csv 2"].detail
+
+
+# ------------------------------------------------------------------------------------------- the judge can say no
+def test_bare_errors_are_not_taken_for_refusals():
+    def bare():
+        np.zeros(3) + np.zeros(4)
+
+    assert "broadcast" in observe(bare, lambda r, w: None).kind
+    assert observe(lambda: {}["x"], lambda r, w: None).kind.startswith("KeyError")
+    assert observe(lambda: np.zeros(1) / 0.0, lambda r, w: None).kind.startswith("RuntimeWarning")
+    assert observe(lambda: int("warm"), lambda r, w: None).failed
+
+
+def test_wrong_numbers_are_seen():
+    assert "NaN" in wrong_numbers(np.array([1.0, np.nan]))
+    assert "inf" in wrong_numbers(np.array([1.0, np.inf]), missing=True)
+    assert "beyond" in wrong_numbers(np.array([1.0, 101.0]), temperature=("",))
+    assert wrong_numbers(np.array([21.0, np.nan]), missing=True, temperature=("",)) is None
+
+
+def test_slow_calls_are_seen():
+    def forever():
+        while True:
+            pass
+
+    assert observe(forever, lambda r, w: None, seconds=0.05).kind.startswith("takes longer")
