@@ -138,6 +138,8 @@ def _refuse_disorder(index: pd.Index) -> None:
 
 
 def _duration(value: Any, name: str) -> pd.Timedelta:
+    if isinstance(value, int | float | np.number) and not isinstance(value, np.timedelta64):  # pandas means nanoseconds
+        raise ValueError(f"{name}={value!r} has no unit; give a duration such as '15min' or '1D'.")
     try:
         return pd.Timedelta(value)
     except (TypeError, ValueError):

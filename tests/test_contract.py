@@ -678,6 +678,8 @@ def test_rows_of():
     for odd in ("20min", "5min", "-15min", "0min"):
         with pytest.raises(ValueError, match=f"span='{odd}' is not a positive multiple of the sampling time of 15 min"):
             rows_of(odd, QUARTER, "span")
+    with pytest.raises(ValueError, match="horizon=24 has no unit; give a duration such as '15min'"):
+        rows_of(24, QUARTER)
     with pytest.raises(ValueError, match="horizon='a day' is not a duration such as"):
         rows_of("a day", QUARTER)
 
