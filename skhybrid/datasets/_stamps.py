@@ -107,7 +107,7 @@ def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: st
         stamps = pd.to_datetime(text, errors="coerce", utc=utc, format=form, dayfirst=day_first)
     except ValueError:
         stamps = text
-    if not pd.api.types.is_datetime64_any_dtype(stamps):  # zones by name
+    if not pd.api.types.is_datetime64_any_dtype(stamps) or (stamps.dt.tz is not None and not utc):  # zones by name
         raise ValueError(f"{where} has time stamps with a zone by name; give an offset from UTC, or none.")
     return stamps
 

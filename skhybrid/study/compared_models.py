@@ -165,7 +165,10 @@ def make_network(given: Mapping[str, Any]) -> str | RCNetwork:
             raise ValueError("[network] declares a network without capacitances; give them, or only a name.")
         return str(given.get("name", _IDENTIFIED_NETWORK))
     declared = {k: _with_rest(_tupled(v)) if k in ("solar", "heated") else _tupled(v) for k, v in given.items()}
-    return RCNetwork(**{"name": "declared", "resistors": {}, **declared})
+    try:
+        return RCNetwork(**{"name": "declared", "resistors": {}, **declared})
+    except TypeError as error:  # a number or a table in place of a name
+        raise ValueError(f"[network] cannot be read ({error}); declare it as skhybrid.thermal.RCNetwork is.") from None
 
 
 def _tupled(value: Any) -> Any:

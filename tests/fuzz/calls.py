@@ -73,7 +73,8 @@ class Call(_Shown):
         before = state(estimator)
         outcome = observe(lambda: function(**keywords), lambda result, warned: self._wrong(entry, X, result, warned))
         kept = outcome.kind == "accepted" and entry.method in (*_FITS, "update", "partial_fit")
-        if not kept and not outcome.failed and entry.estimator != "Pipeline" and state(estimator) != before:
+        whole = entry.estimator != "Pipeline" and entry.method != "fit_transform"  # which may fail after a fit
+        if not kept and not outcome.failed and whole and state(estimator) != before:
             return Outcome(f"{outcome.kind}, but {entry.method} changed the estimator")
         if outcome.kind == "accepted" and self.same is not None:
             return self._compared(function, X, keywords)
@@ -87,7 +88,7 @@ class Call(_Shown):
             y = y if self.table.index is None else y.set_axis(pd.Index(INDEX[self.table.index](y.index)))
             return TARGET[self.target](y)
         chosen = dict(self.arguments).get(name)
-        if name in ("history", "future") and not hasattr(X, "__getitem__"):
+        if name in ("history", "future") and not isinstance(X, pd.DataFrame | np.ndarray | list):
             return X
         if name in ("history", "future"):
             parts = HISTORY if name == "history" else FUTURE

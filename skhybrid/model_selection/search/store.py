@@ -166,7 +166,7 @@ class ResultStore:
         """Let errors of SQLite name the file and say what to do."""
         try:
             yield
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # a message may quote bytes of the file
             code = getattr(error, "sqlite_errorcode", None)
             remedy = _REMEDIES.get(-1 if code is None else code & 0xFF, _OTHER_FILE)
             raise StoreError(f"store {self.path} cannot be used ({error}); {remedy}") from error
