@@ -498,7 +498,7 @@ def test_times_are_no_numbers(times, office):
 
 def test_mappings_and_records_are_refused(office):
     for X in (office.X.to_dict("list"), office.X.to_records(index=False)):
-        with pytest.raises(ValueError, match="X is a (dict|recarray); give a DataFrame"):
+        with pytest.raises(ValueError, match=r"X is a (dict|recarray); give a DataFrame"):
             ARXRegressor(sampling_time="15min").fit(X, office.y)
 
 
