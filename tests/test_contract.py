@@ -562,6 +562,7 @@ def test_one_instant_in_two_zones_is_one_table(office):
     X = office.X.tz_localize("UTC")
     model = gray_box(office, X, office.y.to_numpy())
     np.testing.assert_allclose(model.simulate(X.tz_convert("Asia/Kolkata")), model.simulate(X))
+    gray_box(office, X, office.y.tz_localize("UTC").tz_convert("Asia/Kolkata"))
 
 
 @pytest.mark.parametrize(
