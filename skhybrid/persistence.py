@@ -132,7 +132,8 @@ def _decode(body: bytes, path: object) -> Any:
     except io.exceptions.UntrustedTypesFoundException as error:
         raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
     except Exception as error:  # a forged file can let any part of the reading fail
-        raise ModelFileError(f"{path} cannot be read as a model: {error or type(error).__name__}.") from error
+        cause = " ".join(str(error).split()).partition(". ")[0].rstrip(".") or type(error).__name__
+        raise ModelFileError(f"{path} cannot be read as a model: {cause}.") from error
 
 
 def _digest(version: bytes, body: bytes) -> bytes:

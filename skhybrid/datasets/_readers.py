@@ -112,15 +112,15 @@ def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
         raise ValueError(f"{where} is not encoded in UTF-8; save it as CSV UTF-8.") from None
     except pd.errors.ParserError as error:
         raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
-    if not isinstance(table.index, pd.RangeIndex):  # pandas has taken the first columns for labels of the rows
-        raise ValueError(f"{where} has rows with more cells than its header has names; name every column.")
     table.columns = [str(c).strip() for c in table.columns]
     if table.empty:
         raise ValueError(f"{where} has a header but no rows.")
-    if not table.columns.is_unique:
-        raise ValueError(f"{where} has two columns {table.columns[table.columns.duplicated()][0]!r}; rename one.")
     if table.shape[1] == 1:
         raise ValueError(f"{where} has only one column, {table.columns[0]!r}; pass its separator, such as sep=';'.")
+    if not isinstance(table.index, pd.RangeIndex):  # pandas has taken the first columns for labels of the rows
+        raise ValueError(f"{where} has rows with more cells than its header has names; name every column.")
+    if not table.columns.is_unique:
+        raise ValueError(f"{where} has two columns {table.columns[table.columns.duplicated()][0]!r}; rename one.")
     return table
 
 

@@ -145,6 +145,8 @@ def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
 def _typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The median spacing of the stamps, rounded to a common step if it is within 10 % of one."""
     seconds = float(np.median(np.diff(index.as_unit("ns").asi8))) / 1e9
+    if seconds < 1e-3:
+        raise ValueError(f"most stamps are {seconds:g} s apart, beginning with {index[0]}; give stamps in other units.")
     common = np.array(_COMMON_MINUTES) * 60.0
     nearest = float(common[int(np.argmin(np.abs(np.log(common / seconds))))])
     return pd.Timedelta(seconds=nearest if abs(nearest - seconds) <= 0.1 * nearest else round(seconds, 3))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from entry_points import ARGUMENTS, TRANSFORMERS, Entry, called, entries
+from entry_points import ARGUMENTS, TRANSFORMERS, Entry, called, entries, n_rows_of
 from hypothesis import strategies as st
 from outcomes import Outcome, observe, refusal, state, wrong_numbers
 from zone_tables import COLUMNS, INDEX, NOT_THE_TEMPERATURE, TARGET, Spoilt, Table, _Shown, tables, usually
@@ -87,9 +87,11 @@ class Call(_Shown):
             y = y if self.table.index is None else y.set_axis(pd.Index(INDEX[self.table.index](y.index)))
             return TARGET[self.target](y)
         chosen = dict(self.arguments).get(name)
+        if name in ("history", "future") and not hasattr(X, "__getitem__"):
+            return X
         if name in ("history", "future"):
             parts = HISTORY if name == "history" else FUTURE
-            return parts[chosen or next(iter(parts))](X, len(X)) if hasattr(X, "__len__") else X
+            return parts[chosen or next(iter(parts))](X, n_rows_of(X))
         return ARGUMENTS[name][chosen or next(iter(ARGUMENTS[name]))](X)
 
     def _wrong(self, entry: Entry, X: Any, result: Any, warned: bool) -> str | None:

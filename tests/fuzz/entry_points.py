@@ -77,8 +77,9 @@ CHANGING = ("fit", "partial_fit", "update")
 Make = Callable[[Any], Any]
 
 
-def _n(X: Any) -> int:
-    return len(X) if hasattr(X, "__len__") else 3
+def n_rows_of(X: Any) -> int:
+    """Number of rows of a table of any kind."""
+    return X.shape[0] if getattr(X, "shape", ()) else len(X) if hasattr(X, "__len__") else 3
 
 
 def _stamps(X: Any) -> Any:
@@ -93,17 +94,17 @@ _BAD = _constant(NaN=np.nan, inf=np.inf, word="warm", none=None)
 ARGUMENTS: dict[str, dict[str, Make]] = {
     "setpoint": {
         **_constant(number=21.0, pair=(20.0, 24.0), heat_only=(20.0, None), free=(None, None), crossed=(24.0, 20.0)),
-        "series": lambda X: pd.Series(21.0, index=_stamps(X)) if _stamps(X) is not None else [21.0] * _n(X),
-        "array": lambda X: np.full(_n(X), 21.0),
-        "short array": lambda X: np.full(max(_n(X) - 1, 0), 21.0),
-        "frame": lambda X: pd.DataFrame({"heat": 20.0, "cool": 24.0}, index=range(_n(X))),
+        "series": lambda X: pd.Series(21.0, index=_stamps(X)) if _stamps(X) is not None else [21.0] * n_rows_of(X),
+        "array": lambda X: np.full(n_rows_of(X), 21.0),
+        "short array": lambda X: np.full(max(n_rows_of(X) - 1, 0), 21.0),
+        "frame": lambda X: pd.DataFrame({"heat": 20.0, "cool": 24.0}, index=range(n_rows_of(X))),
         **_constant(degF=72.0, sentinel=-9999.0, text="21", three=(20.0, 21.0, 22.0), flag=True, complex=21j),
         **_BAD,
     },
     "limits": {
         **_constant(none=None, usual=(-5.0, 5.0), off=(0.0, 0.0), crossed=(5.0, -5.0), one=(5.0,), number=5.0),
         **_constant(nan=(np.nan, 5.0), inf=(-np.inf, np.inf), watt=(-5000.0, 5000.0), sentinel=(-9999.0, 5.0)),
-        "arrays": lambda X: (np.full(_n(X), -5.0), np.full(_n(X), 5.0)),
+        "arrays": lambda X: (np.full(n_rows_of(X), -5.0), np.full(n_rows_of(X), 5.0)),
         "short": lambda X: (np.full(2, -5.0), 5.0),
         **_constant(words=("low", "high")),
     },
@@ -113,14 +114,14 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     ),
     "origins": {
         **_constant(first=[0], two=[0, 5], negative=[-1], far=[10**6], half=[0.5], unsorted=[5, 0], twice=[3, 3]),
-        "last": lambda X: [max(_n(X) - 1, 0)],
-        "end": lambda X: [_n(X)],
-        "all": lambda X: np.arange(_n(X)),
-        "mask": lambda X: np.ones(_n(X), bool),
+        "last": lambda X: [max(n_rows_of(X) - 1, 0)],
+        "end": lambda X: [n_rows_of(X)],
+        "all": lambda X: np.arange(n_rows_of(X)),
+        "mask": lambda X: np.ones(n_rows_of(X), bool),
         **_constant(empty=[], number=0, word="noon", none=None, levels=[[0]], nan=[np.nan]),
     },
     "disturbance": {
-        "one": lambda X: np.zeros((1, max(_n(X), 24))),
+        "one": lambda X: np.zeros((1, max(n_rows_of(X), 24))),
         **_constant(two=np.zeros((2, 24)), vector=np.zeros(24), none=None, word="none", huge=np.full((1, 24), 1e300)),
         **_constant(nan=np.full((1, 24), np.nan), empty=np.zeros((1, 0)), three=np.zeros((1, 24, 3)), short=[[0.0]]),
     },
@@ -132,10 +133,10 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     ),
     "heat_gain": {
         **_constant(none=None, word="sun", infinite=np.inf),
-        "array": lambda X: np.full(_n(X), 0.5),
-        "series": lambda X: pd.Series(0.5, index=_stamps(X)) if _stamps(X) is not None else np.zeros(_n(X)),
+        "array": lambda X: np.full(n_rows_of(X), 0.5),
+        "series": lambda X: pd.Series(0.5, index=_stamps(X)) if _stamps(X) is not None else np.zeros(n_rows_of(X)),
         "short": lambda X: np.zeros(2),
-        "nan": lambda X: np.full(_n(X), np.nan),
+        "nan": lambda X: np.full(n_rows_of(X), np.nan),
         "number": lambda X: 0.5,
     },
     "initial_state": _constant(
@@ -143,10 +144,10 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     ),
     "sample_weight": {
         "none": lambda X: None,
-        "ones": lambda X: np.ones(_n(X)),
+        "ones": lambda X: np.ones(n_rows_of(X)),
         "short": lambda X: np.ones(2),
-        "negative": lambda X: -np.ones(_n(X)),
-        "nan": lambda X: np.full(_n(X), np.nan),
+        "negative": lambda X: -np.ones(n_rows_of(X)),
+        "nan": lambda X: np.full(n_rows_of(X), np.nan),
     },
     "theta_init": _constant(
         none=None, some={"R_zo": 5.0}, unknown={"x": 1.0}, nan={"R_zo": np.nan}, negative={"R_zo": -1.0}, word="5"

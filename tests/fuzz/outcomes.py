@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import os
 import re
 import signal
@@ -25,6 +26,7 @@ PLAUSIBLE = (-60.0, 100.0)  # forecasts of a room [degC]
 _PACKAGE, _SKLEARN = (str(Path(module.__file__).parent) + os.sep for module in (skhybrid, sklearn))
 #: scikit-learn's checks of arguments, whose words are its own
 _SKLEARN_CHECKS = tuple(_SKLEARN + part for part in ("utils", "base.py", "metrics"))
+_RAISE = dis.opmap["RAISE_VARARGS"]
 _SECONDS = 120  # no call on such small tables takes longer, not even where numba compiles
 
 
@@ -61,16 +63,20 @@ def observe(call: Callable[[], Any], judge: Callable[[Any, bool], str | None], s
 
 def refusal(error: Exception) -> Outcome:
     """Whether an error is a refusal: raised on purpose, as a ValueError or TypeError of one sentence."""
-    frames = traceback.extract_tb(error.__traceback__)
-    where, text = frames[-1], str(error)
-    on_purpose = where.filename.startswith(_PACKAGE) or where.filename.startswith(_SKLEARN_CHECKS)
-    raised = (where.line or "").lstrip().startswith("raise") or where.filename.startswith(_SKLEARN_CHECKS)
-    right_type = isinstance(error, ValueError | TypeError) and not isinstance(error, np.linalg.LinAlgError)
-    if not (right_type and on_purpose and raised):
-        own = next((f for f in reversed(frames) if f.filename.startswith(_PACKAGE)), where)
-        place = f"{own.filename.removeprefix(_PACKAGE)}:{own.name}"
-        return Outcome(f"{type(error).__name__} in {place}: {_generic(text)}", text)
-    if where.filename.startswith(_PACKAGE) and (not text or "\n" in text or len(text) > 700 or _sentences(text) > 1):
+    frames, text = list(traceback.walk_tb(error.__traceback__)), str(error)
+    place, last = frames[-1][0].f_code.co_filename, error.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    raised = last is not None and last.tb_frame.f_code.co_code[last.tb_lasti] == _RAISE
+    on_purpose = place.startswith(_SKLEARN_CHECKS) or (place.startswith(_PACKAGE) and raised)
+    own_type = type(error).__module__.startswith("skhybrid.")
+    usual_type = isinstance(error, ValueError | TypeError) and not isinstance(error, np.linalg.LinAlgError)
+    if not ((own_type or usual_type) and on_purpose):
+        codes = [frame.f_code for frame, _ in frames]
+        own = next((code for code in reversed(codes) if code.co_filename.startswith(_PACKAGE)), codes[-1])
+        where = f"{own.co_filename.removeprefix(_PACKAGE)}:{own.co_name}"
+        return Outcome(f"{type(error).__name__} in {where}: {_generic(text)}", text)
+    if place.startswith(_PACKAGE) and (not text or "\n" in text or len(text) > 700 or _sentences(text) > 1):
         return Outcome(f"not one sentence: {_generic(text)}", text)
     return Outcome(REFUSED, text)
 

@@ -35,6 +35,17 @@ _REMEDIES = {
     sqlite3.SQLITE_CANTOPEN: "make its folder writable, or give the path of another file.",
     sqlite3.SQLITE_BUSY: f"another process holds it; {_KEPT}",
 }
+#: SQLite keeps values of any type in any column
+_FOREIGN_ROWS = """
+SELECT 'setting' FROM setting WHERE typeof(name) <> 'text' OR typeof(value) <> 'text'
+UNION ALL SELECT 'owner' FROM owner WHERE typeof(host) <> 'text' OR typeof(pid) <> 'integer' OR pid NOT BETWEEN 1 AND
+    2147483647 OR typeof(seen) <> 'real'
+UNION ALL SELECT 'result' FROM result WHERE typeof(candidate) <> 'text' OR typeof(split) <> 'integer' OR
+    NOT json_valid(scores) OR json_type(scores) <> 'object' OR typeof(rmse) NOT IN ('real', 'null') OR
+    typeof(fit_time) <> 'real' OR typeof(score_time) <> 'real' OR typeof(n_epochs) NOT IN ('integer', 'null') OR
+    typeof(error) NOT IN ('text', 'null')
+LIMIT 1
+"""
 _PATIENCE = 120.0  # how long a process waits for the transaction of another one [s]
 
 
@@ -95,6 +106,9 @@ class ResultStore:
         with self._transaction() as db:
             for statement in _TABLES.strip().split(";\n"):
                 db.execute(statement)
+            foreign = db.execute(_FOREIGN_ROWS).fetchone()
+            if foreign is not None:
+                raise StoreError(f"store {self.path} has a row of {foreign[0]} that no search wrote; {_OTHER_FILE}")
             known = dict(db.execute("SELECT name, value FROM setting"))
             check_settings(self.path, known, {"format": _FORMAT, **settings})
             if not known:
