@@ -98,9 +98,13 @@ def _setpoints(later: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
 
 def _loads(numbers: Numbers, model: object, later: pd.DataFrame) -> None:
     two_days = later.iloc[: 2 * DAY]
-    _frame(numbers, "load", model.predict_load(two_days, 20.0 + np.sin(np.arange(len(two_days)) / 20.0)))
     limits = (-2.0, np.where(two_days.index.hour < 5, 0.0, 3.0))
-    _frame(numbers, "load_in_band", model.predict_load(two_days, _setpoints(two_days), limits))
+    loads = {
+        "load": model.predict_load(two_days, 20.0 + np.sin(np.arange(len(two_days)) / 20.0)),
+        "load_in_band": model.predict_load(two_days, _setpoints(two_days), limits),
+    }
+    for name, load in loads.items():  # the disturbance that an identification expects was not frozen
+        _frame(numbers, name, load.drop(columns="zeta") if hasattr(model, "theta_") else load)
 
 
 def _zeta(numbers: Numbers, name: str, zeta: pd.Series) -> None:
