@@ -43,10 +43,10 @@ MODELS: dict[str, tuple[Any, dict[str, Any], int]] = {
 }
 NOTE = (
     "Seconds are of the processor, one core; memory is the peak beyond that of the data [GB]. The paper's office, "
-    "simulated exactly at one minute; Q_h known. All but OD and ARX search from two starts instead of 50, so that "
-    "none takes more than five minutes: the time of a search is that of an evaluation times their number, and ten "
-    "starts need about 250. The periodic model has 60 days: it needs some 400 evaluations, whose time and memory "
-    "are in proportion to the rows, and a year would take six times as much.\n\n"
+    "simulated exactly at one minute; Q_h known. CONV and ID search from two starts instead of 50, as the machine "
+    "was shared: a search takes the time of an evaluation times their number, and ten starts need about 250. The "
+    "periodic model has 60 days: time and memory are in proportion to the rows, so that a year would take about five "
+    "minutes and 1.8 GB.\n\n"
     "How exact the numbers are is held by `tests/test_numerics.py`: forecasts of 1 and 2 threads are equal to the "
     "bit; so are those of compiled and plain kernels, but for the periodic model's likelihood (2e-14 of its size); "
     "networks at ten times their bounds are within 2e-10 of the matrix exponential, filters within 1e-11 K of "

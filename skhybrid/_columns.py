@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,12 @@ def role_of(name: object) -> str | None:
 
 
 def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
+    if columns is not None and not isinstance(columns, Mapping):
+        raise ValueError(f"columns={columns!r} is no mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")
     columns = dict(columns or {})
-    for role in columns:
+    for role, column in columns.items():
+        if not isinstance(column, Hashable):
+            raise ValueError(f"columns= gives {role!r} the column {column!r}; give one name or position.")
         if role_of(role) is None:
             raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
     return columns
@@ -112,8 +116,10 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
 
 
 def unmasked(values: Any, label: str) -> Any:
-    """Values, NaN where a mask hides them; refused where they are times."""
+    """Values, NaN where a mask hides them; refused where they are times, a mapping or records."""
     _refuse_times(values, label)
+    if isinstance(values, Mapping) or getattr(getattr(values, "dtype", None), "names", None):
+        raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
 
 

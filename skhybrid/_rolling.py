@@ -13,7 +13,7 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._summary import SummaryMixin
-from ._table import ZoneTable, append_tables, read_target, refuse_gap, refuse_other_clock
+from ._table import ZoneTable, append_tables, as_numbers, read_target, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
@@ -118,7 +118,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         predicted = self.predict(table)
         if predicted.ndim == 1:
             y = read_target(y, table, max_missing=1.0, role=self._target_role)
-        measured = np.asarray(y, dtype=np.float64).reshape(predicted.shape)
+        measured = as_numbers(y, "y").reshape(predicted.shape)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))

@@ -33,7 +33,8 @@ from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
 from ._ranges import check_range
-from ._target import refuse_order, refuse_other_quantity, refuse_target_among
+from ._target import refuse_order as refuse_order
+from ._target import refuse_other_quantity, refuse_target_among
 from ._time import read_index, spell
 
 #: hours at the most that it gave, below which a plant hardly ran
@@ -366,7 +367,7 @@ def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missin
     """(n_samples,) target of one role or (n_samples, n_roles), by role from a frame; see :func:`read_target`."""
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])
-    frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))
+    frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(as_numbers(y, "y"))
     named = isinstance(y, pd.DataFrame) and set(roles) <= set(frame.columns)
     if not named and frame.shape[1] != len(roles):
         raise ValueError(f"y has shape {np.shape(y)}, but several temperatures are measured: give {', '.join(roles)}.")

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid.cli import _output, main
 from skhybrid.model_selection import backtest
@@ -421,12 +422,12 @@ def test_a_run_that_fails_in_its_report_leaves_the_old_files(files, old, capsys,
 
 def test_a_disk_that_fills_up_leaves_the_old_files(files, old, capsys):
     before = _contents(old)
-    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    soft, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, most))
     try:
         assert _run(files, "-q") == 1
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, most))
     assert _contents(old) == before
     assert f"cannot write: File too large: '{old}'" in capsys.readouterr().err
 
@@ -469,7 +470,7 @@ def _terminate(*_, **__):
 
 
 def _swallow(*_, **__):
-    with suppress(SystemExit):
+    with suppress(BaseException):
         _terminate()
 
 
@@ -516,14 +517,17 @@ def test_a_stop_that_a_library_swallows_is_raised_again(files, old, process, mon
 
 
 def test_a_stop_inside_an_exec_keeps_its_code(tmp_path):
-    """CPython exits with SIGINT's code after any KeyboardInterrupt in an exec of text, though it was caught."""
+    """``python -m`` exits with SIGINT's code after a KeyboardInterrupt in an exec of text, though it was caught."""
     program = (
         "import os, signal, sys\nfrom skhybrid.cli import demo, main\n"
         "demo.execute = lambda _: exec('os.kill(os.getpid(), signal.SIGTERM)', globals())\nsys.exit(main())"
     )
+    (tmp_path / "stopped.py").write_text(program)
+    path = os.pathsep.join([str(tmp_path), str(Path(skhybrid.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
-        [sys.executable, "-c", program, "demo"], capture_output=True, text=True, timeout=60, check=False
-    )
+        [sys.executable, "-m", "stopped", "demo"], capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "skhybrid: stopped\n")
 
 

@@ -139,6 +139,8 @@ def test_missing_role_names_the_role_and_the_columns(office):
     [
         ({"T_oa": "out"}, "gives 'T_oa' the column 'out', but X has 'T_oa'"),
         ({"outdoor": "T_oa"}, "names the role 'outdoor', which is none of T_oa, q_sol"),
+        ({"T_oa": ["T_oa"]}, r"gives 'T_oa' the column \['T_oa'\]; give one name"),
+        (["T_oa"], r"columns=\['T_oa'\] is no mapping of roles to columns"),
     ],
 )
 def test_columns_that_cannot_be(office, columns, message):
@@ -494,6 +496,12 @@ def test_times_are_no_numbers(times, office):
         gray_box(office, y=pd.Series(times(office.X.index), office.X.index))
 
 
+def test_mappings_and_records_are_refused(office):
+    for X in (office.X.to_dict("list"), office.X.to_records(index=False)):
+        with pytest.raises(ValueError, match=r"X is a (dict|recarray); give a DataFrame"):
+            ARXRegressor(sampling_time="15min").fit(X, office.y)
+
+
 @pytest.mark.parametrize("kind", ["M8[ns]", "m8[s]"])
 def test_arrays_of_times_are_refused(kind):
     with pytest.raises(ValueError, match="X holds times"):
@@ -554,6 +562,7 @@ def test_one_instant_in_two_zones_is_one_table(office):
     X = office.X.tz_localize("UTC")
     model = gray_box(office, X, office.y.to_numpy())
     np.testing.assert_allclose(model.simulate(X.tz_convert("Asia/Kolkata")), model.simulate(X))
+    gray_box(office, X, office.y.tz_localize("UTC").tz_convert("Asia/Kolkata"))
 
 
 @pytest.mark.parametrize(

@@ -179,6 +179,15 @@ def test_missing_measurements_are_kept_and_not_scored():
     assert score_backtest(frame)["n"] == len(frame) - 5
 
 
+def test_a_backtest_compares_with_the_rows_of_x():
+    X, y = _table(6)
+    model = CountsFromOrigin().fit(X, y)
+    with pytest.raises(ValueError, match="different time stamps"):
+        backtest(model, X, y.shift(1, freq="1h"))
+    hidden = np.ma.masked_array(y.to_numpy(), np.arange(len(y)) % 2 == 0)
+    assert backtest(model, X, hidden)["y_true"].isna().mean() == 0.5
+
+
 def test_a_backtest_that_cannot_be_made_says_why():
     X, y = _table(4)
     with pytest.raises(NotFittedError):

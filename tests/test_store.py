@@ -145,7 +145,7 @@ def test_a_full_disk_is_named_and_results_are_kept(path):
 
 def _fill_the_disk_and_fail(store):
     """The disk fills up between two results; then something else fails."""
-    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    soft, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     with store:
         store.claim(TASKS)
         resource.setrlimit(resource.RLIMIT_FSIZE, (1, most))
@@ -154,7 +154,7 @@ def _fill_the_disk_and_fail(store):
                 store.finish({TASKS[1]: GOOD})
             store.close()  # cannot give back its claims
         finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, most))
         raise RuntimeError("the cause")
 
 

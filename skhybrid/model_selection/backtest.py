@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._table import ZoneTable
+from .._table import ZoneTable, as_numbers, refuse_order
 from .._time import ASSUMED_START, even_step, rows_of
 from ..forecasting.quantiles import quantile_columns
 from .single_reading import read_once, reading_of, takes_tables
@@ -65,9 +65,11 @@ def backtest(
         estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
-    truth, n_rows = np.asarray(y, dtype=np.float64), _n_rows(X)
+    truth, n_rows = as_numbers(y, "y"), _n_rows(X)
     if truth.shape != (n_rows,):
         raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
+    if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
+        refuse_order(y.index, X.index)
     forecaster, table = _unwrap(estimator, X)
     stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
