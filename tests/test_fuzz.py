@@ -21,8 +21,6 @@ from zone_tables import Table, training
 pytestmark = pytest.mark.filterwarnings("ignore")
 #: entry points that take seconds until numba has compiled them; the large budget has them
 SLOW = ("PeriodicDisturbanceID", "profile_likelihood")
-#: arguments of a usual call that are refused on purpose: a back-test needs a horizon
-USUAL = {"backtest": (("horizon", "quarter"),)}
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,7 @@ def names():
 
 
 def test_every_entry_point_accepts_a_good_table(names):
-    outcomes = {name: Call(name, arguments=USUAL.get(name, ())).outcome() for name in names}
+    outcomes = {name: Call(name).outcome() for name in names}
     assert {name: o for name, o in outcomes.items() if o.kind != ACCEPTED} == {}
 
 
@@ -50,6 +48,10 @@ FOUND = {
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "not a mapping",
     Call("ARXRegressor.predict_quantiles", arguments=(("quantiles", "word"),)): "quantiles='median'",
     Call("ARXRegressor.score", arguments=(("sample_weight", "short"),)): "sample_weight",
+    Call("HybridPredictor.forecast", Table(container="masked array")): "give a DataFrame",
+    Call("regularize", arguments=(("step", "word"),)): "step='step' is not a duration",
+    Call("regularize", arguments=(("max_gap", "word"),)): "max_gap='gap' is not a duration",
+    Call("regularize", Table(step="1ns")): "most stamps are 1e-09 s apart",
     Call("split_log", Table(columns=("T_oa", "q_sol"))): "with a column T_za",
 }
 
@@ -59,6 +61,10 @@ def test_what_was_found_is_refused_now(call):
     outcome = call.outcome()
     assert outcome.kind == REFUSED, outcome
     assert FOUND[call] in outcome.detail
+
+
+def test_an_array_has_the_columns_of_the_training_table():
+    assert Call("InputDisturbanceID.transform", Table(container="list")).outcome().kind == ACCEPTED
 
 
 def test_attributes_can_be_asked_for_where_no_intervals_were_learned():

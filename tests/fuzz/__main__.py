@@ -36,6 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KEPT, REPORT = ROOT / "build" / "fuzz", ROOT / "benchmarks" / "results" / "fuzz.md"
 _CHUNK = 500  # calls that are drawn from one seed
 _MEMORY = 16 * 2**30  # address space [bytes]: more is a MemoryError, not a machine that swaps
+_BUDGET = "`make fuzz` makes 100 000 calls on tables and reads the mutants of each kind of file for half an hour."
 _QUIET = {"deadline": None, "database": None, "phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
 
 
@@ -126,7 +127,7 @@ def write_report() -> int:
     """Write the table of outcomes."""
     kept = {p.stem: json.loads(p.read_text()) for p in sorted(KEPT.glob("*.json"))}
     date = max(one["date"] for one in kept.values())
-    lines = ["# Fuzzing", "", f"Made by `make fuzz` on {date}; {_machine()}.", ""]
+    lines = ["# Fuzzing", "", f"Made by `tests/fuzz` on {date}; {_machine()}.", _BUDGET, ""]
     lines += [
         "A call on a table, or the reading of a file, is accepted with finite numbers, or refused in one sentence by",
         "an error that the package raises on purpose. All else is a failure, and so is: a lie that is accepted (a fill",

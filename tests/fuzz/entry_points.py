@@ -197,7 +197,7 @@ def _there_and_back(estimator: Any, X: Any) -> Any:
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "regularize": regularize,
     "backtest": lambda X, y, horizon, origin_step, start: backtest(
-        fitted("ARXRegressor"), X, y, horizon=horizon, origin_step=origin_step, start=start
+        fitted("ARXRegressor"), X, y, horizon=horizon or "6h", origin_step=origin_step, start=start
     ),
     "diagnose": lambda X, max_lag, level: diagnose(fitted("InputDisturbanceID"), X, max_lag=max_lag, level=level),
     "profile_likelihood": lambda X, y, parameter: profile_likelihood(
