@@ -162,7 +162,7 @@ def train_stack(
         stack,
         criterion=SquaredErrorsPerNetwork,
         optimizer=torch.optim.Adam,
-        optimizer__fused=device != "cpu" or torch.__version__ >= (2, 4),  # the fastest, on a CPU since 2.4
+        optimizer__fused=device != "cpu" or torch.__version__ >= "2.4",  # the fastest, on a CPU since 2.4
         lr=settings.learning_rate,
         max_epochs=settings.max_epochs,
         batch_size=settings.batch_size,
