@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import sparse
 
 from ._warnings import warn_user
 from .exceptions import RoleWarning
@@ -118,7 +119,8 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
 def unmasked(values: Any, label: str) -> Any:
     """Values, NaN where a mask hides them; refused where they are times, a mapping or records."""
     _refuse_times(values, label)
-    if isinstance(values, Mapping) or getattr(getattr(values, "dtype", None), "names", None):
+    maps = isinstance(values, Mapping) and not sparse.issparse(values)  # scikit-learn refuses what is sparse
+    if maps or getattr(getattr(values, "dtype", None), "names", None):
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
 

@@ -89,8 +89,9 @@ def test_z_scores_see_the_training_block_only():
     settings = {"residual_of": None, "max_epochs": 1, "hidden_size": 3, "random_state": 0}
     one = DisturbanceForecaster("mlp", **settings).fit(X, y)
     moved = X.copy()
-    moved.iloc[split.train_end + 24 :] += 1.0
-    two = DisturbanceForecaster("mlp", **settings).fit(moved, y + (np.arange(len(y)) >= split.valid_start) * 50.0)
+    moved.iloc[split.valid_start :, :2] *= 0.5
+    moved.iloc[split.valid_start :, 2] += 50.0
+    two = DisturbanceForecaster("mlp", **settings).fit(moved, moved["zeta"])
     np.testing.assert_array_equal(one.predict(X.iloc[:200]), two.predict(X.iloc[:200]))
 
 
