@@ -546,3 +546,8 @@ def test_a_search_may_start_where_another_fit_ended(kind, fitted, office):
     assert len(again.starts_) == 1
     assert again.loss_ == pytest.approx(model.loss_, rel=1e-5)
     pd.testing.assert_series_equal(again.theta_, model.theta_, rtol=0.02)
+
+
+def test_a_start_of_an_unknown_parameter_is_refused(office):
+    with pytest.raises(ValueError, match="theta_init names 'C_zA', which is none of .*C_za"):
+        GrayBoxRC().fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})

@@ -126,7 +126,7 @@ class NetworkIdentifier(NetworkModel):
             Measured zone temperature [degC]; NaN where missing.  One column per node where a network has several
             measured nodes, in its order.
         theta_init : mapping of parameter to value, optional
-            Values of an earlier fit: the only start, instead of ``n_starts`` random ones.
+            Values of an earlier fit: the only start, instead of ``n_starts`` random ones; other names are refused.
 
         Returns
         -------
@@ -137,6 +137,10 @@ class NetworkIdentifier(NetworkModel):
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
+        names = {*self.theta_.index, *self.disturbance_, *(p.name for p in problem.searched)}
+        unknown = [name for name in theta_init or () if name not in names]
+        if unknown:
+            raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
