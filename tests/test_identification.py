@@ -549,5 +549,5 @@ def test_a_search_may_start_where_another_fit_ended(kind, fitted, office):
 
 
 def test_a_start_of_an_unknown_parameter_is_refused(office):
-    with pytest.raises(ValueError, match="theta_init names 'C_zA', which is none of .*C_za"):
+    with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
         GrayBoxRC().fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
