@@ -27,7 +27,7 @@ _PACKAGE, _SKLEARN = (str(Path(module.__file__).parent) + os.sep for module in (
 #: scikit-learn's checks of arguments, whose words are its own
 _SKLEARN_CHECKS = tuple(_SKLEARN + part for part in ("utils", "base.py", "metrics"))
 _RAISE = dis.opmap["RAISE_VARARGS"]
-_SECONDS = 120  # no call on such small tables takes longer, not even where numba compiles
+_SECONDS = 120  # of the processor: no call on such small tables takes longer, not even where numba compiles
 
 
 class Outcome(NamedTuple):
@@ -96,13 +96,17 @@ def _limit(seconds: float) -> Iterator[None]:
     def stop(number: int, frame: Any) -> None:
         raise TooLong
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    # of the processor, since other work may hold a call up; and much longer of the clock, since it may wait
+    timers = ((signal.SIGPROF, signal.ITIMER_PROF, seconds), (signal.SIGALRM, signal.ITIMER_REAL, 10.0 * seconds))
+    before = [signal.signal(number, stop) for number, _, _ in timers]
+    for _, timer, most in timers:
+        signal.setitimer(timer, most)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for (number, timer, _), handler in zip(timers, before, strict=True):
+            signal.setitimer(timer, 0.0)
+            signal.signal(number, handler)
 
 
 def numbers_in(result: Any) -> Iterator[tuple[str, np.ndarray]]:
