@@ -137,7 +137,7 @@ class NetworkIdentifier(NetworkModel):
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
-        names = {*self.theta_.index, *self.disturbance_, *(p.name for p in problem.searched)}
+        names = {*self.theta_.index, *self.disturbance_.index, *(p.name for p in problem.searched)}
         unknown = [name for name in theta_init or () if name not in names]
         if unknown:
             raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
