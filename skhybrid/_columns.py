@@ -122,7 +122,12 @@ def unmasked(values: Any, label: str) -> Any:
     maps = isinstance(values, Mapping) and not sparse.issparse(values)  # scikit-learn refuses what is sparse
     if maps or getattr(getattr(values, "dtype", None), "names", None):
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
-    return np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    try:
+        return np.ma.filled(values.astype(np.float64), np.nan)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
 
 
 def as_numbers(values: Any, label: str) -> np.ndarray:

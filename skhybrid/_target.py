@@ -62,7 +62,8 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
                 f"role {role!r} of X is y one row {word}; both are the temperature at the stamp of their own row, so "
                 "give them unshifted."
             )
-    if np.std(known - wanted) > 0.9 * np.std(wanted) and np.corrcoef(known, wanted)[0, 1] < 0.3:
+    together = np.corrcoef(known, wanted)[0, 1] if np.ptp(known) > 0 else 0.0
+    if np.std(known - wanted) > 0.9 * np.std(wanted) and together < 0.3:
         raise ValueError(f"{means}, but they do not move together; give both the same rows in the same order.")
 
 

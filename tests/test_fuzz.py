@@ -16,7 +16,7 @@ from calls import Call, calls
 from entry_points import ESTIMATORS, entries
 from file_readers import READERS, good_files_are_read, mutant
 from outcomes import ACCEPTED, REFUSED, observe, wrong_numbers
-from zone_tables import Table, training
+from zone_tables import Spoilt, Table, training
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 #: entry points that take seconds until numba has compiled them; the large budget has them
@@ -46,6 +46,12 @@ FOUND = {
     Call("GrayBoxRC.predict_load", arguments=(("limits", "words"),)): "the lower limit is not numeric",
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "nan"),)): "theta_init gives R_zo the value nan",
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "not a mapping",
+    Call("OutputDisturbanceID.fit", arguments=(("theta_init", "unknown"),)): "which is none of",
+    Call("backtest", arguments=(("start", "row"),)): "is a number, but X has time stamps",
+    Call("HybridPredictor.score", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
+    Call("ARXRegressor.fit", Table(spoilt=(Spoilt("q_sol", "boolean NA", "last"),), container="masked array")): (
+        "not numeric"
+    ),
     Call("ARXRegressor.predict_quantiles", arguments=(("quantiles", "word"),)): "quantiles='median'",
     Call("ARXRegressor.score", arguments=(("sample_weight", "short"),)): "sample_weight",
     Call("HybridPredictor.forecast", Table(container="masked array")): "give a DataFrame",

@@ -208,7 +208,11 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
     if start is None:
         return 0
     if isinstance(stamps, pd.DatetimeIndex):
-        start = pd.Timestamp(start)
+        if isinstance(start, int | float | np.number):
+            raise ValueError(
+                f"start={start!r} is a number, but X has time stamps; give one, such as {str(stamps[0])!r}."
+            )
+        start = pd.Timestamp(start).as_unit(stamps.unit)
         if stamps.tz is not None and start.tz is None:
             start = start.tz_localize(stamps.tz)
     return int(stamps.searchsorted(start))

@@ -44,9 +44,11 @@ def _name_problems(network: Declaration) -> Iterator[str]:
             )
     own = [*network.capacitances.values(), *network.resistors, *_fractions(network)]
     for name in own:
-        if name.startswith(_SOURCE_PARAMETERS):
+        if not isinstance(name, str):
+            yield f"{name!r} is no name of a parameter; give text, such as 'C_za'."
+        elif name.startswith(_SOURCE_PARAMETERS):
             yield f"{name!r} cannot name this parameter: A_win... and Q_... are reserved for the sources."
-    twice = sorted({name for name in own if own.count(name) > 1})
+    twice = sorted({str(name) for name in own if own.count(name) > 1})
     if twice:
         yield f"the parameter {twice[0]!r} is used twice; give every parameter its own name."
 
