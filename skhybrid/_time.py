@@ -12,6 +12,7 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
+_FINEST = pd.Timedelta("1s")  # no building is logged more often
 _STAMPS = (
     "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
     ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
@@ -26,6 +27,8 @@ def read_index(
     An index without stamps, or of one row, needs a given or an expected step; a column of ``X`` may hold stamps.
     """
     given = None if sampling_time is None else positive_duration(sampling_time, "sampling_time")
+    if given is not None and given < _FINEST:
+        raise ValueError(f"sampling_time={sampling_time!r} is {spell(given)}, but steps are of a second or more.")
     if not isinstance(index, pd.DatetimeIndex):
         _refuse_disorder(index)
         step = given or expected
@@ -86,7 +89,13 @@ def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
             f"the index is not evenly spaced: {shown[row]} is followed by {shown[row + 1]}, where most steps are "
             f"{spell(pd.Timedelta(usual, unit='ns'))}; use skhybrid.datasets.regularize{hint}."
         )
-    return pd.Timedelta(usual, unit="ns")
+    step = pd.Timedelta(usual, unit="ns")
+    if step < _FINEST:
+        raise ValueError(
+            f"the index steps by {spell(step)}, but steps are of a second or more; numbers that were parsed as stamps "
+            "need their unit, such as pd.to_datetime(..., unit='s')."
+        )
+    return step
 
 
 def _looks_like_time(index: pd.Index) -> bool:
@@ -94,7 +103,7 @@ def _looks_like_time(index: pd.Index) -> bool:
         return True
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # no common format: not a time
-        return bool(pd.to_datetime(index[:3].astype(str), errors="coerce").notna().all())
+        return bool(pd.to_datetime(index[:3].astype(str), errors="coerce", utc=True).notna().all())
 
 
 def _how_to_stamp(X: pd.DataFrame) -> str:

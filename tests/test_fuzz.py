@@ -47,6 +47,9 @@ FOUND = {
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "nan"),)): "theta_init gives R_zo the value nan",
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "not a mapping",
     Call("OutputDisturbanceID.fit", arguments=(("theta_init", "unknown"),)): "which is none of",
+    Call("OutputDisturbanceID.fit_transform", target="None"): "requires y to be passed",
+    Call("DisturbanceForecaster, regressor.fit", Table(step="1ns")): "steps are of a second or more",
+    Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("backtest", arguments=(("start", "row"),)): "is a number, but X has time stamps",
     Call("HybridPredictor.score", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
     Call("ARXRegressor.fit", Table(spoilt=(Spoilt("q_sol", "boolean NA", "last"),), container="masked array")): (

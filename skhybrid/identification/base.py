@@ -114,7 +114,7 @@ class NetworkIdentifier(NetworkModel):
 
     @unchanged_on_failure
     @one_blas_thread
-    def fit(self, X: Any, y: Any, theta_init: Mapping[str, float] | None = None) -> NetworkIdentifier:
+    def fit(self, X: Any, y: Any = None, theta_init: Mapping[str, float] | None = None) -> NetworkIdentifier:
         """Identify the network.
 
         Parameters

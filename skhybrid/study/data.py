@@ -179,7 +179,7 @@ def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFra
     start, end = (None if span.get(key) is None else str(span[key]) for key in ("start", "end"))
     try:
         rows = frame.loc[start:end]
-    except (KeyError, ValueError, TypeError):
+    except (KeyError, ValueError, TypeError, AttributeError):  # the last for NaT
         raise ValueError(f"[{name}] start = {start!r}, end = {end!r} are not dates such as 2021-11-30.") from None
     if rows.empty:
         raise ValueError(

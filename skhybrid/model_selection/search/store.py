@@ -166,10 +166,11 @@ class ResultStore:
         """Let errors of SQLite name the file and say what to do."""
         try:
             yield
-        except (sqlite3.Error, UnicodeDecodeError) as error:  # a message may quote bytes of the file
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             code = getattr(error, "sqlite_errorcode", None)
             remedy = _REMEDIES.get(-1 if code is None else code & 0xFF, _OTHER_FILE)
-            raise StoreError(f"store {self.path} cannot be used ({error}); {remedy}") from error
+            cause = " ".join(str(error).split())  # a message may quote lines of the file
+            raise StoreError(f"store {self.path} cannot be used ({cause}); {remedy}") from error
 
     def _renew(self, db: sqlite3.Connection) -> None:
         own = (self.owner, platform.node(), os.getpid(), time.time())
