@@ -98,6 +98,12 @@ def test_mutants_of_files_are_read_or_refused(name, tmp_path):
         assert not outcome.failed, f"{name} {number}: {outcome}"
 
 
+@pytest.mark.parametrize(("name", "number"), [("toml", 8950), ("toml", 10891), ("store", 11946)])
+def test_mutants_that_were_found_are_refused_now(name, number, tmp_path):
+    content, choice = mutant(name, number, tmp_path)
+    assert READERS[name].read(content, choice, tmp_path).kind == REFUSED
+
+
 def test_good_files_are_read(tmp_path):
     outcomes = good_files_are_read(tmp_path)
     refused = {name: o for name, o in outcomes.items() if o.kind != ACCEPTED}
