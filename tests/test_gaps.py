@@ -33,6 +33,7 @@ def test_a_long_gap_parts_the_rows():
     time = pd.date_range("2023-07-01", periods=40, freq="15min", tz="UTC")
     assert segments(time) == (0,)
     assert segments(time.delete(range(10, 22))) == (0, 10)  # 3 h 15 min from row 9 to the next
+    assert segments(time.delete(range(10, 21))) == (0, 10)  # 3 h are enough
     assert segments(time.delete([*range(5, 17), *range(20, 35)])) == (0, 5, 8)
 
 
