@@ -61,6 +61,7 @@ FOUND = {
     Call("regularize", arguments=(("step", "word"),)): "step='step' is not a duration",
     Call("regularize", arguments=(("max_gap", "word"),)): "max_gap='gap' is not a duration",
     Call("regularize", Table(step="1ns")): "most stamps are 1e-09 s apart",
+    Call("split_log", Table(spoilt=(Spoilt("T_za", "complex", "last"),))): "column 'T_za' is not numeric",
     Call("split_log", Table(columns=("T_oa", "q_sol"))): "with a column T_za",
 }
 

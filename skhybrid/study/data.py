@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES
+from .._table import HISTORY_ROLES, numeric
 from .._time import even_step, spell
 from ..datasets import RegularizeReport, read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
@@ -104,6 +104,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
         raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
+    frame = frame.assign(T_za=numeric(frame["T_za"]))
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
