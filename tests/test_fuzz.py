@@ -50,6 +50,10 @@ FOUND = {
     Call("OutputDisturbanceID.fit_transform", target="None"): "requires y to be passed",
     Call("DisturbanceForecaster, regressor.fit", Table(step="1ns")): "steps are of a second or more",
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
+    Call("diagnose", arguments=(("level", "word"),)): "no probability",
+    Call("backtest", target="some inf"): "y is infinite in row",
+    Call("backtest", arguments=(("start", "word"),)): "is no time stamp",
+    Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' of the log contains inf",
     Call("backtest", arguments=(("start", "row"),)): "is a number, but X has time stamps",
     Call("HybridPredictor.score", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
     Call("ARXRegressor.fit", Table(spoilt=(Spoilt("q_sol", "boolean NA", "last"),), container="masked array")): (

@@ -65,11 +65,7 @@ def backtest(
         estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
-    truth, n_rows = as_numbers(y, "y"), _n_rows(X)
-    if truth.shape != (n_rows,):
-        raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
-    if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
-        refuse_order(y.index, X.index)
+    truth = _truth(X, y)
     forecaster, table = _unwrap(estimator, X)
     stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
@@ -172,6 +168,18 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     return groups.mean().assign(n=groups.size())
 
 
+def _truth(X: Any, y: Any) -> np.ndarray:
+    """(n_samples,) measurements of the rows of X, NaN where missing."""
+    truth, n_rows = as_numbers(y, "y"), _n_rows(X)
+    if truth.shape != (n_rows,):
+        raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
+    if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
+        refuse_order(y.index, X.index)
+    if np.isinf(truth).any():
+        raise ValueError(f"y is infinite in row {int(np.argmax(np.isinf(truth)))}; set it to NaN where it is missing.")
+    return truth
+
+
 def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
     """The estimator inside searches and pipelines, and X as it sees it."""
     while True:
@@ -212,7 +220,10 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
             raise ValueError(
                 f"start={start!r} is a number, but X has time stamps; give one, such as {str(stamps[0])!r}."
             )
-        start = pd.Timestamp(start).as_unit(stamps.unit)
+        try:
+            start = pd.Timestamp(start).as_unit(stamps.unit)
+        except (TypeError, ValueError):
+            raise ValueError(f"start={start!r} is no time stamp; give one, such as {str(stamps[0])!r}.") from None
         if stamps.tz is not None and start.tz is None:
             start = start.tz_localize(stamps.tz)
     return int(stamps.searchsorted(start))

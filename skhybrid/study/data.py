@@ -106,6 +106,9 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
     frame = frame.assign(T_za=numeric(frame["T_za"]))
     inputs = _inputs(frame)
+    infinite = [name for name in inputs.select_dtypes("number") if np.isinf(numeric(inputs[name])).any()]
+    if infinite:
+        raise ValueError(f"column {infinite[0]!r} of the log contains inf; set it to NaN where it is missing.")
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")

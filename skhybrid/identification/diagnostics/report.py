@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -147,6 +148,8 @@ def diagnose_residuals(
         As in :func:`diagnose`.
     name : str
     """
+    if not isinstance(level, Real) or not 0.0 < level < 1.0:
+        raise ValueError(f"level={level!r} is no probability between 0 and 1.")
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):
         grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
