@@ -51,6 +51,7 @@ FOUND = {
     Call("DisturbanceForecaster, regressor.fit", Table(step="1ns")): "steps are of a second or more",
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("diagnose", arguments=(("level", "word"),)): "no probability",
+    Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
     Call("backtest", target="some inf"): "y is infinite in row",
     Call("backtest", arguments=(("start", "word"),)): "is no time stamp",
     Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' of the log contains inf",

@@ -231,8 +231,8 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
 
 def _origins(wall: pd.DatetimeIndex, sampling: pd.Timedelta, origin_step: Any, first: int) -> np.ndarray:
     """Rows that are origins, by the rule that :func:`backtest` states."""
-    every = pd.Timedelta(origin_step)
     apart = rows_of(origin_step, sampling, "origin_step")
+    every = apart * sampling
     if every % _DAY != pd.Timedelta(0) and _DAY % every != pd.Timedelta(0):
         return np.arange(first, len(wall), apart)
     later = wall[first:]
