@@ -124,6 +124,8 @@ def unmasked(values: Any, label: str) -> Any:
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     if not isinstance(values, np.ma.MaskedArray):
         return values
+    if np.iscomplexobj(values):
+        raise ValueError(f"Complex data not supported: {label} must be real.")
     try:
         return np.ma.filled(values.astype(np.float64), np.nan)
     except (TypeError, ValueError) as error:

@@ -52,6 +52,14 @@ FOUND = {
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("diagnose", arguments=(("level", "word"),)): "no probability",
     Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
+    Call("split_log", Table(names="twice the same")): "appears twice in X",
+    Call("split_log", Table(index="two levels")): "no time stamps as its index",
+    Call("HybridPredictor.drift", Table(spoilt=(Spoilt("q_sol", "complex"),), container="masked array")): (
+        "Complex data not supported"
+    ),
+    Call("Pipeline.fit", Table(spoilt=(Spoilt(change="words", where="every seventh"),), container="series")): (
+        "X is not numeric"
+    ),
     Call("backtest", target="some inf"): "y is infinite in row",
     Call("backtest", arguments=(("start", "word"),)): "is no time stamp",
     Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' of the log contains inf",

@@ -58,7 +58,14 @@ def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame
     """Return a frame as it is, its names checked, and anything else as a float64 array without inf; NaN is allowed."""
     if not isinstance(X, pd.DataFrame):
         values = unmasked(X, "X")
-        return validate_data(estimator, values, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True)
+        try:
+            return validate_data(
+                estimator, values, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True
+            )
+        except ValueError as error:
+            if "could not convert" not in str(error):
+                raise
+            raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
     refuse_shape(X, 1)
     if not reset:
         X = _in_fitted_order(estimator, X)

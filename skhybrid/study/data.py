@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, numeric
+from .._table import HISTORY_ROLES, numeric, refuse_shape
 from .._time import even_step, spell
 from ..datasets import RegularizeReport, read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
@@ -102,13 +102,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     ValueError
         If a span has no rows, or the test begins before the training ends.
     """
-    if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
-        raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
-    frame = frame.assign(T_za=numeric(frame["T_za"]))
+    frame = _checked(frame)
     inputs = _inputs(frame)
-    infinite = [name for name in inputs.select_dtypes("number") if np.isinf(numeric(inputs[name])).any()]
-    if infinite:
-        raise ValueError(f"column {infinite[0]!r} of the log contains inf; set it to NaN where it is missing.")
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
@@ -152,6 +147,21 @@ def standstill(temperature: pd.Series) -> str | None:
     if longest.index[-1] - longest.index[0] < _STANDSTILL:
         return None
     return f"T_za is {longest.iloc[0]:g} from {longest.index[0]} to {longest.index[-1]}: is the sensor stuck?"
+
+
+def _checked(frame: Any) -> pd.DataFrame:
+    """A log with T_za as numbers, refused where it cannot be split."""
+    if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
+        raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
+    if not isinstance(frame.index, pd.DatetimeIndex):
+        raise ValueError("the log has no time stamps as its index; read_log gives it one.")
+    refuse_shape(frame, 1)
+    frame = frame.assign(T_za=numeric(frame["T_za"]))
+    inputs = _inputs(frame)
+    infinite = [name for name in inputs.select_dtypes("number") if np.isinf(numeric(inputs[name])).any()]
+    if infinite:
+        raise ValueError(f"column {infinite[0]!r} of the log contains inf; set it to NaN where it is missing.")
+    return frame
 
 
 def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
