@@ -52,6 +52,8 @@ FOUND = {
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("diagnose", arguments=(("level", "word"),)): "no probability",
     Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
+    Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' of the log contains inf",
+    Call("FacadeIrradiance.transform", Table(spoilt=(Spoilt("q_sol", "inf", "all"),))): "contains inf; set it to NaN",
     Call("split_log", Table(names="twice the same")): "appears twice in X",
     Call("split_log", Table(index="two levels")): "no time stamps as its index",
     Call("HybridPredictor.drift", Table(spoilt=(Spoilt("q_sol", "complex"),), container="masked array")): (

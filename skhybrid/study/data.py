@@ -157,8 +157,7 @@ def _checked(frame: Any) -> pd.DataFrame:
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)
     frame = frame.assign(T_za=numeric(frame["T_za"]))
-    inputs = _inputs(frame)
-    infinite = [name for name in inputs.select_dtypes("number") if np.isinf(numeric(inputs[name])).any()]
+    infinite = [name for name in frame.select_dtypes("number") if np.isinf(numeric(frame[name])).any()]
     if infinite:
         raise ValueError(f"column {infinite[0]!r} of the log contains inf; set it to NaN where it is missing.")
     return frame

@@ -148,7 +148,7 @@ def write_report() -> int:
     failures = [(n, kind, name) for name, content in kept.items() for kind, n in Tally(content).failures().items()]
     for n, kind, name in sorted(failures, reverse=True):
         example = " ".join(kept[name]["examples"].get(kind, "").split())[:300]
-        lines.append(f"- {name}, {n} times: {kind}. `{example}`")
+        lines.append(f"- {name}, {n} times: {kind}. `{example}`".replace(f"{ROOT}/", ""))
     REPORT.write_text("\n".join(lines + ([] if failures else ["None."])) + "\n", encoding="utf-8")
     print(REPORT.read_text(encoding="utf-8"))
     return 0
