@@ -126,17 +126,17 @@ def unmasked(values: Any, label: str) -> Any:
         return values
     if np.iscomplexobj(values):
         raise ValueError(f"Complex data not supported: {label} must be real.")
-    try:
-        return np.ma.filled(values.astype(np.float64), np.nan)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
+    return np.where(np.ma.getmaskarray(values), np.nan, _floats(np.ma.getdata(values), label))
 
 
 def as_numbers(values: Any, label: str) -> np.ndarray:
     """Values as float64, NaN where a mask hides them; refused where they are times, words or rows of unequal length."""
-    shown = unmasked(values, label)
+    return _floats(unmasked(values, label), label)
+
+
+def _floats(values: Any, label: str) -> np.ndarray:
     try:
-        return np.asarray(shown, dtype=np.float64)
+        return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
 

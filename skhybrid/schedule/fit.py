@@ -102,17 +102,25 @@ def fit_leads(
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
     the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.
     """
+    step = table.step / pd.Timedelta("1h")
+    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
+    if not len(sample.leads):
+        raise ValueError(
+            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
+            "day or more, or a shorter horizon."
+        )
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
-    heat = make_segment(plan, table, T, reference).heat
+    scored = ScoredForecasts(make_segment(plan, table, T, reference), sample)
+    heat = scored.segment.heat
     # a plant that hardly ran does not make the building small
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
-    fit = _fit_at_scale(plan, table, T, n_leads, reference, scale if scale > 1e-6 else 1.0, _SCALES)
+    fit = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES)
     undetermined = _undetermined(fit, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
-        fit = _fit_at_scale(plan, table, T, n_leads, reference, usual, (1.0,))
+        fit = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,))
     return replace(fit, undetermined=undetermined)
 
 
@@ -131,28 +139,20 @@ def _fit_at_scale(
     plan: ChannelPlan,
     table: ZoneTable,
     T: np.ndarray,
-    n_leads: int,
+    scored: ScoredForecasts,
     reference: float,
     heat_scale: float,
     scales: Sequence[float],
 ) -> LeadFit:
     """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]."""
     step = table.step / pd.Timedelta("1h")
-    segment = make_segment(plan, table, T, reference)
-    model = FilterModel.of(plan.network, step, heat_scale)
-    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
-    if not len(sample.leads):
-        raise ValueError(
-            f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
-            "day or more, or a shorter horizon."
-        )
-    problem = _initial_problem(model, ScoredForecasts(segment, sample), scales)
+    problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales)
     best = minimise(problem, problem.centre, max_steps=10)
-    blocks = _blocks_of_days(sample, step)
+    blocks = _blocks_of_days(scored.sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = minimise(problem, best.psi, max_steps=4)
-    plan = with_contrast(plan, segment.channels.names, best.solution.coef)
-    problem = replace(problem, forecasts=(ScoredForecasts(make_segment(plan, table, T, reference), sample),))
+    plan = with_contrast(plan, scored.segment.channels.names, best.solution.coef)
+    problem = replace(problem, forecasts=(scored._replace(segment=make_segment(plan, table, T, reference)),))
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference)

@@ -278,8 +278,7 @@ def model(content: bytes, choice: int, folder: Path) -> Outcome:
     """Load a model file; it is refused within a second or read."""
     path = folder / "m.skops"
     path.write_bytes(content)
-    outcome = observe(lambda: load_model(path), lambda result, warned: None, seconds=10.0)
-    return outcome
+    return observe(lambda: load_model(path), lambda result, warned: None, seconds=10.0)
 
 
 # --------------------------------------------------------------------------------------------------------------- store
