@@ -230,6 +230,16 @@ class _Request(NamedTuple):
             raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")
 
 
+def read_array(estimator: Any, X: Any, **checks: Any) -> np.ndarray:
+    """X (n_samples, n_features) as float64 by scikit-learn's checks, NaN where a mask hides it; words are refused."""
+    try:
+        return np.asarray(validate_data(estimator, unmasked(X, "X"), dtype=np.float64, **checks))
+    except ValueError as error:
+        if "could not convert" not in str(error):
+            raise
+        raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
+
+
 def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timedelta | None]) -> ZoneTable:
     """Parse the frame or array of a caller; once per public call."""
     if isinstance(X, pd.DataFrame):
@@ -239,13 +249,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
         names = {role: repr(column) for role, column in by_role.items()}
         index, named = X.index, any(role_of(role) == column for role, column in by_role.items()) or bool(wanted.columns)
     else:
-        array = validate_data(
-            estimator,
-            unmasked(X, "X"),
-            reset=wanted.reset,
-            dtype=np.float64,
-            ensure_all_finite=False,
-            ensure_min_samples=wanted.min_rows,
+        array = read_array(
+            estimator, X, reset=wanted.reset, ensure_all_finite=False, ensure_min_samples=wanted.min_rows
         )
         if wanted.known_roles(estimator):  # the columns of an array stand as in the training table
             return _parse(estimator, pd.DataFrame(array, columns=estimator.feature_names_in_), wanted, steps)

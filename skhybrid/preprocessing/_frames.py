@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._table import HISTORY_ROLES, refuse_shape, role_of, unmasked
+from .._table import HISTORY_ROLES, read_array, refuse_shape, role_of
 from .._table import numeric as numeric
 from .._transaction import unchanged_on_failure
 
@@ -57,15 +57,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
 def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
     """Return a frame as it is, its names checked, and anything else as a float64 array without inf; NaN is allowed."""
     if not isinstance(X, pd.DataFrame):
-        values = unmasked(X, "X")
-        try:
-            return validate_data(
-                estimator, values, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", copy=True
-            )
-        except ValueError as error:
-            if "could not convert" not in str(error):
-                raise
-            raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
+        return read_array(estimator, X, reset=reset, ensure_all_finite="allow-nan", copy=True)
     refuse_shape(X, 1)
     if not reset:
         X = _in_fitted_order(estimator, X)
