@@ -27,6 +27,7 @@ ROLES: tuple[tuple[str, str, str], ...] = (
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
+_HUGE = 1e100  # nothing measured is larger; squares of larger numbers overflow
 
 
 def role_of(name: object) -> str | None:
@@ -114,6 +115,23 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
         return column.to_numpy(dtype=np.float64, na_value=np.nan)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
+
+
+def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
+    """Columns of a frame that is called ``name`` as float64, NaN where missing; refused where one is absent or huge."""
+    if not isinstance(frame, pd.DataFrame):
+        raise ValueError(f"{name} is a {type(frame).__name__}; give a DataFrame.")
+    found = {}
+    for column in columns:
+        if (n := int((frame.columns == column).sum())) != 1:
+            raise ValueError(f"{name} has {n} columns {column!r}; give one.")
+        values = numeric(frame[column], f"column {column!r} of {name}")
+        if (np.abs(values) > _HUGE).any():
+            raise ValueError(
+                f"column {column!r} of {name} holds numbers beyond 1e100; set to NaN what was not measured."
+            )
+        found[column] = values
+    return pd.DataFrame(found, index=frame.index, columns=list(found))
 
 
 def unmasked(values: Any, label: str) -> Any:

@@ -103,17 +103,22 @@ def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:
 def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
     """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
     for column in ("T_oa", "q_sol"):
+        if not isinstance(weather, pd.DataFrame):
+            raise ValueError(f"weather is a {type(weather).__name__}; give a DataFrame with columns T_oa and q_sol.")
+        if (weather.columns == column).sum() > 1:
+            raise ValueError(f"weather has two columns {column!r}; keep one of them.")
         if column not in weather:
             raise ValueError(f"weather has no column {column!r}, only {', '.join(map(str, weather.columns))}.")
-        if not np.isfinite(weather[column].to_numpy(dtype=np.float64)).all():
+        if not np.isfinite(_numbers(weather[column])).all():
             raise ValueError(
                 f"weather column {column!r} contains NaN or inf; fill it (GapFiller) or choose another span."
             )
     if not isinstance(weather.index, pd.DatetimeIndex) or len(weather) < 2:
         raise ValueError("weather needs a DatetimeIndex of at least two time stamps.")
-    frame = weather[["T_oa", "q_sol"]].set_axis(_standard_time(weather.index), axis=0)
+    frame = weather[["T_oa", "q_sol"]].apply(_numbers).set_axis(_standard_time(weather.index), axis=0)
     if not (frame.index.is_monotonic_increasing and frame.index.is_unique):
         raise ValueError("the time stamps of weather must increase; sort them and drop duplicates.")
+    frame.attrs |= weather.attrs
     if weather.attrs.get("typical_year"):
         frame = _repeat_typical_year(frame, time)
     given = pd.DatetimeIndex(frame.index)
@@ -128,6 +133,13 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
         },
         index=time,
     )
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    try:
+        return pd.Series(column.to_numpy(dtype=np.float64, na_value=np.nan), column.index)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"weather column {column.name!r} is not numeric ({error}); give numbers.") from None
 
 
 def _standard_time(stamps: pd.DatetimeIndex) -> pd.DatetimeIndex:
