@@ -28,6 +28,7 @@ from ._columns import (
 )
 from ._columns import ROLES as ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import float_columns as float_columns
 from ._columns import numeric as numeric
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from .._columns import float_columns
+from .._table import float_columns
 from .._transaction import unchanged_on_failure
 
 _ALLOWANCE = 0.5  # allowance of the sum [standard deviations]: a rise of twice as much is found soonest

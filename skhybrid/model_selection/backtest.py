@@ -11,8 +11,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._columns import float_columns
-from .._table import ZoneTable, as_numbers, refuse_order
+from .._table import ZoneTable, as_numbers, float_columns, refuse_order
 from .._time import ASSUMED_START, even_step, rows_of
 from ..forecasting.quantiles import quantile_columns
 from .single_reading import read_once, reading_of, takes_tables

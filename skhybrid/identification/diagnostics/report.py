@@ -12,7 +12,7 @@ import pandas as pd
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
-from ..._columns import float_columns
+from ..._table import float_columns
 from ..._time import rows_covering
 from .findings import ErrorPattern
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box

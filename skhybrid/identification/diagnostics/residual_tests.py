@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from ..._columns import as_numbers
+from ..._table import as_numbers
 
 _Z95 = 1.959964  # 95 % of a standard normal variable lies within
 _MAX_ORDER = 32  # longest autoregression that makes an input white
