@@ -17,8 +17,12 @@ from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredi
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
-from skhybrid.datasets import make_office
+from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import RoleWarning, UnitWarning
+from skhybrid.identification import frequency_response, make_state_space
+from skhybrid.model_selection import RollingOriginSplit
+from skhybrid.preprocessing import GapFiller
+from skhybrid.study import Settings
 
 QUARTER = pd.Timedelta("15min")
 START = [21.0, 22.0]
@@ -689,8 +693,33 @@ def test_rows_of():
             rows_of(odd, QUARTER, "span")
     with pytest.raises(ValueError, match="horizon=24 has no unit; give a duration such as '15min'"):
         rows_of(24, QUARTER)
+    with pytest.raises(ValueError, match="horizon='24' has no unit; give a duration such as '15min'"):
+        rows_of("24", QUARTER)
     with pytest.raises(ValueError, match="horizon='a day' is not a duration such as"):
         rows_of("a day", QUARTER)
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    {
+        "max_gap": lambda office: GapFiller(max_gap=3).fit(office.X),
+        "max_gap of a log": lambda office: regularize(office.X, max_gap=3),
+        "step": lambda office: make_weather(step=5),
+        "step of a plan": lambda office: make_prbs(3, scale="1h", step=15),
+        "gap": lambda office: list(RollingOriginSplit("2D", "1D", gap=0.5).split(office.X)),
+        "sampling_time of a split": lambda office: list(RollingOriginSplit(8, 4, sampling_time=15).split(range(99))),
+        "sampling_time": lambda office: make_state_space(
+            "1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"], sampling_time=15
+        ),
+        "periods": lambda office: frequency_response(gray_box(office), [24]),
+        "step of a study": lambda office: Settings(step="15"),
+    }.items(),
+)
+def test_a_duration_without_a_unit_is_refused_everywhere(office, name, call):
+    """Pandas reads a number as nanoseconds."""
+    said = "is not a duration" if name == "step of a study" else "has no unit; give a duration such as"
+    with pytest.raises(ValueError, match=f"^{name.split(' ')[0]} ?=.*{said}"):
+        call(office)
 
 
 def test_rows_covering():

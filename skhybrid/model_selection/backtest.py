@@ -11,7 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, refuse_order
-from .._time import ASSUMED_START, even_step, rows_of
+from .._time import ASSUMED_START, even_step, positive_duration, rows_of
 from ..forecasting.quantiles import quantile_columns
 from .single_reading import read_once, reading_of, takes_tables
 
@@ -203,7 +203,7 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")
-    sampling = pd.Timedelta(given)
+    sampling = positive_duration(given, "sampling_time")
     n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
 
