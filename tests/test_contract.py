@@ -20,9 +20,9 @@ from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import RoleWarning, UnitWarning
 from skhybrid.identification import frequency_response, make_state_space
-from skhybrid.model_selection import RollingOriginSplit
-from skhybrid.preprocessing import GapFiller
-from skhybrid.study import Settings
+from skhybrid.model_selection import RollingOriginSplit, backtest
+from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
+from skhybrid.study import Settings, split_log
 
 QUARTER = pd.Timedelta("15min")
 START = [21.0, 22.0]
@@ -211,17 +211,17 @@ def test_the_callers_table_is_not_written_to(office):
 
 # --------------------------------------------------------------------------------------------------------- bad values
 @pytest.mark.parametrize(
-    ("values", "found"),
+    ("values", "found", "remedy"),
     [
-        ([np.nan, np.nan], "NaN in 2 rows"),
-        ([np.inf, -np.inf], "inf in 2 rows"),
-        ([np.inf, np.nan], "NaN or inf in 2 rows"),
+        ([np.nan, np.nan], "NaN in 2 rows", "fill short gaps"),
+        ([np.inf, -np.inf], "inf in 2 rows", "set it to NaN"),
+        ([np.inf, np.nan], "inf in 1 rows", "set it to NaN"),
     ],
 )
-def test_bad_input_names_column_count_and_first_stamp(office, values, found):
+def test_bad_input_names_column_count_and_first_stamp(office, values, found, remedy):
     X = office.X.copy()
     X.iloc[[7, 9], X.columns.get_loc("u_heat")] = values
-    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found} .first at 2023-07-08 01:45:00.; fill"):
+    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found} .first at 2023-07-08 01:45:00.; {remedy}"):
         gray_box(office, X)
     model = gray_box(office)
     with pytest.raises(ValueError, match=f"column 'u_heat' contains {found}"):
@@ -257,7 +257,7 @@ def test_target_may_be_missing_up_to_a_share(office):
 def test_bad_targets(office):
     y = office.y.copy()
     y.iloc[96] = np.inf
-    with pytest.raises(ValueError, match=r"y contains infinity.*first at 2023-07-09 00:00:00"):
+    with pytest.raises(ValueError, match=r"y contains inf in 1 rows .first at 2023-07-09 00:00:00.; set it to NaN"):
         gray_box(office, y=y)
     with pytest.raises(ValueError, match="the target y is None"):
         GrayBoxRC().fit(office.X, None)
@@ -683,6 +683,34 @@ def test_sampling_time_must_agree_with_the_stamps(office):
         read(np.zeros((4, 2)), sampling_time="quarter")
 
 
+def mended(X, y):
+    return X.assign(T_oa=X["T_oa"] + np.sin(np.arange(len(X)))).replace(np.inf, np.nan).fillna(20.0).assign(
+        q_sol=0.1
+    ), y.replace(np.inf, 20.0)
+
+
+@pytest.mark.parametrize(
+    "call",
+    {
+        "input": lambda X, y: read(X.drop(columns="T_za").rename(columns={"q_sol": "u_heat"})),
+        "history": lambda X, y: read(X),
+        "y": lambda X, y: read_target(y, read(mended(X, y)[0])),
+        "backtest": lambda X, y: backtest(ARXRegressor().fit(*mended(X, y)), mended(X, y)[0], y),
+        "log": lambda X, y: split_log(X.assign(T_za=20.0), Settings()),
+        "gap filler": lambda X, y: GapFiller().fit(X),
+        "array": lambda X, y: GapFiller(sampling_time="15min").fit(X.to_numpy()),
+        "units": lambda X, y: UnitConverter().fit(mended(X, y)[0]).transform(X.astype(object)),
+        "facades": lambda X, y: FacadeIrradiance(50.0, 5.0, timezone="UTC").fit(X),
+    }.values(),
+)
+def test_infinite_values_are_refused_in_one_sentence_everywhere(call):
+    X = stamped(96, q_sol=0.1, T_za=np.r_[20.0, np.nan, np.full(94, 20.0)])
+    y = pd.Series(20.0, X.index)
+    X.iloc[[7, 9], 1:], y.iloc[[7, 9]] = np.inf, np.inf
+    with pytest.raises(ValueError, match=r"^(column ('[a-zA-Z_]*'|[0-9])|y) contains inf in 2 rows .first at .*; set"):
+        call(X, y)
+
+
 # --------------------------------------------------------------------------------------------------------- durations
 def test_rows_of():
     assert rows_of("1D", QUARTER) == 96
@@ -907,7 +935,7 @@ def _infinite_target(X, y):
 def test_a_failed_refit_leaves_the_fitted_estimator(office, broken):
     model = ARXRegressor().fit(office.X[:288], office.y[:288])
     before, expected = dict(vars(model)), model.predict(office.X[288:])
-    with pytest.raises(ValueError, match=r"NaN|infinity"):
+    with pytest.raises(ValueError, match=r"NaN|inf"):
         model.fit(*broken(office.X[["T_oa", "u_heat"]][:200], office.y[:200]))
     assert vars(model).keys() == before.keys()
     assert all(value is before[name] for name, value in vars(model).items())
