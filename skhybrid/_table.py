@@ -28,6 +28,7 @@ from ._columns import (
 )
 from ._columns import ROLES as ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import fill_ahead as fill_ahead
 from ._columns import numeric as numeric
 from ._columns import refuse_infinite as refuse_infinite
 from ._columns import refuse_infinite_columns as refuse_infinite_columns
