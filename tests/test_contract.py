@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.impute import SimpleImputer
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, SchedulePredictor, _table
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
@@ -164,6 +166,23 @@ def test_columns_that_cannot_be(office, columns, message):
 def test_positions_that_cannot_be(columns, message):
     with pytest.raises(ValueError, match=message):
         read(np.zeros((5, 2)), columns=columns)
+
+
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_a_warning_points_at_the_user_through_joblib_and_scikit_learn(office, n_jobs):
+    """In a thread of joblib's there is no line of the user; then it is the line that called the package."""
+    X = pd.DataFrame(np.zeros((5, 2)), columns=["a", "b"])
+    job = delayed(read_table)(BaseEstimator(), X, reset=True, sampling_time="15min")
+    with pytest.warns(RoleWarning) as caught:
+        Parallel(n_jobs=n_jobs, backend="threading")([job, job])
+    files = {w.filename for w in caught if w.category is RoleWarning}
+    assert files == {__file__} if n_jobs == 1 else not any("skhybrid" in Path(name).parts for name in files)
+    zone = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
+    with pytest.warns(RoleWarning) as caught:  # scikit-learn is between
+        make_pipeline(FunctionTransformer(), GrayBoxRC(known=BY_POSITION, sampling_time="15min")).fit(
+            zone, office.y.to_numpy()
+        )
+    assert {w.filename for w in caught if w.category is RoleWarning} == {__file__}
 
 
 def test_frame_without_roles_is_taken_by_position(office):
