@@ -200,12 +200,11 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     return np.array(v, dtype=np.float64)
 
 
-def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, int]:
+def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
     """A frame with 0 where the columns ``names`` are absent or missing to the end, and the first row of that."""
-    n_known = len(X)
     if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
-        return X, n_known
-    filled = X.copy(deep=False)
+        return X, np.inf
+    filled, n_known = X.copy(deep=False), np.inf
     for name in names:
         seen = X[name].notna().to_numpy() if name in X else np.zeros(len(X), dtype=bool)
         known = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0
