@@ -229,7 +229,8 @@ class NetworkIdentifier(NetworkModel):
     def _store_uncertainty(self, found: ParameterUncertainty, at_bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
         names = [p.name for p in self.parameters_]
         self.theta_cov_ = theta_covariance(found, self.theta_, names, idle)
-        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
+        variances = np.maximum(np.diag(self.theta_cov_), 0.0)  # rounding may leave one below zero
+        self.theta_std_ = pd.Series(np.sqrt(variances), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
         self.identifiability_ = assess(found, at_bound, idle)
