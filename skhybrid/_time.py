@@ -153,8 +153,8 @@ def read_duration(value: Any, name: str) -> pd.Timedelta:
     try:
         span = pd.Timedelta(value)
     except (TypeError, ValueError):
-        span = pd.NaT
-    if span is pd.NaT:
+        span = None
+    if span is None or span is pd.NaT:
         raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.")
     return span
 
