@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._ranges import check_range
+from .._table import refuse_infinite_columns
 from ._weather import window_irradiance
 
 TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
@@ -81,7 +83,11 @@ def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         "T_oa": np.roll(T_oa, 1),  # pvlib stamps a row with the start of its hour, but this is the value at the end
         **{name: v / 1000.0 for name, v in (("ghi", ghi), ("dni", dni), ("dhi", dhi))},
     }
-    return pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h")), site
+    frame = pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h"))
+    refuse_infinite_columns(frame)
+    for name, values in columns.items():  # 99.9 degC and 9999 Wh/m2 stand for missing values
+        check_range(values, name if name == "T_oa" else "q_sol", f"{name} of {str(file)!r}", frame.index)
+    return frame, site
 
 
 def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
