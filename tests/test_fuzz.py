@@ -107,6 +107,10 @@ def test_the_r2_of_one_row_is_nan_as_in_scikit_learn():
     assert Call("InputDisturbanceID.score", Table(1)).outcome().kind == ACCEPTED
 
 
+def test_residuals_of_part_of_a_day_are_diagnosed():
+    assert Call("diagnose_residuals", Table(step="1min")).outcome().kind == ACCEPTED
+
+
 def test_an_array_has_the_columns_of_the_training_table():
     assert Call("InputDisturbanceID.transform", Table(container="list")).outcome().kind == ACCEPTED
 
