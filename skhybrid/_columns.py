@@ -142,8 +142,6 @@ def unmasked(values: Any, label: str) -> Any:
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     if not isinstance(values, np.ma.MaskedArray):
         return values
-    if np.iscomplexobj(values):
-        raise ValueError(f"Complex data not supported: {label} must be real.")
     return np.where(np.ma.getmaskarray(values), np.nan, _floats(np.ma.getdata(values), label))
 
 
@@ -153,6 +151,8 @@ def as_numbers(values: Any, label: str) -> np.ndarray:
 
 
 def _floats(values: Any, label: str) -> np.ndarray:
+    if np.iscomplexobj(values):
+        raise ValueError(f"Complex data not supported: {label} must be real.")
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

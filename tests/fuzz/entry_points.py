@@ -193,7 +193,7 @@ def called(entry: Entry) -> tuple[BaseEstimator | None, Callable[..., Any]]:
     """The estimator, a copy where the call changes it, and what is called."""
     if entry.estimator is None:
         return None, FUNCTIONS[entry.method]
-    if entry.method == "fit":
+    if entry.method in ("fit", "fit_transform"):
         estimator = clone(ESTIMATORS[entry.estimator])
     elif entry.method in CHANGING:
         estimator = deepcopy(fitted(entry.estimator))
