@@ -42,6 +42,7 @@ _COMPLEX = Table(spoilt=(Spoilt(column="q_sol", change="complex", where="last"),
 #: what was found by fuzzing, and words of the refusal that it gets now
 FOUND = {
     Call("ljung_box", _COMPLEX): "must be real",
+    Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",
     Call("GrayBoxRC.drive", arguments=(("origins", "twice"),)): "2 origins",
     Call("GrayBoxRC.drive", arguments=(("origins", "word"),)): "row numbers of X",

@@ -25,6 +25,7 @@ _LOADS = ("predict_load", "required_heat")
 _MISSING = ("innovations", "transform", "fit_transform", "inverse_transform", "regularize", "drift", "predict_from")
 _MISSING += (
     "predict_quantiles_from",
+    "score_backtest",
     "score_intervals",
     "backtest",
     "split_log",

@@ -207,7 +207,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
             last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
-            raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {last}")
+            cause = last.partition(". ")[0].removesuffix(".")
+            raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {cause}.")
         return list(good.scores)
 
     def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, baselines: Outcome | None) -> None:
