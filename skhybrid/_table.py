@@ -238,8 +238,8 @@ def read_array(estimator: Any, X: Any, **checks: Any) -> np.ndarray:
     """X (n_samples, n_features) as float64 by scikit-learn's checks, NaN where a mask hides it; words are refused."""
     try:
         return np.asarray(validate_data(estimator, unmasked(X, "X"), dtype=np.float64, **checks))
-    except ValueError as error:
-        if "could not convert" not in str(error):
+    except (TypeError, ValueError) as error:
+        if not any(words in str(error) for words in ("could not convert", "float() argument")):
             raise
         raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
 

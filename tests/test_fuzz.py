@@ -38,10 +38,12 @@ def test_every_entry_point_accepts_a_good_table(names):
     assert {name: o for name, o in outcomes.items() if o.kind != ACCEPTED} == {}
 
 
+_WORDS_WITH_NA = Table(spoilt=(Spoilt(change="string NA", where="last"),), container="series")
 _COMPLEX = Table(spoilt=(Spoilt(column="q_sol", change="complex", where="last"),))
 #: what was found by fuzzing, and words of the refusal that it gets now
 FOUND = {
     Call("ljung_box", _COMPLEX): "must be real",
+    Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric",
     Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",
     Call("GrayBoxRC.drive", arguments=(("origins", "twice"),)): "2 origins",
