@@ -27,6 +27,7 @@ ROLES: tuple[tuple[str, str, str], ...] = (
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
+_LONGEST_NAME = 40  # characters of a column's name that a message shows
 _HUGE = 1e100  # nothing measured is larger; squares of larger numbers overflow
 
 
@@ -126,12 +127,15 @@ def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame
         if (n := int((frame.columns == column).sum())) != 1:
             raise ValueError(f"{name} has {n} columns {column!r}; give one.")
         values = numeric(frame[column], f"column {column!r} of {name}")
-        if (np.abs(values) > _HUGE).any():
-            raise ValueError(
-                f"column {column!r} of {name} holds numbers beyond 1e100; set to NaN what was not measured."
-            )
+        refuse_huge(values, f"column {column!r} of {name}")
         found[column] = values
     return pd.DataFrame(found, index=frame.index, columns=list(found))
+
+
+def refuse_huge(values: np.ndarray, label: str) -> None:
+    """Refuse numbers whose squares could overflow."""
+    if (np.abs(values) > _HUGE).any():
+        raise ValueError(f"{label} holds numbers beyond 1e100; set to NaN what was not measured.")
 
 
 def unmasked(values: Any, label: str) -> Any:
@@ -233,6 +237,6 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:
-    """Names as text; only the first ``most`` of them."""
-    shown = [repr(str(n)) for n in names]
+    """Names as text; only the first ``most`` of them, and only the beginning of long ones."""
+    shown = [repr(n if len(n) <= _LONGEST_NAME else n[: _LONGEST_NAME - 3] + "...") for n in map(str, names)]
     return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

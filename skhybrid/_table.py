@@ -20,7 +20,6 @@ from ._columns import (
     HISTORY_ROLES,
     columns_by_position,
     columns_by_role,
-    listed,
     missing_roles,
     read_history,
     read_input,
@@ -30,7 +29,9 @@ from ._columns import ROLES as ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
+from ._columns import listed as listed
 from ._columns import numeric as numeric
+from ._columns import refuse_huge as refuse_huge
 from ._columns import refuse_infinite as refuse_infinite
 from ._columns import refuse_infinite_columns as refuse_infinite_columns
 from ._columns import refuse_shape as refuse_shape

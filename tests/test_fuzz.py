@@ -39,10 +39,16 @@ def test_every_entry_point_accepts_a_good_table(names):
 
 
 _WORDS_WITH_NA = Table(spoilt=(Spoilt(change="string NA", where="last"),), container="series")
-_COMPLEX = Table(spoilt=(Spoilt(column="q_sol", change="complex", where="last"),))
+_COMPLEX = Table(
+    columns=("T_oa", "q_sol", "u_heat", "u_cool"), spoilt=(Spoilt(column="q_sol", change="complex", where="last"),)
+)
 #: what was found by fuzzing, and words of the refusal that it gets now
 FOUND = {
     Call("ljung_box", _COMPLEX): "must be real",
+    Call("make_office", _COMPLEX): "weather column 'q_sol' is not numeric",
+    Call("compare_models", Table(spoilt=(Spoilt("q_sol", "-1e300", "every seventh"),))): "no model could be fitted",
+    Call("DesignMatrixSearchCV, ARXRegressor.score", target="some 1e300"): "y holds numbers beyond 1e100",
+    Call("skhybrid run --write-config", Table(container="dict")): "looks like the room temperature",
     Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric",
     Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import check_range
-from .._table import refuse_infinite_columns
+from .._table import numeric, refuse_infinite_columns
 from ._weather import window_irradiance
 
 TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
@@ -142,10 +142,7 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
 
 
 def _numbers(column: pd.Series) -> pd.Series:
-    try:
-        return pd.Series(column.to_numpy(dtype=np.float64, na_value=np.nan), column.index)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"weather column {column.name!r} is not numeric ({error}); give numbers.") from None
+    return pd.Series(numeric(column, f"weather column {column.name!r}"), column.index)
 
 
 def _standard_time(stamps: pd.DatetimeIndex) -> pd.DatetimeIndex:

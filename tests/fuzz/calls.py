@@ -139,9 +139,11 @@ class Call(_Shown):
         if self.table.lies(roles):
             return "a value, a type or a mask that T_oa, q_sol or T_za cannot have"
         arguments = dict(self.arguments)
-        if "setpoint" in entry.parameters and arguments.get("setpoint") in _NO_SETPOINT and self.table.n_rows > 1:
-            return f"the set-point {arguments['setpoint']}"
-        if arguments.get("setpoint") == "degF" and not warned and self.table.n_rows > 1:
+        setpoint = arguments.get("setpoint")
+        fits = self.table.n_rows == 3 and setpoint == "three"  # one value per row
+        if "setpoint" in entry.parameters and setpoint in _NO_SETPOINT and self.table.n_rows > 1 and not fits:
+            return f"the set-point {setpoint}"
+        if setpoint == "degF" and not warned and self.table.n_rows > 1:
             return "the set-point 72, without a warning"
         if entry.method not in _FITS or self.table.container is not None or self.table.n_rows < 24:
             return None
