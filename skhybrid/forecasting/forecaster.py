@@ -37,7 +37,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
         lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
         week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
-        ``"persistence"`` the last known value.
+        ``"persistence"`` the last known value; ``"none"`` is 0, as the paper's conventional approach expects.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
