@@ -22,6 +22,7 @@ from _study_tables import (
     facts,
     find,
     load_results,
+    read_csv,
     robustness_table,
     transfer,
 )
@@ -50,19 +51,20 @@ NOTE = (
 )
 
 
-def report(store: Path, folder: Path = RESULTS) -> Path:
-    """Write ``selection_study.md``, ``.csv`` and three figures.
+def report(store: Path | None, folder: Path = RESULTS) -> Path:
+    """Write ``selection_study.md``, ``.csv`` and three figures; without a store from the ``.csv`` of the last report.
 
     Raises
     ------
     ValueError
         If no network is finished yet.
     """
-    results = load_results(store)
+    results = read_csv(folder / "selection_study.csv") if store is None else load_results(store)
     part = even_part(results)
     if part.empty:
         raise ValueError(f"store {store} holds no finished network; run for longer.")
-    _write_csv(results, folder / "selection_study.csv")
+    if store is not None:
+        _write_csv(results, folder / "selection_study.csv")
     found = find(results)
     path = write_table(
         "selection_study",

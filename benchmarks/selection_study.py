@@ -3,7 +3,8 @@
 ``python benchmarks/selection_study.py run --store DIR --hours H`` trains an even part of the design matrix, level by
 level, and keeps every result in DIR.  It may be stopped and started again at any time.  One process per climate keeps
 two cores busiest: ``--climates oakland --jobs 1`` beside ``--climates chicago --jobs 1``.
-``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is stored.
+``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is stored;
+without ``--store`` it reads the candidates of the last report from ``results/selection_study.csv``.
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ def main() -> None:
     """Run, or report."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["run", "report"])
-    parser.add_argument("--store", type=Path, required=True, help="folder of results")
+    parser.add_argument(
+        "--store", type=Path, help="folder of results; a report without one reads the last report's .csv"
+    )
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--climates", nargs="+", default=list(CLIMATES), choices=list(CLIMATES))
@@ -94,6 +97,8 @@ def main() -> None:
     parser.add_argument("--by-size", action="store_true", help="one size of all frameworks, then the next size")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
+    if given.store is None and given.what != "report":
+        parser.error(f"{given.what} needs --store, the folder of results.")
     if given.what == "run":
         todo = list(units(given.levels, given.climates, given.frameworks, given.by_size))
         run(given.store, given.hours, todo, given.jobs)
