@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import _study_offices
 import numpy as np
 import pandas as pd
 from _report import RESULTS, write_table
@@ -65,13 +66,16 @@ def report(store: Path | None, folder: Path = RESULTS) -> Path:
         raise ValueError(f"store {store} holds no finished network; run for longer.")
     if store is not None:
         _write_csv(results, folder / "selection_study.csv")
+    offices = _study_offices.read(store or folder)
+    if store is not None and len(offices):
+        _study_offices.write(offices, folder)
     found = find(results)
     path = write_table(
         "selection_study",
         "The paper's method of selection on its office",
         "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report "
         "--store DIR",
-        _tables(results, part, found),
+        _tables(results, part, found) | _office_tables(offices),
         NOTE,
         folder,
     )
@@ -112,6 +116,14 @@ def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[
         refused = pd.DataFrame({"why": found.refused}).rename_axis("refused")
         tables["Refused because chains were bad"] = refused
     return tables
+
+
+def _office_tables(offices: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The final comparison, where it was run: a table only says who wins where the offices agree."""
+    if offices.empty:
+        return {}
+    title = f"The choice in several offices, {int(offices['repeats'].max())} networks, median (lowest-highest)"
+    return {title: _study_offices.comparison(offices)}
 
 
 def sizes_used(part: pd.DataFrame) -> pd.DataFrame:

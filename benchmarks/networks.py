@@ -10,12 +10,12 @@ import sys
 import tempfile
 import time
 import warnings
-from copy import copy
 
 import numpy as np
 import pandas as pd
 from _network_speed import SIZES, interleaved, plain, random_data, spec_of, stacked
 from _report import write_table
+from _single_networks import single_networks
 
 from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID, TwoStagePredictor
 from skhybrid.datasets import make_office
@@ -65,20 +65,6 @@ def _spread(above: np.ndarray, below: np.ndarray) -> str:
 
 
 # --------------------------------------------------------------------------------------------------------------- errors
-def _single_networks(model: HybridPredictor) -> list[HybridPredictor]:
-    """A predictor for each network of one whose forecaster averages several."""
-    found = []
-    for i in range(len(model.forecaster_.repeats_)):
-        alone, scheme, forecaster = copy(model), copy(model._scheme), copy(model.forecaster_)
-        forecaster._network = copy(forecaster._network)
-        weights = model.forecaster_._network.weights
-        forecaster._network.weights = {name: value[i : i + 1] for name, value in weights.items()}
-        scheme.forecaster_ = forecaster
-        alone._scheme = scheme
-        found.append(alone)
-    return found
-
-
 def _forecasters() -> dict[str, DisturbanceForecaster]:
     several = {"n_repeats": SEEDS, "repeats": "mean", "random_state": 0}
     networks = {k: DisturbanceForecaster.published(k, **several, **sizes) for k, sizes in NETWORKS.items()}
@@ -108,7 +94,7 @@ def _errors(climate: str, memory: str) -> list[dict]:
             row = {"climate": climate, "disturbance": kind, "forecaster": name, "RMSE [K]": rmse(model)}
             repeats = model.forecaster_.repeats_
             if len(repeats):
-                each = np.array([rmse(one) for one in _single_networks(model)])
+                each = np.array([rmse(one) for one in single_networks(model)])
                 row |= {"RMSE [K]": float(each.mean()), "lowest": float(each.min()), "highest": float(each.max())}
                 row |= {"best on validation": float(each[repeats["valid_loss"].to_numpy().argmin()])}
                 row |= {"mean of networks": rmse(model), "epochs": " ".join(map(str, repeats["n_epochs"]))}
