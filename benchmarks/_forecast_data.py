@@ -12,10 +12,10 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import pandas as pd
+from _reference_data import SHARED, reference
 
 from skhybrid.datasets import load_small_office, make_office, read_zone_csv
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 STEP = pd.Timedelta("15min")
 #: weather that a facade model reads beside ``q_sol``, if it was logged; not a role of the data contract
 BEAM_AND_SKY = ("dni", "dhi")
@@ -36,6 +36,8 @@ _BUILDING_COLUMNS = {
     "dhi": "dhi_kW_m2",
 }
 _HOME_COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
+
+_OTHERWISE = "choose other rows with --data"
 
 
 @dataclass(frozen=True)
@@ -85,14 +87,11 @@ def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataS
     """
     found: dict[str, Callable[[int], DataSet]] = {}
     for season in SEASONS:
-        if season != "autumn" and not SHARED.is_dir():
-            continue  # only the autumn is shipped with the package
         for control, file in (("same", "irregular"), ("new", "shifted")):
             found[f"office {season}, {control} control"] = partial(_office, season, file)
-    if SHARED.is_dir():
-        found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
-        for number, split in ((1, "2021-12-12"), (2, "2021-11-30"), (3, "2021-11-30")):
-            found[f"dutch home {number}"] = partial(_home, number, split)
+    found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
+    for number, last_day in ((1, "2021-12-12"), (2, "2021-11-30"), (3, "2021-11-30")):
+        found[f"dutch home {number}"] = partial(_home, number, last_day)
     for climate in ("oakland", "chicago"):
         found[f"make_office {climate}"] = partial(_synthetic, climate)
     for folder in buildings:
@@ -139,25 +138,26 @@ def _building_run(path: Path) -> pd.DataFrame:
     return read_zone_csv(path, _BUILDING_COLUMNS, label="right")
 
 
-def office_run(file: str) -> pd.DataFrame:
-    """A run of the small office (irregular, shifted, regular), or the shipped autumn if there is nothing else."""
-    path = SHARED / f"small_office_chicago_{file}.csv"
-    if path.is_file():
-        return _building_run(path)
+def office_run(file: str, whole: bool = True) -> pd.DataFrame:
+    """A run of the small office (irregular, shifted, regular), or its shipped autumn where the rest is not needed."""
+    name = f"small_office_chicago_{file}.csv"
+    if whole or (SHARED / name).is_file():
+        return _building_run(reference(name, _OTHERWISE))
     shipped = load_small_office(file)
     return shipped.X.join(shipped.frame[list(BEAM_AND_SKY)]).tz_localize("Etc/GMT+6")
 
 
 def _office(season: str, file: str, seed: int) -> DataSet:
     name = f"office {season}, " + {"irregular": "same control", "shifted": "new control"}.get(file, "regular occupancy")
-    training_run = office_run("irregular" if file == "shifted" else file)
-    test_run = office_run(file) if file == "shifted" else training_run
+    whole = season != "autumn" or file == "regular"  # the autumn of the two others is shipped with the package
+    training_run = office_run("irregular" if file == "shifted" else file, whole)
+    test_run = office_run(file, whole) if file == "shifted" else training_run
     return split(name, training_run, test_run, SEASONS[season], "7h", site=CHICAGO)
 
 
 def read_home(number: int) -> pd.DataFrame:
     """A Dutch home; the heating signal as a share of its highest value."""
-    run = read_zone_csv(SHARED / f"dutch_home_{number}.csv", _HOME_COLUMNS, timezone="Europe/Amsterdam")
+    run = read_zone_csv(reference(f"dutch_home_{number}.csv", _OTHERWISE), _HOME_COLUMNS, timezone="Europe/Amsterdam")
     return run.assign(u_heat=run["u_heat"] / 78.0)
 
 
