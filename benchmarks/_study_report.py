@@ -32,6 +32,9 @@ from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 
 _CSV = ["climate", "level", "framework", "case", "disturbance", "name", *SIZE_COLUMNS]
 _CSV += ["rmse", "fit_time", "score_time", "n_epochs", "error"]
+COMMAND = (
+    "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report --store DIR"
+)
 #: cases that the figure of robustness shows, of up to 152
 _SHOWN = 30
 NOTE = (
@@ -73,8 +76,7 @@ def report(store: Path | None, folder: Path = RESULTS) -> Path:
     path = write_table(
         "selection_study",
         "The paper's method of selection on its office",
-        "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report "
-        "--store DIR",
+        COMMAND if store is not None else "python benchmarks/selection_study.py report",
         _tables(results, part, found) | _office_tables(offices),
         NOTE,
         folder,
