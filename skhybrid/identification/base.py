@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,7 +107,7 @@ class NetworkIdentifier(NetworkModel):
 
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
-        return smooth.nodes[0].copy()
+        return _smoothed_first(smooth, number)
 
     def _as_fitted(self, problem: Any) -> Any:
         """A problem with some parameters held, so that its loss compares with that of the fit."""
@@ -253,6 +254,28 @@ class NetworkIdentifier(NetworkModel):
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)
 
+    @one_blas_thread
+    def with_rows(self, X: Any, y: Any) -> Any:
+        """A copy with the same parameters whose known rows, from which forecasts go on, are those of another table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            At the sampling time of ``fit``, else ValueError.
+        y : array-like of shape (n_samples,)
+            Measured zone temperature [degC]; NaN where missing.
+        """
+        check_is_fitted(self)
+        table = self._read_X(X)
+        target = read_targets(y, table, self.network_.history_roles, max_missing=self.max_missing)
+        made, kalman = copy(self), self.filtered_network_.kalman
+        experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
+        keep = rows_covering(self.warmup, table.step)
+        made.filtered_network_ = filter_training(kalman, table, experiment, _smoothed_first, keep)
+        made.initial_state_ = made.filtered_network_.training_start.mean[: kalman.n].copy()
+        made._plant = plant_of(self.network_, self._theta, table)
+        return made
+
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
         """Take rows that follow the last known one into the state, from which the next forecast starts.
 
@@ -274,6 +297,10 @@ class NetworkIdentifier(NetworkModel):
         """The identified model as discrete state-space matrices, at the training's sampling time."""
         check_is_fitted(self)
         return self.state_space_
+
+
+def _smoothed_first(smooth: FilteredStates, number: int) -> np.ndarray:
+    return smooth.nodes[0].copy()
 
 
 def _check_known(p: Parameter, value: Any) -> None:
