@@ -43,7 +43,8 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 NOTE = (
     "Seconds are of the processor, one core; memory is the peak beyond that of the data [GB]. The paper's office, "
-    "simulated exactly at one minute; Q_h known. CONV and ID search from two starts instead of 50, as the machine "
+    "simulated exactly at one minute; Q_h known. CONV, ID and the multi-step objectives search from two starts "
+    "instead of 50, as the machine "
     "was shared: a search takes the time of an evaluation times their number, and ten starts need about 250.\n\n"
     "How exact the numbers are is held by `tests/test_numerics.py`: forecasts of 1 and 2 threads are equal to the "
     "bit; so are those of compiled and plain kernels, but for the periodic model's likelihood (2e-14 of its size); "
