@@ -19,6 +19,7 @@ from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
+from ..forecasting.weather_error import WeatherError
 from ..thermal import RCNetwork
 from .plausible_range import PlausibleRange
 from .preprocess import fit_preprocess, preprocessed
@@ -161,8 +162,13 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
-    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
-        paths = super()._quantile_paths(table, origins, n_leads, levels)
+    def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature
+
+    def _quantile_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray, weather: Any = None
+    ) -> np.ndarray:
+        paths = super()._quantile_paths(table, origins, n_leads, levels, weather)
         lowest, highest = self._present_scheme().plausible(table, origins)
         return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
 
@@ -184,6 +190,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         history: pd.DataFrame | ZoneTable | None,
         future: pd.DataFrame | ZoneTable,
         quantiles: Sequence[float] | None = None,
+        *,
+        weather_error: Any = None,
     ) -> pd.DataFrame:
         """Forecast from the last row of a history.
 
@@ -196,6 +204,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             The rows to forecast, with the known future inputs; it begins one step after the history.
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`predict_quantiles`.
 
         Returns
         -------
@@ -228,7 +238,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if history is None:
                 table = append_tables(scheme.rows.end(), ahead)
                 origin = np.array([table.n_rows - n_ahead - 1])
-            bands = self._quantile_paths(table, origin, n_ahead, levels)[0]
+            bands = self._quantile_paths(table, origin, n_ahead, levels, WeatherError.read(weather_error))[0]
             found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
         return pd.DataFrame(found, index=future.index)
 
