@@ -16,7 +16,7 @@ from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
-from .weather_error import WeatherError
+from .weather_error import WeatherError, read_weather_error
 
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
 _SPREAD_ORIGINS, _SPREAD_DRAWS = 6, 8  # origins and drawn weathers that tell what errors of the weather do
@@ -74,7 +74,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
-        paths_of = partial(self._quantile_paths, levels=levels, weather=WeatherError.read(weather_error))
+        paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
         first_of = partial(self._first_quantiles, levels=levels)
         return np.concatenate([self._roll(segment, paths_of, first_of) for segment in self._read_X(X).segments])
 
@@ -111,7 +111,7 @@ class QuantileForecastMixin(RollingForecastMixin):
             Quantiles of the rows ``origin + 1, origin + 2, ...``; NaN after the last row of X.
         """
         levels = read_quantiles(quantiles)
-        paths_of = partial(self._quantile_paths, levels=levels, weather=WeatherError.read(weather_error))
+        paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
         return self._paths_from(X, origins, horizon, paths_of, levels.shape)
 
     def _quantile_paths(

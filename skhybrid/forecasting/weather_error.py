@@ -74,16 +74,25 @@ class WeatherError:
     random_state: int = 0
 
     def __post_init__(self) -> None:
-        if self.level not in _TEMPERATURE:
+        if not isinstance(self.level, str) or self.level not in _TEMPERATURE:
             raise ValueError(f"weather_error={self.level!r} is none of 'low', 'medium', 'high'.")
 
-    @classmethod
-    def read(cls, given: Any) -> WeatherError | None:
-        """A model of the error from what a user gave: a level, a model, or None for measured weather."""
-        return given if given is None or isinstance(given, cls) else cls(given)
-
     def forecast(self, table: ZoneTable, origin: int, n_leads: int, draw: int = 0) -> ZoneTable:
-        """A table whose weather after the row ``origin`` is a forecast made there; all else is as it was."""
+        """Put a weather forecast in the place of what was measured after an origin.
+
+        Parameters
+        ----------
+        table : ZoneTable
+        origin, n_leads : int
+            The row in which the weather forecast is made, and how many rows it has.
+        draw : int, default=0
+            Number of the draw; 0 is the one that back-tests use.
+
+        Returns
+        -------
+        ZoneTable
+            The same table, but for ``T_oa`` and irradiance in the rows after the origin.
+        """
         rows = slice(origin + 1, min(origin + 1 + n_leads, table.n_rows))
         leads = np.arange(1, rows.stop - rows.start + 1) * table.step_hours
         seconds = (table.time[0] + origin * table.step - pd.Timestamp(0)) // pd.Timedelta("1s")
@@ -114,6 +123,11 @@ class WeatherError:
         measured = table.inputs[role][rows]
         forecast = np.clip(measured + errors, 0.0, _most_nearby(table, role, rows))
         return np.divide(forecast, measured, out=np.ones(len(leads)), where=measured > 0)
+
+
+def read_weather_error(given: Any) -> WeatherError | None:
+    """A model of the error from what a user gave: a level, a model, or None for measured weather."""
+    return given if given is None or isinstance(given, WeatherError) else WeatherError(given)
 
 
 def _autoregressive(model: HourlyErrors, noise: np.ndarray) -> np.ndarray:

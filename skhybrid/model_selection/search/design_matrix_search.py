@@ -206,7 +206,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         """Names of the scores."""
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
-            raise ValueError(f"every candidate failed, the first with\n{outcome.results[0][0].error}")
+            last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
+            raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {last}")
         return list(good.scores)
 
     def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, baselines: Outcome | None) -> None:
