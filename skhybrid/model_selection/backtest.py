@@ -14,7 +14,9 @@ from sklearn.utils.validation import _num_samples, check_is_fitted
 from .._table import ZoneTable, as_numbers, float_columns, refuse_infinite, refuse_order
 from .._time import ASSUMED_START, even_step, positive_duration, rows_of
 from ..forecasting.quantiles import quantile_columns
+from ..forecasting.weather_error import read_weather_error
 from .single_reading import read_once, reading_of, takes_tables
+from .weather_paths import paths_under
 
 _DAY = pd.Timedelta("1D")
 
@@ -29,6 +31,7 @@ def backtest(
     start: Any = None,
     quantiles: Sequence[float] | None = None,
     whole: bool = True,
+    weather_error: Any = None,
 ) -> pd.DataFrame:
     """Forecast from every origin and put the measurements next to the forecasts.
 
@@ -52,6 +55,10 @@ def backtest(
         Quantiles to forecast as well, in (0, 1), increasing; they need an estimator with ``predict_quantiles_from``.
     whole : bool, default=True
         Whether to leave out the origins whose horizon does not end in X; else the rows that are there count.
+    weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+        Replace the weather after each origin by a forecast with such errors
+        (:class:`~skhybrid.forecasting.WeatherError`), and widen the intervals by what they do; None: the weather in X
+        is known in advance.
 
     Returns
     -------
@@ -81,7 +88,10 @@ def backtest(
     rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()
     if quantiles is not None and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
-    if hasattr(forecaster, "predict_from"):
+    weather, bands = read_weather_error(weather_error), None
+    if weather is not None:
+        paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
+    elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
         paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
@@ -97,7 +107,8 @@ def backtest(
         return frame[there].reset_index(drop=True)
     if not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
-    bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
+    if bands is None:
+        bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
     values = bands.reshape(-1, bands.shape[-1]).T
     frame = frame.assign(**dict(zip(quantile_columns(quantiles), values, strict=True)))
     return frame[there].reset_index(drop=True)
