@@ -107,7 +107,7 @@ DEPTHS += [{"n_layers": 4, "activation": "gelu", "dropout": 0.1}]
 
 @pytest.mark.parametrize(("kind", "mixed"), [*product(NETWORKS, [MIXED]), ("mlp", DEPTHS), ("mlp", DEPTHS[:3])])
 def test_a_network_is_the_same_alone_and_in_a_stack(kind, mixed):
-    """Others beside it, also of an MLP's other depths, and networks that leave the stack earlier change rounding only."""
+    """Others beside it, for an MLP also of other depths, and those that leave earlier, change rounding only."""
     specs, settings = [_spec(kind, **changes) for changes in mixed], TrainingSettings(0.02, 40, 12, 3)
     together = _trained(specs, range(1, len(specs) + 1), settings, validates=True)
     assert len({len(one.history) for one in together}) > 1  # they stop one by one

@@ -352,8 +352,9 @@ def test_what_trains_as_one_stack_is_handed_over_together():
 
 
 def test_a_stack_that_fits_into_a_chunk_is_not_cut():
-    stacks = [list("abc"), list("de"), list("fghijkl"), list("m")]
-    assert ["".join(part) for part in workers._joined(stacks, 4)] == ["abc", "de", "fghi", "jklm"]
+    stacks = {"abc": "1", "de": "2", "fghijkl": "3", "m": "4"}
+    keys = {name: ("1 d", shape, name) for names, shape in stacks.items() for name in names}
+    assert ["".join(part) for part in workers._parts(keys, 4)] == ["abc", "de", "fghi", "jklm"]
 
 
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):

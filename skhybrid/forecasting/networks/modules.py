@@ -28,7 +28,7 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F
 
 
 class NetworkStack(nn.Module):
-    """Networks of equal shape, which may differ in activation, dropout and, if MLPs, in depth: the deepest come last."""
+    """Networks of equal shape; they may differ in activation, dropout and, if MLPs, in depth; the deepest come last."""
 
     def __init__(self, specs: Sequence[NetworkSpec]) -> None:
         super().__init__()

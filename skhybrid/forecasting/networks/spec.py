@@ -48,15 +48,15 @@ class NetworkSpec(NamedTuple):
             return self.n_leads
         return 1 if self.kind == "cnn" else self.n_layers
 
-    def draw_dropped(self, n_windows: int, generator: torch.Generator) -> Tensor:
-        """(n_dropping, hidden_size, n_windows) bool: values to drop."""
+    def draw_kept(self, n_windows: int, generator: torch.Generator) -> Tensor:
+        """(n_dropping, hidden_size, n_windows) bool: values that dropout keeps."""
         width, device = rounded_up(self.hidden_size), generator.device
         if self.kind in N_GATES:
             drawn = torch.empty(self.n_dropping, width, n_windows, device=device).uniform_(generator=generator)
         else:
             drawn = torch.empty(self.n_dropping, n_windows, width, device=device).uniform_(generator=generator)
             drawn = drawn.transpose(1, 2)
-        return (drawn < self.dropout)[:, : self.hidden_size]
+        return (drawn >= self.dropout)[:, : self.hidden_size]
 
 
 class Layer(NamedTuple):

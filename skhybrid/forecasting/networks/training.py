@@ -91,9 +91,9 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
         return None
     size, device = (stack.spec.n_dropping, stack.spec.hidden_size, n_windows), generators[0].device
     values = torch.ones(len(shares), *size, dtype=torch.bool, device=device)
-    for kept, spec, generator in zip(values, stack.specs, generators, strict=True):
+    for row, spec, generator in zip(values, stack.specs, generators, strict=True):
         if spec.dropout:
-            kept[: spec.n_dropping] = ~spec.draw_dropped(n_windows, generator)
+            row[: spec.n_dropping] = spec.draw_kept(n_windows, generator)
     return Kept(values, 1.0 / (1.0 - torch.tensor(shares, device=values.device)[:, None, None, None]))
 
 

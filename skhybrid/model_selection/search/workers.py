@@ -100,9 +100,7 @@ class Runner:
         size = max(1, int(self._chunk_size))
         chunks = []
         for names in groups.values():
-            keys = {name: stack_key(named[name]) for name in names}
-            stacks = [list(stack) for _, stack in groupby(sorted(names, key=lambda name: keys[name]), key=lambda name: keys[name][:2])]
-            for part in _joined(stacks, size):
+            for part in _parts({name: stack_key(named[name]) for name in names}, size):
                 chunks.append(Chunk(networks[part[0]], {name: named[name] for name in part}))
         return sorted(chunks, key=lambda chunk: -sum(map(effort_of, chunk.params.values())))
 
@@ -153,11 +151,12 @@ class Runner:
             bar.set_postfix_str("")
 
 
-def _joined(stacks: Sequence[list[str]], size: int) -> list[list[str]]:
-    """Whole stacks, one after the other, in parts of at most ``size`` candidates; only larger stacks are cut."""
+def _parts(keys: Mapping[str, tuple[str, ...]], size: int) -> list[list[str]]:
+    """Names of candidates in parts of at most ``size``; what trains as one stack is cut only if it is larger."""
     parts: list[list[str]] = []
-    for stack in stacks:
-        for piece in (stack[start : start + size] for start in range(0, len(stack), size)):
+    for _, stack in groupby(sorted(keys, key=lambda name: keys[name]), key=lambda name: keys[name][:2]):
+        names = list(stack)
+        for piece in (names[start : start + size] for start in range(0, len(names), size)):
             if not parts or len(parts[-1]) + len(piece) > size:
                 parts.append([])
             parts[-1] += piece
