@@ -95,7 +95,8 @@ class MLPStack(NetworkStack):
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""
-        weights, z, ended = self.weights(), inputs.transpose(1, 2), []
+        weights, z = self.weights(), inputs.transpose(1, 2)
+        ended: list[Tensor] = []  # hidden values of networks that have no further layer
         depths = [spec.n_layers for spec in self.specs]
         for i in range(depths[-1]):
             z = self.activate(dense(weights, f"hidden{i}", z))
