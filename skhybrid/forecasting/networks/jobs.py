@@ -97,8 +97,8 @@ def _with_network(first: Any, again: JobResult) -> JobResult:
 
 
 def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult | Exception]:
-    """Train plans of one shape in stacks; neighbours have one activation."""
-    ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
+    """Train plans of one shape in stacks, shallow networks first; neighbours have one activation."""
+    ordered = sorted(plans, key=lambda i: (plans[i].spec.n_layers, plans[i].spec.activation))
     networks = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], TrainingResult] = {}
     device = plans[ordered[0]].training.device

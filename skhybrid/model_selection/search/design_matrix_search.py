@@ -67,7 +67,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     retry_failed : bool, default False
         Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12
-        Candidates of one framework and case that a worker takes at once; a kill loses the chunks in work.
+        Most candidates of one framework that a worker takes at once; a kill loses the chunks in work.
     verbose : int, default 1
         0 shows nothing, 1 a progress bar with the rate and the time left.
 
