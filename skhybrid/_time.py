@@ -215,7 +215,7 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
 
 def spell(step: pd.Timedelta) -> str:
     """A duration as text, such as "15 min"."""
-    seconds = step.total_seconds()
+    seconds = step / pd.Timedelta("1s")  # total_seconds() of pandas 2 has no nanoseconds
     for unit, size in (("h", 3600), ("min", 60)):
         if seconds % size == 0:
             return f"{int(seconds // size)} {unit}"

@@ -125,7 +125,8 @@ def oldest(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     python = environment(folder / "venv", OLDEST_PYTHON)
     pins = folder / "lower-bounds.txt"
     pins.write_text("\n".join(lower_bounds()) + "\n", encoding="utf-8")
-    run(python, "-m", "pip", "install", "-q", "-c", pins, "-e", ".[test]")
+    # Ray 2.9 imports pkg_resources, which newer versions of setuptools lack
+    run(python, "-m", "pip", "install", "-q", "-c", pins, "-e", ".[test]", "setuptools<81")
     yield from tested(python, folder, options.pytest)
 
 
