@@ -13,6 +13,7 @@ from skhybrid.identification.disturbance_models import (
     Conventional,
     InputRandomWalk,
     OutputARMA,
+    first_covariance,
 )
 from skhybrid.identification.experiment import Experiment
 from skhybrid.identification.fitting.periodic_likelihood import PRIOR_LOG_SD, PeriodicProblem
@@ -109,6 +110,13 @@ def test_jacobian_is_exact(kind, known, experiment):
     missing = ~np.isfinite(e.y[disturbance.first_counted(len(e.y)) :])
     assert missing.any()
     assert (found[missing] == 0).all()
+
+
+def test_the_first_covariance_by_hand():
+    network = get_network("2R2C")
+    by_node = [0.25 if node == "za" else 4.0 for node in network.nodes]
+    np.testing.assert_array_equal(first_covariance(network), np.diag(by_node))
+    np.testing.assert_array_equal(first_covariance(network, 0.5), np.diag([*by_node, 0.25]))
 
 
 def problem_of(kind, name, e):
