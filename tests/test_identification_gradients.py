@@ -119,6 +119,14 @@ def test_the_first_covariance_by_hand():
     np.testing.assert_array_equal(first_covariance(network, 0.5), np.diag([*by_node, 0.25]))
 
 
+def test_bounds_of_the_arma_model():
+    """The longest memory is the same at any step, unless the box is the paper's."""
+    for paper_box, second, longest in ((False, "rho_gap", 0.999**2), (True, "rho_2", 0.999)):
+        own = OutputARMA(("w",), (22.0,), paper_box, hours=0.5).own
+        found = {p.name: (p.lower, p.upper) for p in own}
+        assert found == {"rho_1": (-longest, longest), second: (-0.999, 0.999), "T0_w": (2.0, 42.0)}
+
+
 def problem_of(kind, name, e):
     network = get_network(name)
     disturbance = disturbance_of(kind, network)
