@@ -218,6 +218,12 @@ def write_store(rows: list[dict]) -> None:
         writer.writerows(sorted(rows, key=lambda r: (r["module"], int(r["line"]), int(r["column"]), r["operator"])))
 
 
+def is_kept(row: dict, source: str, again: bool) -> bool:
+    """Whether the outcome of a mutant holds for a state of its module."""
+    open_ = row["outcome"] == "survived" and not row["reason"]
+    return row["source"] == source and not (again and open_)
+
+
 def key(row: dict) -> tuple:
     return tuple(str(row[name]) for name in ("module", "source", "operator", "occurrence"))
 
@@ -263,6 +269,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests of one mutant")
     parser.add_argument("--python", default=str(ROOT / ".venv" / "bin" / "python"), help="that runs the tests")
+    parser.add_argument("--again", action="store_true", help="test anew what survived without a reason")
     parser.add_argument("--report", action="store_true", help="write the table and run nothing")
     options = parser.parse_args()
     benches: Queue = Queue()
@@ -275,7 +282,7 @@ def main() -> None:
         source = sampled[0]["source"] if sampled else ""
         # of an earlier state of the module only reasons are of use
         reasons = {(r["module"], r["before"], r["after"]): r["reason"] for r in read_store() if r["reason"]}
-        write_store([r for r in read_store() if r["module"] != module or r["source"] == source])
+        write_store([r for r in read_store() if r["module"] != module or is_kept(r, source, options.again)])
         done = {key(row) for row in read_store()}
         wanted = [mutant for mutant in sampled if key(mutant) not in done]
         if wanted:
