@@ -170,7 +170,7 @@ class GivenMember:
 @pytest.mark.parametrize("joined", [True, False])
 def test_the_rolling_blend_by_plain_loops(joined):
     """Errors count by the day on which they ended, however the rows come; the training's fade from its end on."""
-    rng, leads, begin, every, per_day = np.random.default_rng(0), np.array([1, 6, 24]), 48, 2, 24
+    rng, leads, begin, every, per_day = np.random.default_rng(0), np.array([1, 6, 24]), 10 * 24, 2, 24
     origins = np.arange(begin, begin + 20 * per_day, every)
     trained = np.arange(0, begin - 24, every)
     errors, own = rng.normal(size=(2, len(origins), 3)) * [[[1.0]], [[2.0]]], rng.normal(size=(len(trained), 3, 2))

@@ -45,7 +45,7 @@ GUARDS = {
     "hybrid/hourly_aggregation.py": ["test_online_updating -k averaged", _UPDATES],
     "hybrid/weekly_refit.py": [_UPDATES, "test_hybrid -k full_weeks"],
     "hybrid/blend.py": ["test_schedule_scheme -k simplex or nothing_is_known or far_worse or groups_of_leads or fade"],
-    "hybrid/rolling_blend.py": ["test_schedule_scheme -k fade or loops"],
+    "hybrid/rolling_blend.py": ["test_schedule_scheme -k fade or loops or residual"],
     "hybrid/members.py": ["test_schedule_scheme -k block or refitted or morning"],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
     "model_selection/splitters.py": ["test_model_selection -k not processes"],
