@@ -160,16 +160,22 @@ def test_od_predicts_by_its_arma_model(fitted, office, gappy):
     big, drive = np.array([[a, b], [0.0, 0.0]]), np.array([0.0, 1.0])
     s, m, P = np.array([own["T0_w"], y[0]]), np.zeros(2), np.zeros((2, 2))
     errors, spreads = np.full(len(y), np.nan), np.full(len(y), np.nan)
+    room, ahead = np.empty(len(y)), np.empty(len(y))
     for k in range(len(y)):
         m, P = (big @ m, big @ P @ big.T + np.outer(drive, drive)) if k else (m, np.outer(drive, drive))
         if np.isfinite(y[k]):
             errors[k], S = y[k] - s[1] - m.sum(), P.sum()
             spreads[k], gain = np.sqrt(S), P.sum(axis=1) / S
             m, P = m + gain * errors[k], P - np.outer(gain, P.sum(axis=0))
+        room[k], ahead[k] = s[1], a * m[0] + b * m[1]  # without the disturbance; that of the next row
         s = A @ s + forcing[k]
     found = model.innovations(gappy[0])
     np.testing.assert_allclose(found["innovation"], errors, atol=1e-9)
     np.testing.assert_allclose(found["std"], model.noise_std_ * spreads, rtol=1e-9)
+    for origin in (100, 160, 310):  # one of them within a gap
+        path = model.predict_from(gappy[0], [origin], horizon="6h")[0]
+        expected = room[origin + 1 : origin + 25] + ahead[origin] * a ** np.arange(24)
+        np.testing.assert_allclose(path, expected, atol=1e-4)  # its gain settles
 
 
 def test_id_filters_with_covariances_in_the_ratio_of_its_errors(fitted, office, gappy):

@@ -96,6 +96,8 @@ def test_persistence_holds_the_last_known_value():
     model.fit(X.assign(zeta=zeta).iloc[:200], y.iloc[:200])
     paths = model.predict_from(X.assign(zeta=zeta).iloc[200:], [52, 53])
     np.testing.assert_array_equal(paths[:, 0], [y.iloc[249], y.iloc[253]])
+    first = model.predict_from(cold.assign(zeta=y.to_numpy()), [0, 1])  # the first row is the only one known, or not
+    np.testing.assert_array_equal(first[:, 0], y.iloc[:2])
 
 
 # ------------------------------------------------------------------------------------------------------------- linear

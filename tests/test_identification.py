@@ -18,8 +18,10 @@ from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
+from skhybrid.identification.fitting.excitation import unexcited
 from skhybrid.identification.rolling_state import advance
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
+from skhybrid.thermal import get_network
 
 ALL = [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID]
 KNOWN = {"Q_h": 6.0}
@@ -304,6 +306,18 @@ def test_idle_plant_is_named(office):
         model = OutputDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(X, office.y[:480])
     assert "Q_c" in model.identifiability_.not_excited
     assert np.isinf(model.theta_std_["Q_c"])
+
+
+def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
+    network = get_network("2R2C")
+    dark = _table.read_table(GrayBoxRC(), office.X[:480].assign(q_sol=0.0), reset=True)
+    with pytest.warns(ExcitationWarning, match="q_sol is 0 in every row, so A_win, f cannot be identified"):
+        assert unexcited(network, dark, (), "a fit") == ("A_win", "f")
+    X = office.X[:480].assign(Q_hvac=6.0 * (office.X["u_heat"] - office.X["u_cool"])[:480])
+    measured = _table.read_table(GrayBoxRC(), X.drop(columns=["u_heat", "u_cool"]), reset=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ExcitationWarning)  # it ran for days
+        assert unexcited(network, measured, (), "a fit") == ()
 
 
 @pytest.mark.parametrize(

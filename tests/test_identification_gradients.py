@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.linalg import block_diag, expm
+from scipy.optimize import lsq_linear
 
 from skhybrid.identification.disturbance_models import (
     HIDDEN_SD,
@@ -13,8 +16,11 @@ from skhybrid.identification.disturbance_models import (
     Conventional,
     InputRandomWalk,
     OutputARMA,
+    first_covariance,
 )
 from skhybrid.identification.experiment import Experiment
+from skhybrid.identification.fitting.gauss_newton import minimise_together
+from skhybrid.identification.fitting.periodic_channels import Channel, physical
 from skhybrid.identification.fitting.periodic_likelihood import PRIOR_LOG_SD, PeriodicProblem
 from skhybrid.identification.fitting.prediction_errors import PredictionErrorProblem
 from skhybrid.identification.gain_model import (
@@ -109,6 +115,21 @@ def test_jacobian_is_exact(kind, known, experiment):
     missing = ~np.isfinite(e.y[disturbance.first_counted(len(e.y)) :])
     assert missing.any()
     assert (found[missing] == 0).all()
+
+
+def test_the_first_covariance_by_hand():
+    network = get_network("2R2C")
+    by_node = [0.25 if node == "za" else 4.0 for node in network.nodes]
+    np.testing.assert_array_equal(first_covariance(network), np.diag(by_node))
+    np.testing.assert_array_equal(first_covariance(network, 0.5), np.diag([*by_node, 0.25]))
+
+
+def test_bounds_of_the_arma_model():
+    """The longest memory is the same at any step, unless the box is the paper's."""
+    for paper_box, second, longest in ((False, "rho_gap", 0.999**2), (True, "rho_2", 0.999)):
+        own = OutputARMA(("w",), (22.0,), paper_box, hours=0.5).own
+        found = {p.name: (p.lower, p.upper) for p in own}
+        assert found == {"rho_1": (-longest, longest), second: (-0.999, 0.999), "T0_w": (2.0, 42.0)}
 
 
 def problem_of(kind, name, e):
@@ -419,3 +440,39 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
     np.testing.assert_allclose(linear.covariance[:k, :k], covariance, rtol=1e-5, atol=rounding)
     hours = profile_basis()[0] @ linear.beta[k:-1]
     np.testing.assert_allclose(np.append(hours, linear.beta[-1]), profile, rtol=1e-6, atol=1e-7)
+
+
+# ------------------------------------------------------------------------------------------- what both stand on
+def test_areas_and_fractions_of_solved_coefficients():
+    """Two windows' worth of heat into two nodes are an area and its fraction."""
+    plain = [Channel("A_win:f", 0), Channel("Q_h", 0), Channel("A_win", 1)]
+
+    def found(beta):
+        theta, turn = physical(plain, {"C_za": 2.0}, beta)
+        return np.array([theta[name] for name in ("A_win", "f", "Q_h")]), theta, turn
+
+    for beta in (np.array([1.5, 6.0, 0.5]), np.array([0.2, 3.0, 4.0])):
+        values, theta, turn = found(beta)
+        np.testing.assert_allclose(values, [beta[0] + beta[2], beta[0] / (beta[0] + beta[2]), beta[1]], rtol=1e-12)
+        assert theta["C_za"] == 2.0
+        slopes = differences(lambda b: found(b)[0], beta)
+        np.testing.assert_allclose([turn[name] for name in ("A_win", "f", "Q_h")], slopes, atol=1e-9)
+    assert found(np.zeros(3))[1]["f"] == 0.5  # of no area
+
+
+def test_bounded_least_squares_from_every_corner():
+    """A start on a bound leaves it where the descent points inward."""
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        A, b = 0.3 * rng.normal(size=(12, 3)), rng.normal(size=12)
+
+        def evaluate(x, A=A, b=b):
+            e = x @ A.T - b
+            return (e * e).sum(axis=1), np.tile(A.T @ A, (len(x), 1, 1)), e @ A
+
+        corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+        expected = lsq_linear(A, b, (-1.0, 1.0), tol=1e-14)
+        for minimum in minimise_together(evaluate, corners, -np.ones(3), np.ones(3), 200, 1e-13):
+            assert minimum.converged
+            assert minimum.loss == pytest.approx(2.0 * expected.cost, rel=1e-9)
+            np.testing.assert_allclose(minimum.free, expected.x, atol=1e-4)

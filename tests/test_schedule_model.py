@@ -593,7 +593,7 @@ def test_forecasts_do_not_depend_on_the_other_origins(fit, later, adapt):
 @pytest.mark.parametrize("adapt", ["linear", "full"])
 def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Given the last rows only, and all of them at a refit, a network forecasts what one with all rows does."""
-    origins = np.array([N_TRAIN, N_TRAIN + 3, N_TRAIN + 9 * DAY, N_TRAIN + 10 * DAY + 2, N_TRAIN + 11 * DAY])
+    origins = N_TRAIN + np.array([0, 3, 9 * DAY, 10 * DAY + 2, 11 * DAY - 3, 11 * DAY])
     whole = [forecast_from_origins(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
     network, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
     for i, origin in enumerate(origins):
@@ -610,6 +610,9 @@ def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
         np.testing.assert_allclose(heats, [known.heat[i] for known in whole], atol=1e-9)
     np.testing.assert_allclose(network.errors, np.stack([known.errors for known in whole], axis=-1), atol=1e-9)
     assert set(asked) == ({int(origins[3])} if adapt == "full" else set())
+    targets = later.begin + network.every * np.arange(len(network.errors))[:, None] + fit.sample.leads
+    ended = (targets <= origins[-1]) & later.segment.seen[np.minimum(targets, origins[-1])]
+    np.testing.assert_array_equal(np.isfinite(network.errors[..., 0]), ended)  # those from before a refit too
 
 
 @pytest.mark.parametrize("memory", [0, 1])

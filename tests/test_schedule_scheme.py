@@ -19,7 +19,8 @@ from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
 from skhybrid.hybrid.members import ARXMember, DayBeforeMember, NumberedTable
-from skhybrid.hybrid.rolling_blend import residual_correction
+from skhybrid.hybrid.plausible_range import PlausibleRange
+from skhybrid.hybrid.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import NumberedSegment, RollingNetwork, fit_leads, loads, make_segment
@@ -140,9 +141,61 @@ def test_the_residual_correction_by_plain_loops(seam):
 def test_the_residual_correction_reads_nothing_that_ends_after_its_row():
     """Of a week of leads the ones that have ended."""
     leads, origins = np.array([1, 7 * 48, 7 * 48 + 1]), np.arange(0, 1000, 2)
-    found = residual_correction(np.ones((500, 3)), origins, leads, 400, 48)
-    np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
+    for row in (352, 400):
+        found = residual_correction(np.ones((500, 3)), origins, leads, row, 48)
+        np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
     assert not residual_correction(np.ones((1, 3)), origins[:1], leads, 400, 48).any()
+
+
+class GivenMember:
+    """A member with given errors (O, L, 1) of the forecasts from ``begin`` on, and a given path."""
+
+    def __init__(self, errors, ends, path):
+        self.given, self.ends, self.path, self.row = errors, ends, path, -1
+
+    def start(self, rows, sample, adapt):
+        return self
+
+    @property
+    def errors(self):
+        return np.where(self.ends <= self.row, self.given, np.nan)[..., None]
+
+    def advance(self, view, origin):
+        self.row = origin
+
+    def forecast(self, view, n_leads):
+        return self.path[None, :n_leads], np.zeros(n_leads)
+
+
+@pytest.mark.parametrize("joined", [True, False])
+def test_the_rolling_blend_by_plain_loops(joined):
+    """Errors count by the day on which they ended, however the rows come; the training's fade from its end on."""
+    rng, leads, begin, every, per_day = np.random.default_rng(0), np.array([1, 6, 24]), 10 * 24, 2, 24
+    origins = np.arange(begin, begin + 20 * per_day, every)
+    trained = np.arange(0, begin - 24, every)
+    errors, own = rng.normal(size=(2, len(origins), 3)) * [[[1.0]], [[2.0]]], rng.normal(size=(len(trained), 3, 2))
+    errors[0, 5, 1] = np.nan
+    groups, prior, paths = lead_groups(leads, 24), np.array([0.6, 0.4]), 20.0 + rng.normal(size=(2, 24))
+    products = moments(own, groups, np.ones((len(trained), 3)))
+    plausible = PlausibleRange(10.0, 30.0)
+    sample = ForecastSample(trained, leads)
+    record = BlendRecord(sample, own, np.arange(2), products, groups, prior, 0.3, 24, per_day, every, plausible)
+    members = [GivenMember(e, origins[:, None] + leads, path) for e, path in zip(errors, paths, strict=True)]
+    blend = RollingBlend(members, record, NumberedTable(None, None, begin, joined), "linear")
+    for row in (begin - 1, begin, begin + 3, begin + 40, begin + 41, begin + 17 * per_day):
+        blend.advance([None, None], row)
+        expected = products * 0.5 ** (max(row - begin, 0) / per_day / 14.0)
+        for o, origin in enumerate(origins):
+            for h, lead in enumerate(leads):
+                if origin + lead <= row and np.isfinite(errors[:, o, h]).all():
+                    share = 0.5 ** ((row - origin - lead) / per_day / 14.0)
+                    expected[groups[h]] += share * np.outer(errors[:, o, h], errors[:, o, h])  # one lead per group
+        weights = blend_weights(expected, prior, 0.3)
+        e = np.moveaxis(np.where(origins[:, None] + leads <= row, errors, np.nan), 0, -1)
+        e, o = (np.concatenate([own, e]), np.append(trained, origins)) if joined else (e, origins)
+        missed = residual_correction(np.sum(e * weights[groups], axis=-1), o, leads, row, per_day)
+        path = np.sum(paths.T * by_lead(weights, 24, 24), axis=1) + np.interp(np.arange(1, 25), leads, missed)
+        np.testing.assert_allclose(blend.forecast([None, None], 24, plausible)[0], path, atol=1e-9)
 
 
 # --------------------------------------------------------------------------------------------------------- black box

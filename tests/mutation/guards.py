@@ -1,12 +1,15 @@
 """Tests that guard each numerical module: where a mutant of the module should fail.
 
 The first pattern that matches a module's path in ``skhybrid`` is taken; quick tests stand first, because a run stops at
-the first failure.  ``COMPILED`` modules run as plain Python, because numba keeps compiled callers of a changed kernel.
+the first failure.  An entry is a file of tests, or a part of one by an expression of ``-k``.  ``COMPILED`` modules run
+as plain Python, because numba keeps compiled callers of a changed kernel.
 """
 
 _FILTERS = ["test_filtering", "test_predictor"]
-_SCHEDULE = ["test_schedule_model", "test_schedule_scheme"]
-_IDENTIFICATION = ["test_identification_gradients", "test_identification", "test_two_zones"]
+_SCHEDULE = ["test_schedule_model", "test_schedule_scheme -k as_of_the_morning or better_than_the_mean"]
+_OBJECTIVES = ["test_identification_gradients", "test_diagnostics", "test_identification -k not (starts or search)"]
+_FORECASTERS = "test_forecasting_common -k not (checks or processes or global or torch or network)"
+_UPDATES = "test_online_updating -k whole_table or averaged or learns_the_new or leaves_the_model"
 
 GUARDS = {
     "filtering/horizon_errors.py": ["test_horizon_errors", "test_schedule_model"],
@@ -15,8 +18,9 @@ GUARDS = {
     "filtering/simulation.py": ["test_filtering", "test_forecasting_arx"],
     "filtering/load_paths.py": ["test_filtering", "test_load"],
     "filtering/*.py": _FILTERS,
-    "thermal/*.py": ["test_thermal", "test_thermal_networks", "test_two_zones"],
+    "thermal/*.py": ["test_thermal", "test_thermal_networks", "test_identification_gradients", "test_two_zones"],
     "control/*.py": ["test_load", "test_schedule_scheme"],
+    "schedule/schedule_loads.py": ["test_schedule_scheme -k load and not default or each_origin"],
     "schedule/*.py": _SCHEDULE,
     "identification/experiment_design/*.py": ["test_experiment_design"],
     "identification/diagnostics/dynamic_response.py": ["test_response"],
@@ -24,18 +28,36 @@ GUARDS = {
     "identification/uncertainty/*.py": ["test_uncertainty"],
     "identification/fitting/forecast_errors.py": ["test_multi_step"],
     "identification/fitting/priors.py": ["test_uncertainty"],
+    "identification/fitting/*.py": _OBJECTIVES,
+    "identification/rolling_state.py": ["test_identification -k copy_follows", _UPDATES],
+    "identification/periodic.py": [*_OBJECTIVES, "test_uncertainty"],
     "identification/loads.py": ["test_load", "test_identification"],
-    "identification/*.py": _IDENTIFICATION,
+    "identification/*.py": [*_OBJECTIVES, "test_two_zones"],
     "forecasting/arx*.py": ["test_forecasting_arx"],
+    "forecasting/joint_fit.py": ["test_forecasting_joint_fit"],
     "forecasting/recursive_arx.py": ["test_forecasting_arx"],
     "forecasting/intervals.py": ["test_intervals"],
     "forecasting/quantiles.py": ["test_intervals"],
-    "forecasting/baselines.py": ["test_forecasting_baselines", "test_forecasting_common"],
-    "forecasting/ridge.py": ["test_forecasting_baselines", "test_forecasting_common"],
-    "forecasting/features.py": ["test_forecasting_cases", "test_forecasting_common", "test_networks_modules"],
+    "forecasting/baselines.py": ["test_forecasting_baselines", _FORECASTERS],
+    "forecasting/ridge.py": ["test_forecasting_baselines", _FORECASTERS],
+    "forecasting/cases.py": ["test_forecasting_cases", "test_design_matrix"],
+    "forecasting/features.py": ["test_forecasting_cases", _FORECASTERS, "test_networks_modules"],
     "hybrid/drift.py": ["test_drift"],
+    "hybrid/plausible_range.py": ["test_runaways -k range or clipped"],
+    "hybrid/hourly_aggregation.py": ["test_online_updating -k averaged", _UPDATES],
+    "hybrid/weekly_refit.py": [_UPDATES, "test_hybrid -k full_weeks"],
+    "hybrid/blend.py": ["test_schedule_scheme -k simplex or nothing_is_known or far_worse or groups_of_leads or fade"],
+    "hybrid/rolling_blend.py": ["test_schedule_scheme -k fade or loops or residual"],
+    "hybrid/members.py": ["test_schedule_scheme -k block or refitted or morning or short_training"],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
-    "model_selection/splitters.py": ["test_model_selection"],
+    "model_selection/splitters.py": ["test_model_selection -k not processes"],
+    "model_selection/assessment.py": ["test_model_selection", "test_compare"],
+    "preprocessing/_sun.py": ["test_facades"],
+    "preprocessing/_gaps.py": ["test_preprocessing"],
+    "datasets/_office.py": ["test_datasets_office"],
+    "datasets/_thermostat_plan.py": ["test_datasets_office"],
+    "datasets/_gains.py": ["test_datasets_office"],
+    "datasets/_regularize.py": ["test_datasets_regularize"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }

@@ -8,7 +8,9 @@
 A mutant is tested in a copy of the package below ``build/mutation``, so that the checkout stays as it is.  Outcomes are
 lines of ``outcomes.csv`` as soon as they are known; a run that is started again goes on from there, and tests a module
 anew where it has changed.  ``reason``, filled in by hand, says why a survivor may live; it is kept.  A sample with the
-same seed is the same, and a larger one holds the smaller.  Which tests guard a module says ``guards.py``.
+same seed is the same, and a larger one holds the smaller.  Which files of tests guard a module says ``guards.py``; a
+mutant is run against those of their tests that call the changed function, the quickest first, for at most ``--budget``
+seconds.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import ast
 import csv
 import difflib
 import hashlib
+import json
 import os
 import random
 import shutil
@@ -94,47 +97,112 @@ def mutated(mutant: dict) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------------- tests
+class Bench:
+    """A copy of the package, and a process that runs tests on it with the libraries already loaded."""
+
+    def __init__(self, number: int, python: str) -> None:
+        self.folder = WORK / str(number)
+        shutil.rmtree(self.folder / "skhybrid", ignore_errors=True)
+        # times of files are kept, so that compiled kernels are found again
+        shutil.copytree(PACKAGE, self.folder / "skhybrid", ignore=shutil.ignore_patterns("__pycache__"))
+        subprocess.run([python, "-m", "compileall", "-q", str(self.folder / "skhybrid")], check=True)
+        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        env = os.environ | one | {"PYTHONPATH": str(self.folder), "PYTHONSAFEPATH": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+        env["NUMBA_CACHE_DIR"] = str(self.folder / "numba")
+        command = [python, str(Path(__file__).with_name("server.py")), str(self.folder)]
+        pipe = subprocess.PIPE
+        self.server = subprocess.Popen(command, cwd=ROOT, env=env, stdin=pipe, stdout=pipe, text=True)
+
+    def run(self, tests: list[str], plain: bool, limit: float = 1e6, survey: str = "") -> str:
+        """Run tests: ``survived``, ``killed`` or ``timeout``."""
+        arguments = ["-q", "-x", "-p", "no:cacheprovider", "--tb=line", *tests]
+        question = {"arguments": arguments, "plain": plain, "limit": limit, "survey": survey}
+        question["log"] = str(self.folder / "last.log")
+        print(json.dumps(question), file=self.server.stdin, flush=True)
+        answer = self.server.stdout.readline().strip()
+        return {"0": "survived", "timeout": "timeout"}.get(answer, "killed")
+
+    def survey(self, name: str, plain: bool) -> dict:
+        """The tests of an entry of GUARDS by what they call; kept until the file of tests changes."""
+        file, *choice = name.split(" -k ")
+        kept = WORK / "surveys" / f"{name.replace(' ', '_')}{'_plain' if plain else ''}.json"
+        if not kept.exists() or kept.stat().st_mtime < (ROOT / "tests" / f"{file}.py").stat().st_mtime:
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            tests = [f"tests/{file}.py", *(word for part in choice for word in ("-k", part))]
+            if self.run(tests, plain, survey=str(kept)) != "survived":
+                kept.unlink(missing_ok=True)
+                sys.exit(f"{name} fails without a mutant; see {self.folder / 'last.log'}")
+        return json.loads(kept.read_text())
+
+
 def guard(module: str) -> list[str]:
     """Test files of a module."""
-    names = next((tests for pattern, tests in GUARDS.items() if fnmatch(module, pattern)), [])
-    return [str(ROOT / "tests" / f"{name}.py") for name in names]
+    return next((tests for pattern, tests in GUARDS.items() if fnmatch(module, pattern)), [])
 
 
-def run_tests(folder: Path, module: str, python: str, limit: float | None) -> str:
-    """Run the guarding tests on the copy in a folder: ``survived``, ``killed`` or ``timeout``."""
-    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    env = os.environ | one | {"PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-    env["NUMBA_CACHE_DIR"] = str(folder / "numba")
-    if any(fnmatch(module, pattern) for pattern in COMPILED):
-        env["NUMBA_DISABLE_JIT"] = "1"
-    command = [python, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=line", *guard(module)]
-    with (folder / "last.log").open("w") as log:
-        try:
-            done = subprocess.run(command, cwd=ROOT, env=env, stdout=log, stderr=log, timeout=limit, check=False)
-        except subprocess.TimeoutExpired:
-            return "timeout"
-    return "survived" if done.returncode == 0 else "killed"
+def is_plain(module: str) -> bool:
+    """Whether a module's tests run without compilation."""
+    return any(fnmatch(module, pattern) for pattern in COMPILED)
 
 
-def make_copy(number: int) -> Path:
-    """A folder with the package as it is; times of files are kept, so that compiled kernels are found again."""
-    folder = WORK / str(number)
-    shutil.rmtree(folder / "skhybrid", ignore_errors=True)
-    shutil.copytree(PACKAGE, folder / "skhybrid", ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
+def function_at(module: str, line: int) -> str:
+    """The qualified name of the function that a line is in the body of; empty where the line runs at import."""
+    name, nodes = "", [(ast.parse((PACKAGE / module).read_text()), "")]
+    while nodes:
+        node, outer = nodes.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.ClassDef):
+                nodes.append((child, f"{outer}{child.name}."))
+            elif isinstance(child, ast.FunctionDef):
+                nodes.append((child, f"{outer}{child.name}.<locals>."))
+                if child.body[0].lineno <= line <= child.end_lineno:
+                    name = max(name, outer + child.name, key=len)
+            else:
+                nodes.append((child, outer))
+    return name
 
 
-def try_mutant(mutant: dict, folders: Queue, python: str, limit: float) -> dict:
-    """Test one mutant in a free folder, and put the module back."""
-    folder, begin = folders.get(), time.time()
-    copy = folder / "skhybrid" / mutant["module"]
+def chosen_tests(survey: dict, function: str, budget: float) -> tuple[list[str], float]:
+    """The quickest tests of a file that call a function, within some seconds; and the seconds of them all."""
+    found, fixtures = [], survey["fixtures"]
+    for test, note in survey["tests"].items():
+        used = {name for name in note["fixtures"] if name in fixtures}
+        notes = [note, *(fixtures[name] for name in used)]
+        if not function or any(function in one["calls"] for one in notes):
+            found.append((sum(one["seconds"] for one in notes), test, note["seconds"], used))
+    tests, seconds, ready = [], 0.0, set()
+    for _, test, own, used in sorted(found, key=lambda one: one[:2]):
+        more = own + sum(fixtures[name]["seconds"] for name in used - ready)
+        if seconds + more <= budget:
+            tests.append(test)
+            seconds, ready = seconds + more, ready | used
+    return tests, seconds
+
+
+def try_mutant(mutant: dict, benches: Queue, budget: float) -> dict:
+    """Test one mutant on a free bench, file by file until a test fails, and put the module back."""
+    bench, module = benches.get(), mutant["module"]
+    copy, function = bench.folder / "skhybrid" / module, function_at(module, mutant["line"])
+    mutant |= {"outcome": "survived", "tests": 0, "seconds": 0.0, "reason": ""}
     try:
-        copy.write_text(mutated(mutant))
-        mutant["outcome"] = run_tests(folder, mutant["module"], python, limit)
+        code = mutated(mutant)
+        for name in guard(module):
+            if mutant["outcome"] != "survived":
+                break
+            survey = bench.survey(name, is_plain(module))
+            tests, expected = chosen_tests(survey, function and f"{module}:{function}", budget)
+            if not tests:
+                continue
+            begin = time.time()
+            copy.write_text(code)
+            mutant["outcome"] = bench.run(tests, is_plain(module), 60.0 + 5.0 * expected)
+            shutil.copy2(PACKAGE / module, copy)
+            mutant["seconds"] = round(mutant["seconds"] + time.time() - begin, 1)
+            mutant["tests"], budget = mutant["tests"] + len(tests), budget - expected
     finally:
-        shutil.copy2(PACKAGE / mutant["module"], copy)
-        folders.put(folder)
-    return mutant | {"seconds": round(time.time() - begin, 1), "reason": ""}
+        shutil.copy2(PACKAGE / module, copy)
+        benches.put(bench)
+    return mutant
 
 
 # --------------------------------------------------------------------------------------------------------- outcomes
@@ -145,9 +213,15 @@ def read_store() -> list[dict]:
 
 def write_store(rows: list[dict]) -> None:
     with STORE.open("w", newline="") as file:
-        writer = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        writer = csv.DictWriter(file, FIELDS, lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(sorted(rows, key=lambda r: (r["module"], int(r["line"]), int(r["column"]), r["operator"])))
+
+
+def is_kept(row: dict, source: str, again: bool) -> bool:
+    """Whether the outcome of a mutant holds for a state of its module."""
+    open_ = row["outcome"] == "survived" and not row["reason"]
+    return row["source"] == source and not (again and open_)
 
 
 def key(row: dict) -> tuple:
@@ -178,19 +252,13 @@ def numerical_modules() -> list[str]:
     return [module for module in found if guard(module) and not module.endswith("__init__.py")]
 
 
-def run_module(module: str, wanted: list[dict], folders: Queue, options: argparse.Namespace) -> None:
-    """Test the mutants of one module, if its tests pass without any."""
-    begin = time.time()
-    folder = folders.get()
-    if run_tests(folder, module, options.python, None) != "survived":
-        sys.exit(f"the tests of {module} fail without a mutant; see {folder / 'last.log'}")
-    folders.put(folder)
-    limit = 30.0 + 4.0 * (time.time() - begin)
+def run_module(wanted: list[dict], benches: Queue, options: argparse.Namespace) -> None:
+    """Test the mutants of one module."""
     with ThreadPoolExecutor(options.jobs) as pool:
-        for row in pool.map(lambda mutant: try_mutant(mutant, folders, options.python, limit), wanted):
-            rows = read_store()
-            write_store([*rows, row])
-            print(f"{row['module']}:{row['line']} {row['outcome']} {row['seconds']} s: {row['after']}", flush=True)  # noqa: T201
+        for row in pool.map(lambda mutant: try_mutant(mutant, benches, options.budget), wanted):
+            write_store([*read_store(), row])
+            where = f"{row['module']}:{row['line']} {row['outcome']} by {row['tests']} tests in {row['seconds']} s"
+            print(f"{where}: {row['after']}", flush=True)  # noqa: T201
 
 
 def main() -> None:
@@ -199,12 +267,14 @@ def main() -> None:
     parser.add_argument("--sample", type=int, default=20, help="places of each module")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests of one mutant")
     parser.add_argument("--python", default=str(ROOT / ".venv" / "bin" / "python"), help="that runs the tests")
+    parser.add_argument("--again", action="store_true", help="test anew what survived without a reason")
     parser.add_argument("--report", action="store_true", help="write the table and run nothing")
     options = parser.parse_args()
-    folders: Queue = Queue()
+    benches: Queue = Queue()
     for number in range(0 if options.report else options.jobs):
-        folders.put(make_copy(number))
+        benches.put(Bench(number, options.python))
     for module in () if options.report else options.modules or numerical_modules():
         if not guard(module):
             sys.exit(f"no test guards {module}; name some in guards.py.")
@@ -212,11 +282,11 @@ def main() -> None:
         source = sampled[0]["source"] if sampled else ""
         # of an earlier state of the module only reasons are of use
         reasons = {(r["module"], r["before"], r["after"]): r["reason"] for r in read_store() if r["reason"]}
-        write_store([r for r in read_store() if r["module"] != module or r["source"] == source])
+        write_store([r for r in read_store() if r["module"] != module or is_kept(r, source, options.again)])
         done = {key(row) for row in read_store()}
         wanted = [mutant for mutant in sampled if key(mutant) not in done]
         if wanted:
-            run_module(module, wanted, folders, options)
+            run_module(wanted, benches, options)
         rows = read_store()
         for row in rows:
             row["reason"] = row["reason"] or reasons.get((row["module"], row["before"], row["after"]), "")
