@@ -148,7 +148,7 @@ def compare_models(
     fitted = {name: one for name, one in done.items() if one.density is not None}
     if not fitted:
         name, cause = next(iter(errors.items()))
-        raise ValueError(f"no model could be fitted, not even {name}: {cause}")
+        raise ValueError(f"no model could be fitted, not even {name} ({cause.partition('. ')[0].removesuffix('.')}).")
     table = comparison_table(fitted)
     tests = likelihood_ratio_tests(fitted, table)
     name, reason = recommend(fitted, table, tests, purpose, level)

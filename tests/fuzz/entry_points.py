@@ -120,6 +120,7 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     "origin_step": _constant(day="1D", hours="6h", uneven="7min", zero="0h", word="step"),
     "start": _constant(none=None, early="1990-01-01", within="2024-10-27", late="2090-01-01", word="start", row=3),
     "max_lag": _constant(day="1D", zero="0h", word="lag", years="1000D", back="-1D"),
+    "weather_error": _constant(none=None, medium="medium", huge="huge", number=1.0, levels=["low"]),
     "level": _constant(usual=0.5, zero=0.0, one=1.0, over=2.0, nan=np.nan, word="high"),
     "parameter": _constant(resistance="R_zo", unknown="R_xy", none=None),
     "by": _constant(none=None, lead="lead", origin="origin", word="x"),

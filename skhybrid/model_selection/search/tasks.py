@@ -36,6 +36,8 @@ class MeasuredRmse:
         """Score a fitted estimator on a table and its target (n_samples,), NaN where missing."""
         measured = as_numbers(y, "y")
         refuse_huge(measured, "y")
+        if not np.isfinite(measured).any():
+            raise ValueError("y holds no measurement to score against; choose rows in which T_za was measured.")
         error = np.asarray(estimator.predict(X), dtype=np.float64) - measured
         return self.sign * float(np.sqrt(np.nanmean(error**2)))
 
