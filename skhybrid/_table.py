@@ -240,7 +240,7 @@ def read_array(estimator: Any, X: Any, **checks: Any) -> np.ndarray:
     try:
         return np.asarray(validate_data(estimator, unmasked(X, "X"), dtype=np.float64, **checks))
     except (TypeError, ValueError) as error:
-        if not any(words in str(error) for words in ("could not convert", "float() argument")):
+        if not any(words in str(error) for words in ("could not convert", "NAType")):
             raise
         raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
 

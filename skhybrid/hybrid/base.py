@@ -20,8 +20,8 @@ from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import read_weather_error
 from ..thermal import RCNetwork
 from .preprocess import fit_preprocess, preprocessed
-from .quantiles import HybridQuantilesMixin
 from .scheme import Scheme
+from .scheme_intervals import HybridQuantilesMixin
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 #: what a forecast takes in from the history up to its origin
