@@ -45,7 +45,7 @@ def _dates_between(holidays: Holidays, first: int, last: int) -> np.ndarray:
         found = [np.array(holidays.dates, dtype="M8[D]")]
     else:
         found = [_holidays_of(holidays.place, year) for year in range(first, last + 1)]
-    return np.concatenate([*found, [np.datetime64("9999-12-31")]])
+    return np.unique(np.concatenate([*found, [np.datetime64("9999-12-31")]]))
 
 
 def read_holidays(given: Any, index: pd.Index) -> Holidays:

@@ -71,6 +71,8 @@ def test_states_differ_from_their_country_and_years_from_each_other():
     pulaski = pd.DatetimeIndex(["2018-03-05", "2019-03-04"])
     np.testing.assert_array_equal(read_holidays("US-IL", YEAR).day_of_week(pulaski), [6, 6])
     np.testing.assert_array_equal(read_holidays("US", YEAR).day_of_week(pulaski), [0, 0])
+    turn = pd.date_range("2021-12-30", "2022-01-03", freq="1D")  # New Year's Day, a Saturday, is kept on Friday
+    np.testing.assert_array_equal(read_holidays("US", YEAR).day_of_week(turn), [3, 6, 6, 6, 0])
 
 
 @pytest.mark.parametrize(
