@@ -12,21 +12,20 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import pandas as pd
+from _reference_data import reference
 
-from skhybrid.datasets import load_small_office, make_office, read_zone_csv
+from skhybrid.datasets import load_benchmark, load_dutch_home, read_zone_csv
+from skhybrid.datasets._benchmark import CHICAGO, OFFICE_SPANS, cut_log
+from skhybrid.datasets._benchmark import LOGS as PUBLIC
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
-STEP = pd.Timedelta("15min")
 #: weather that a facade model reads beside ``q_sol``, if it was logged; not a role of the data contract
 BEAM_AND_SKY = ("dni", "dhi")
 #: six weeks of training and two months of test of the small office, a week apart (shared/data/README.md, recipes.md B).
 SEASONS = {
-    "autumn": ("2018-09-03", "2018-10-14", "2018-10-22", "2018-12-15"),
+    "autumn": OFFICE_SPANS,
     "winter": ("2018-02-01", "2018-03-14", "2018-03-22", "2018-05-15"),
     "summer": ("2018-06-01", "2018-07-12", "2018-07-20", "2018-09-12"),
 }
-#: latitude and longitude [deg]: the weather station; the middle of the Netherlands, since the homes' sites are unknown
-CHICAGO, NETHERLANDS = (41.98, -87.92), (52.1, 5.2)
 _BUILDING_COLUMNS = {
     "T_oa": "T_out_degC",
     "q_sol": "ghi_kW_m2",
@@ -35,7 +34,6 @@ _BUILDING_COLUMNS = {
     "dni": "dni_kW_m2",
     "dhi": "dhi_kW_m2",
 }
-_HOME_COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
 
 
 @dataclass(frozen=True)
@@ -84,17 +82,13 @@ def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataS
         Folders of further EnergyPlus runs: ``meta.csv`` and ``<name>_{irregular,shifted}.csv``.
     """
     found: dict[str, Callable[[int], DataSet]] = {}
+    public = {name: partial(_public, name) for name in PUBLIC}
     for season in SEASONS:
-        if season != "autumn" and not SHARED.is_dir():
-            continue  # only the autumn is shipped with the package
         for control, file in (("same", "irregular"), ("new", "shifted")):
-            found[f"office {season}, {control} control"] = partial(_office, season, file)
-    if SHARED.is_dir():
-        found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
-        for number, split in ((1, "2021-12-12"), (2, "2021-11-30"), (3, "2021-11-30")):
-            found[f"dutch home {number}"] = partial(_home, number, split)
-    for climate in ("oakland", "chicago"):
-        found[f"make_office {climate}"] = partial(_synthetic, climate)
+            name = f"office {season}, {control} control"
+            found[name] = public.pop(name, partial(_office, season, file))
+    found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
+    found |= public
     for folder in buildings:
         found |= _fresh(folder)
     return found
@@ -118,18 +112,8 @@ def split(
     origin_step: str,
     **facts: object,
 ) -> DataSet:
-    """Cut training and later rows: first and last day of training, first and last day of the test.
-
-    If the two come from different runs, one step between them is left out: the temperature jumps there, and no model
-    may mistake that for behaviour of the building.
-    """
-    first, last, start, end = spans
-    train = training_run[first:last]
-    first_later = train.index[-1] + (STEP if training_run is test_run else 2 * STEP)
-    later = test_run[test_run.index >= first_later][:end]
-    begin = pd.Timestamp(start)
-    begin = begin if later.index.tz is None else begin.tz_localize(later.index.tz)
-    return DataSet(name, train.copy(), later.copy(), begin, origin_step, **facts)  # type: ignore[arg-type]
+    """A data set cut by first and last day of training, first and last day of the test."""
+    return DataSet(name, *cut_log(training_run, test_run, spans), origin_step, **facts)  # type: ignore[arg-type]
 
 
 # ------------------------------------------------------------------------------------------------------------ loaders
@@ -139,13 +123,17 @@ def _building_run(path: Path) -> pd.DataFrame:
     return read_zone_csv(path, _BUILDING_COLUMNS, label="right")
 
 
+def _public(name: str, seed: int) -> DataSet:
+    """A log of the public benchmark."""
+    log = load_benchmark([name], seed=seed)[name]
+    facts = {name: getattr(log, name) for name in ("site", "known", "capacity")}
+    truth = None if log.truth is None else Truth(**log.truth)
+    return DataSet(log.name, log.train, log.later, log.start, log.origin_step, **facts, truth=truth)
+
+
 def office_run(file: str) -> pd.DataFrame:
-    """A run of the small office (irregular, shifted, regular), or the shipped autumn if there is nothing else."""
-    path = SHARED / f"small_office_chicago_{file}.csv"
-    if path.is_file():
-        return _building_run(path)
-    shipped = load_small_office(file)
-    return shipped.X.join(shipped.frame[list(BEAM_AND_SKY)]).tz_localize("Etc/GMT+6")
+    """A year's run of the small office: irregular, shifted or regular."""
+    return _building_run(reference(f"small_office_chicago_{file}.csv", "choose other rows with --data"))
 
 
 def _office(season: str, file: str, seed: int) -> DataSet:
@@ -157,33 +145,7 @@ def _office(season: str, file: str, seed: int) -> DataSet:
 
 def read_home(number: int) -> pd.DataFrame:
     """A Dutch home; the heating signal as a share of its highest value."""
-    run = read_zone_csv(SHARED / f"dutch_home_{number}.csv", _HOME_COLUMNS, timezone="Europe/Amsterdam")
-    return run.assign(u_heat=run["u_heat"] / 78.0)
-
-
-def _home(number: int, split_day: str, seed: int) -> DataSet:
-    run = read_home(number)
-    last = pd.Timestamp(split_day)
-    spans = (str(run.index[0].date()), split_day, str((last + pd.Timedelta("1D")).date()), "2021-12-31")
-    return split(f"dutch home {number}", run, run, spans, "5h", site=NETHERLANDS, known={"Q_h": 8.0})
-
-
-def _synthetic(climate: str, seed: int, train_days: int = 28, test_days: int = 26 * 7) -> DataSet:
-    """The paper's office: four weeks of summer from Monday 3 July, then half a year."""
-    office = make_office(train_days + test_days, climate, start="2023-07-03", random_state=7000 + seed)
-    rows = train_days * 96
-    truth = Truth(office.heat_gain, office.gain_parts["air"], office.states)
-    stages = {"u_heat": office.theta["Q_h"], "u_cool": office.theta["Q_c"]}
-    return DataSet(
-        f"make_office {climate}",
-        office.X[:rows],
-        office.X[rows:],
-        office.X.index[rows],
-        "25h",
-        known={"Q_h": 6.0},
-        capacity=stages,
-        truth=truth,
-    )
+    return load_dutch_home(number).X
 
 
 # ------------------------------------------------------------------------------------------------ further buildings

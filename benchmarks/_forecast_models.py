@@ -21,10 +21,10 @@ from skhybrid import (
 
 Make = Callable[[DataSet, int], Any]
 ADAPTING = {None: "hybrid, static", "linear": "hybrid, linear", "full": "hybrid, full"}
-#: the default, whose ratios are reported; what they are ratios to; and the conventional models
+#: the default, whose ratios are reported; what they are ratios to; and the gray boxes alone
 HYBRID, ARX, REFITTED, ORACLE = ADAPTING[HybridPredictor().adapt], "ARX", "ARX re-fitted", "oracle"
 AIR_ORACLE = "oracle with air"
-CONVENTIONAL = ("CONV", "ID alone", "OD alone")
+GRAY_BOXES = ("CONV", "ID alone", "OD alone")
 #: the paper's final configuration (4.2, 4.4) of every framework; case01 has the same features in all four.
 NETWORK_CASE = {"case": "case01", "n_layers": 1, "activation": "relu", "residual_of": None}
 
@@ -42,8 +42,8 @@ class Model(NamedTuple):
 def bounds_for(data: DataSet) -> dict[str, tuple[float, float]] | None:
     """The paper's bounds, scaled by the size of the plant relative to the 6 kW of the paper's office.
 
-    They are those of a room of 57 m2.  A school with a hundred times the heat lies far outside them, and a conventional
-    model at its bounds (errors of 8-12 K) would not be a fair baseline.  None if only stages were logged.
+    They are those of a room of 57 m2.  A school with a hundred times the heat lies far outside them, and a gray
+    box at its bounds (errors of 8-12 K) would not be a fair baseline.  None if only stages were logged.
     """
     if "Q_hvac" not in data.train:
         return None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from _forecast_data import data_sets, group_of
-from _forecast_models import AIR_ORACLE, ARX, CONVENTIONAL, HYBRID, MODELS, ORACLE, REFITTED
+from _forecast_models import AIR_ORACLE, ARX, GRAY_BOXES, HYBRID, MODELS, ORACLE, REFITTED
 from _forecast_ratios import Ratio, geometric_mean, ratio
 from _forecast_store import Errors, Run, read_runs
 from _report import RESULTS, write_table
@@ -155,10 +155,10 @@ def goals(runs: Runs) -> pd.DataFrame:
         (REFITTED, 0.95),
         (ORACLE, 1.10),
         (AIR_ORACLE, 1.10),
-        ("best of " + ", ".join(CONVENTIONAL), 1.0),
+        ("best of " + ", ".join(GRAY_BOXES), 1.0),
     )
     for data in dict.fromkeys(data for data, model in runs if model == HYBRID):
-        alone = [m for m in CONVENTIONAL if (data, m) in runs]
+        alone = [m for m in GRAY_BOXES if (data, m) in runs]
         best = min(alone, key=lambda m: np.mean([rmse(r.temperature) for r in runs[data, m]]), default=None)
         row = {}
         for name, limit in asked:

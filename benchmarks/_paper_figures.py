@@ -32,6 +32,8 @@ def draw_all(case: Any, works: dict[str, Any], fitted: dict[str, Any], runs: lis
     draw_days(case, {name: works[name].with_gain for name in ("TRUE", *MODELS)}, "with_gain", origin_days=3)
     draw_days(case, {name: works[name].without_gain for name in ("TRUE", *MODELS)}, "without_gain", origin_days=1)
     draw_runtime(case, works)
+    draw_data(case)
+    draw_week(case, fitted)
     draw_disturbance(case, works)
 
 
@@ -102,6 +104,48 @@ def draw_days(case: Any, predicted: dict[str, pd.Series], name: str, origin_days
     shared_legend(np.array([above]))
     time_axis(below, measured.index)
     save(figure, name)
+
+
+def draw_data(case: Any) -> None:
+    """A week of the identification data: weather, set-points and temperature, runtimes, unmeasured heat."""
+    rows = slice(0, 7 * 96)
+    X, setpoints, gain = case.office.X[rows], case.office.setpoints[rows], case.office.heat_gain[rows]
+    figure, axes = plt.subplots(4, 1, sharex=True, figsize=(10, 8), height_ratios=(2, 3, 2, 2), layout="constrained")
+    axes[0].plot(X["T_oa"], color=COLORS[0], linewidth=1.2)
+    tidy(axes[0], ylabel="outdoors [degC]")
+    sun = axes[0].twinx()
+    sun.fill_between(X.index, X["q_sol"], color="#e0c060", alpha=0.5, linewidth=0)
+    sun.set_ylabel("sun [kW/m2]")
+    axes[1].plot(case.office.y[rows], color=MEASURED, linewidth=1.2, label="zone")
+    for column, color, label in (("T_heat_set", COLORS[1], "heating"), ("T_cool_set", COLORS[0], "cooling")):
+        axes[1].step(X.index, setpoints[column], where="post", color=color, linewidth=1.0, label=f"{label} set-point")
+    tidy(axes[1], ylabel="temperature [degC]")
+    legend(axes[1], 3)
+    for role, color, label in (("u_heat", COLORS[1], "heating"), ("u_cool", COLORS[0], "cooling")):
+        hourly = X[role].resample("1h").mean()
+        axes[2].step(hourly.index, hourly, where="post", color=color, linewidth=1.2, label=label)
+    tidy(axes[2], ylabel="runtime [-]")
+    legend(axes[2], 2)
+    axes[3].plot(gain, color="#b8860b", linewidth=1.2)
+    tidy(axes[3], ylabel="gain [kW]")
+    time_axis(axes[3], X.index)
+    save(figure, "data")
+
+
+def draw_week(case: Any, fitted: dict[str, Any]) -> None:
+    """The input disturbance that ID estimates, beside the true gain, and the output disturbance that OD estimates."""
+    X = case.office.X[: 7 * 96]
+    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(10, 5.4), layout="constrained")
+    above.plot(case.office.heat_gain[X.index], color="#b8860b", linewidth=1.2, label="true unmeasured heat")
+    above.plot(fitted["ID"].estimate_disturbance(X, "input"), color=COLORS[0], linewidth=1.2, label="input disturbance")
+    output = fitted["OD"].estimate_disturbance(X, "output")
+    below.plot(output, color=COLORS[2], linewidth=1.2, label="output disturbance")
+    tidy(above, ylabel="ID [kW]")
+    tidy(below, ylabel="OD [K]")
+    legend(above, 2)
+    legend(below, 1)
+    time_axis(below, X.index)
+    save(figure, "week")
 
 
 def draw_runtime(case: Any, works: dict[str, Any]) -> None:

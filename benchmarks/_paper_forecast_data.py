@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from _reference_data import EPW, reference
+from sklearn.frozen import FrozenEstimator
 
 from skhybrid import (
     DisturbanceForecaster,
@@ -15,14 +17,10 @@ from skhybrid import (
     HybridPredictor,
     InputDisturbanceID,
     OutputDisturbanceID,
+    TwoStagePredictor,
 )
 from skhybrid.datasets import load_small_office, make_office, read_epw, read_zone_csv
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
-EPW = {
-    "oakland": SHARED / "USA_CA_Oakland.Intl.AP.724930_TMY3.epw",
-    "chicago": SHARED / "USA_IL_Chicago-OHare.Intl.AP.725300_TMY3.epw",
-}
 PER_DAY = 96
 STARTS = 20
 #: a day of the paper's simulated data is judged in the heating season, months after the training
@@ -50,7 +48,7 @@ class Log(NamedTuple):
 
 
 def _simulated(climate: str, seed: int) -> Log:
-    weather = read_epw(EPW[climate]) if EPW[climate].is_file() else None
+    weather = read_epw(reference(EPW[climate], "leave this log out with --logs"))
     office = make_office(DAYS, climate, start=SUMMER, weather=weather, random_state=3000 + seed)
     n = 28 * PER_DAY
     return Log(
@@ -66,7 +64,8 @@ def _simulated(climate: str, seed: int) -> Log:
 
 def _home(number: int) -> Log:
     columns = {"T_za": "T_in_degC", "T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd"}
-    X = read_zone_csv(SHARED / f"dutch_home_{number}.csv", columns, timezone="Europe/Amsterdam")
+    path = reference(f"dutch_home_{number}.csv", "leave this log out with --logs")
+    X = read_zone_csv(path, columns, timezone="Europe/Amsterdam")
     X["u_heat"] /= 78.0
     after = X["2021-12-01":"2021-12-31"]
     return Log(X["2021-11-01":"2021-11-30"], after, after.index[0], {"u_heat": BOILER}, {"Q_h": BOILER}, None, None)
@@ -90,31 +89,8 @@ LOGS: dict[str, Callable[[int], Log]] = {
 }
 
 
-def available() -> list[str]:
-    """The logs that are at hand: homes lie beside the checkout only."""
-    return [name for name in LOGS if "home" not in name or SHARED.is_dir()]
-
-
-class Conventional:
-    """The paper's conventional approach: a gray box that expects no disturbance."""
-
-    def __init__(self, gray_box: Any) -> None:
-        self.gray_box = gray_box
-
-    def fit(self, X: pd.DataFrame, y: pd.Series) -> Conventional:
-        """Identify the network."""
-        self.gray_box.fit(X, y)
-        return self
-
-    def predict_from(self, X: pd.DataFrame, origins: np.ndarray) -> np.ndarray:
-        """A day of temperature after each origin (paper Eq. ID_hybrid without zeta)."""
-        return self.gray_box.drive(X, origins, np.zeros((len(origins), PER_DAY)))
-
-    def predict_load(self, X: pd.DataFrame, setpoint: Any) -> pd.DataFrame:
-        """The load, computed again from the measurements at every midnight (paper Eq. inverseQ2)."""
-        origins = np.union1d([0], midnights(X.index))
-        longest = int(np.diff(np.append(origins, len(X))).max())
-        return self.gray_box.required_heat(X, setpoint, origins, np.zeros((len(origins), longest)))
+#: logs of which every seed is another office
+SIMULATED = ("oakland", "chicago")
 
 
 def midnights(index: pd.DatetimeIndex) -> np.ndarray:
@@ -122,34 +98,39 @@ def midnights(index: pd.DatetimeIndex) -> np.ndarray:
     return np.flatnonzero(index == index.normalize())
 
 
-def _lstm(gray_box: Any, seed: int, **settings: Any) -> HybridPredictor:
-    """The paper's final network: DEEP_AR_LSTM_FORECAST-case01, one layer, ReLU (paper 4.2)."""
-    network = DisturbanceForecaster("lstm", "case01", n_layers=1, activation="relu", residual_of=None)
-    return HybridPredictor(gray_box, network, adapt=None, random_state=seed, **settings)
+def methods(log: Log, seed: int, n_repeats: int) -> dict[str, Callable[[], Any]]:
+    """Makers of models by name; those that share an identification are given it fitted."""
 
+    @cache
+    def identified(kind: type) -> FrozenEstimator:
+        made = kind(known=log.known, n_starts=STARTS, horizon="1D", random_state=seed)
+        return FrozenEstimator(made.fit(log.train, log.train["T_za"]))
 
-def _with_baseline(gray_box: Any, model: str, seed: int) -> HybridPredictor:
-    return HybridPredictor(gray_box, DisturbanceForecaster(model), adapt=None, random_state=seed)
+    def hybrid(kind: type, forecaster: DisturbanceForecaster, **settings: Any) -> HybridPredictor:
+        return HybridPredictor(identified(kind), forecaster, adapt=None, random_state=seed, **settings)
 
+    def lstm(kind: type, refit: bool = False, **settings: Any) -> HybridPredictor:
+        """The paper's final network: DEEP_AR_LSTM_FORECAST-case01, one layer, ReLU (paper 4.2)."""
+        size = {"n_layers": 1, "activation": "relu"}
+        # all are kept, so that each can be scored; validation chooses among them, as with repeats="best"
+        several = {"n_repeats": n_repeats, "repeats": "mean", "refit": refit}
+        network = DisturbanceForecaster.published("lstm", "case01", **several, **size)
+        return hybrid(kind, network, intervals=False, **settings)
 
-def methods(log: Log, seed: int) -> dict[str, Callable[[], Any]]:
-    """Makers of unfitted models, by name."""
-
-    def identify(kind: type) -> Any:
-        return kind(known=log.known, n_starts=STARTS, random_state=seed)
-
-    out: dict[str, Callable[[], Any]] = {
-        "conventional CONV": lambda: Conventional(identify(GrayBoxRC)),
-        "conventional ID": lambda: Conventional(identify(InputDisturbanceID)),
-        "conventional OD": lambda: Conventional(identify(OutputDisturbanceID)),
-        "hybrid OD, LSTM": lambda: _lstm(identify(OutputDisturbanceID), seed),
-        "hybrid OD, profile": lambda: _with_baseline(identify(OutputDisturbanceID), "profile", seed),
-        "hybrid OD, ridge": lambda: _with_baseline(identify(OutputDisturbanceID), "ridge", seed),
+    out: dict[str, Callable[[], Any]] = {}
+    if log.theta is not None:
+        out["TRUE, no disturbance"] = lambda: TwoStagePredictor.conventional(GrayBoxRC(known=log.theta))
+    for name, kind in (("CONV", GrayBoxRC), ("ID", InputDisturbanceID), ("OD", OutputDisturbanceID)):
+        out[f"{name} alone"] = lambda kind=kind: identified(kind)
+        out[f"{name}, no disturbance"] = lambda kind=kind: TwoStagePredictor.conventional(identified(kind))
+    out |= {
+        "hybrid OD, LSTM": lambda: lstm(OutputDisturbanceID),
+        "hybrid OD, LSTM on all days": lambda: lstm(OutputDisturbanceID, refit=True),
+        "hybrid OD, profile": lambda: hybrid(OutputDisturbanceID, DisturbanceForecaster("profile")),
+        "hybrid OD, ridge": lambda: hybrid(OutputDisturbanceID, DisturbanceForecaster("ridge")),
         "default": lambda: HybridPredictor(random_state=seed),
     }
     if seed == 0 and log.band is not None:  # networks train for long: their variants once, on the simulated buildings
-        out["hybrid ID, LSTM"] = lambda: _lstm(identify(InputDisturbanceID), seed)
-        out["hybrid OD, LSTM, output"] = lambda: _lstm(identify(OutputDisturbanceID), seed, disturbance="output")
-    if log.theta is not None:
-        out = {"TRUE, no disturbance": lambda: Conventional(GrayBoxRC(known=log.theta))} | out
+        out["hybrid ID, LSTM"] = lambda: lstm(InputDisturbanceID)
+        out["hybrid OD, LSTM, output"] = lambda: lstm(OutputDisturbanceID, disturbance="output")
     return out

@@ -18,9 +18,9 @@ from _report import RESULTS
 from skhybrid.inspection._style import COLORS, MEASURED, shared_legend, tidy, time_axis
 
 #: methods that are drawn, and their labels
-DRAWN = {"conventional OD": "conventional", "hybrid OD, LSTM": "hybrid, LSTM", "default": "hybrid, default"}
+DRAWN = {"OD, no disturbance": "conventional", "hybrid OD, LSTM": "hybrid, LSTM", "default": "hybrid, default"}
 STYLE = {
-    "conventional OD": {"color": COLORS[1], "linestyle": "--"},
+    "OD, no disturbance": {"color": COLORS[1], "linestyle": "--"},
     "hybrid OD, LSTM": {"color": COLORS[0], "linestyle": "-"},
     "default": {"color": COLORS[2], "linestyle": "-."},
 }
@@ -35,17 +35,19 @@ FIRST_DAY = {
 WINDOWS = ("0-6 h", "6-12 h", "12-18 h", "18-24 h")
 
 
-def draw_all(shown: dict[str, tuple[Log, dict[str, pd.DataFrame]]], runs: dict[str, list[pd.DataFrame]]) -> None:
-    """Draw and save every figure; ``shown`` holds seed 0 of every log."""
+def draw_all(
+    shown: dict[str, tuple[Log, dict[str, pd.DataFrame]]], runs: dict[str, list[pd.DataFrame]], folder: Path = RESULTS
+) -> None:
+    """Draw and save every figure; ``shown`` holds the first run of every log."""
     for name, (log, said) in shown.items():
-        draw_days(name, log, said)
-    draw_windows(runs)
+        save(draw_days(name, log, said), name, folder)
+    save(draw_windows(runs), "windows", folder)
 
 
-def save(figure: Any, name: str) -> Path:
+def save(figure: Any, name: str, folder: Path = RESULTS) -> Path:
     """Write a PNG, completely or not at all."""
-    RESULTS.mkdir(exist_ok=True)
-    path = RESULTS / f"paper_forecast_{name.replace(' ', '_')}.png"
+    folder.mkdir(exist_ok=True)
+    path = folder / f"paper_forecast_{name.replace(' ', '_')}.png"
     part = path.with_suffix(".part")
     figure.savefig(part, format="png", dpi=110)
     part.replace(path)
@@ -53,7 +55,7 @@ def save(figure: Any, name: str) -> Path:
     return path
 
 
-def draw_days(name: str, log: Log, said: dict[str, pd.DataFrame]) -> None:
+def draw_days(name: str, log: Log, said: dict[str, pd.DataFrame]) -> Any:
     """Temperature and hourly heat of five days, a line at every origin, the RMSE of each day above."""
     first = pd.Timestamp(FIRST_DAY[name], tz=log.after.index.tz)
     rows = log.after[first : first + pd.Timedelta("5D") - pd.Timedelta("15min")]
@@ -76,7 +78,7 @@ def draw_days(name: str, log: Log, said: dict[str, pd.DataFrame]) -> None:
     above.margins(y=0.16)
     time_axis(below, rows.index)
     shared_legend(np.array([above, below]), f"{name.capitalize()}: a day ahead from every midnight; RMSE [K] by day")
-    save(figure, name)
+    return figure
 
 
 def _broken(series: pd.Series) -> pd.Series:
@@ -102,8 +104,8 @@ def _mark_day(ax: Any, rows: pd.DataFrame, said: dict[str, pd.DataFrame], day: p
         )
 
 
-def draw_windows(runs: dict[str, list[pd.DataFrame]]) -> None:
-    """Temperature above and load below: RMSE by 6-hour window, one column per log, one dot per seed."""
+def draw_windows(runs: dict[str, list[pd.DataFrame]]) -> Any:
+    """Temperature above and load below: RMSE by 6-hour window, one column per log, one dot per run."""
     figure, axes = plt.subplots(2, len(runs), figsize=(2.5 * len(runs) + 1, 5.2), layout="constrained", squeeze=False)
     place = np.arange(len(WINDOWS))
     for column, (name, frames) in enumerate(runs.items()):
@@ -119,4 +121,4 @@ def draw_windows(runs: dict[str, list[pd.DataFrame]]) -> None:
             ax.grid(False, axis="x")
         axes[1, column].set_xlabel("hour of the day")
     shared_legend(axes.ravel(), "Forecasts from midnight: RMSE by 6-hour window")
-    save(figure, "windows")
+    return figure

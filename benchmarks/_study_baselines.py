@@ -10,14 +10,15 @@ from typing import Any
 import pandas as pd
 from _study_plan import Split, gray_box
 
-from skhybrid import ARXRegressor, HybridPredictor
+from skhybrid import ARXRegressor, HybridPredictor, TwoStagePredictor
 from skhybrid.model_selection.search.tasks import MeasuredRmse
 
 #: simple enough that a network must beat them; the package's default is shown too, but is not simple
 SIMPLE = ("ridge", "profile", "last_week", "persistence", "arx")
 MAKERS: dict[str, Callable[[], Any]] = {
     "arx": lambda: ARXRegressor(),
-    "conventional": gray_box,
+    "OD alone": gray_box,
+    "OD, no disturbance": lambda: TwoStagePredictor.conventional(gray_box()),
     "default, adapt=None": lambda: HybridPredictor(adapt=None),
     "default": lambda: HybridPredictor(),
 }

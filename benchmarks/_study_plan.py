@@ -150,7 +150,7 @@ def load(climate: str) -> Split:
 
 
 def gray_box() -> OutputDisturbanceID:
-    """The paper's identification; its horizon is what ``predict`` of the gray box alone (conventional) looks ahead."""
+    """The paper's identification; its horizon is what ``predict`` of the gray box alone looks ahead."""
     return OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=12, horizon="1D", random_state=0)
 
 

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import _study_offices
 import numpy as np
 import pandas as pd
 from _report import RESULTS, write_table
@@ -22,6 +23,7 @@ from _study_tables import (
     facts,
     find,
     load_results,
+    read_csv,
     robustness_table,
     transfer,
 )
@@ -30,6 +32,9 @@ from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 
 _CSV = ["climate", "level", "framework", "case", "disturbance", "name", *SIZE_COLUMNS]
 _CSV += ["rmse", "fit_time", "score_time", "n_epochs", "error"]
+COMMAND = (
+    "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report --store DIR"
+)
 #: cases that the figure of robustness shows, of up to 152
 _SHOWN = 30
 NOTE = (
@@ -50,26 +55,29 @@ NOTE = (
 )
 
 
-def report(store: Path, folder: Path = RESULTS) -> Path:
-    """Write ``selection_study.md``, ``.csv`` and three figures.
+def report(store: Path | None, folder: Path = RESULTS) -> Path:
+    """Write ``selection_study.md``, ``.csv`` and three figures; without a store from the ``.csv`` of the last report.
 
     Raises
     ------
     ValueError
         If no network is finished yet.
     """
-    results = load_results(store)
+    results = read_csv(folder / "selection_study.csv") if store is None else load_results(store)
     part = even_part(results)
     if part.empty:
         raise ValueError(f"store {store} holds no finished network; run for longer.")
-    _write_csv(results, folder / "selection_study.csv")
+    if store is not None:
+        _write_csv(results, folder / "selection_study.csv")
+    offices = _study_offices.read(store or folder)
+    if store is not None and len(offices):
+        _study_offices.write(offices, folder)
     found = find(results)
     path = write_table(
         "selection_study",
         "The paper's method of selection on its office",
-        "python benchmarks/selection_study.py run --store DIR && python benchmarks/selection_study.py report "
-        "--store DIR",
-        _tables(results, part, found),
+        COMMAND if store is not None else "python benchmarks/selection_study.py report",
+        _tables(results, part, found) | _office_tables(offices),
         NOTE,
         folder,
     )
@@ -110,6 +118,14 @@ def _tables(results: pd.DataFrame, part: pd.DataFrame, found: Findings) -> dict[
         refused = pd.DataFrame({"why": found.refused}).rename_axis("refused")
         tables["Refused because chains were bad"] = refused
     return tables
+
+
+def _office_tables(offices: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The final comparison, where it was run: a table only says who wins where the offices agree."""
+    if offices.empty:
+        return {}
+    title = f"The choice in several offices, {int(offices['repeats'].max())} networks, median (lowest-highest)"
+    return {title: _study_offices.comparison(offices)}
 
 
 def sizes_used(part: pd.DataFrame) -> pd.DataFrame:

@@ -33,7 +33,16 @@ def load_results(store: Path) -> pd.DataFrame:
         parts.append(plan[plan["climate"] == climate].merge(kept, on="id", how="left"))
         others = _study_baselines.read(store, climate).assign(climate=climate, level=0)
         parts.append(others.assign(name=others["framework"]))
-    table = pd.concat(parts, ignore_index=True).drop(columns="id")
+    return _typed(pd.concat(parts, ignore_index=True).drop(columns="id"))
+
+
+def read_csv(path: Path) -> pd.DataFrame:
+    """The finished candidates and baselines of a report, as :func:`load_results` gives them (six digits)."""
+    table = pd.read_csv(path)
+    return _typed(table.assign(error=table["error"].where(table["rmse"].isna())))
+
+
+def _typed(table: pd.DataFrame) -> pd.DataFrame:
     for column in ("case", "disturbance", "error", "activation"):
         table[column] = table[column].astype(object).where(table[column].notna(), None)
     return table.assign(**{name: pd.to_numeric(table[name]) for name in ("rmse", "fit_time", "n_epochs")})
@@ -240,9 +249,9 @@ def facts(results: pd.DataFrame, found: Findings) -> dict[str, dict[str, float]]
     for climate in CLIMATES:
         here = part[part["climate"] == climate]
         known[climate] |= {f"log how/{other}": v for other in ("dow", "weekday") if (v := how_against(here, other))}
-        conventional = results[(results["climate"] == climate) & (results["framework"] == "conventional")]
-        if len(conventional):
-            known[climate]["conventional [K]"] = float(conventional["rmse"].iloc[0])
+        others = results[results["climate"] == climate].set_index("framework")["rmse"]
+        names = ("OD alone", "OD, no disturbance")
+        known[climate] |= {f"{name} [K]": float(others[name]) for name in names if name in others.index}
     for climate, choice in found.choices.items():
         known[climate]["chosen [K]"] = choice.median
         known[climate]["LSTM-case01 chosen"] = float((choice.name, choice.disturbance) == (CASE01, "input"))

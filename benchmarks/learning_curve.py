@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from _forecast_data import CHICAGO, SHARED, DataSet, office_run, read_home, split
+from _forecast_data import CHICAGO, DataSet, office_run, read_home, split
 from _forecast_figure import draw_learning
 from _forecast_models import ARX, HYBRID, MODELS, REFITTED
 from _forecast_ratios import geometric_mean, ratio
@@ -61,10 +61,10 @@ def cases() -> dict[tuple[str, str, int], Callable[[], DataSet]]:
     """Data sets by log, date and days of training."""
     found: dict[tuple[str, str, int], Callable[[], DataSet]] = {}
     for days in DAYS:
-        for date in OFFICE_DATES if SHARED.is_dir() else ("2018-10-15", "2018-11-05"):  # else what is shipped
+        for date in OFFICE_DATES:
             run = partial(office_run, "irregular")
             found["office", date, days] = partial(_cut, run, "office", date, days, "7h", site=CHICAGO)
-        for number in (2, 3) if SHARED.is_dir() else ():
+        for number in (2, 3):
             log = f"dutch home {number}"
             for date in HOME_DATES:
                 run, known = partial(read_home, number), {"Q_h": 8.0}

@@ -1,9 +1,10 @@
 """The paper's sections 4.3 and 4.4 again: temperature and load a day ahead, conventional against hybrid.
 
-Writes ``results/paper_forecast.md`` and ``results/paper_forecast_*.png``.  About 15 minutes on one core, most of them
-networks in training: ``python benchmarks/paper_forecast.py``.  What a method forecast is kept in ``benchmarks/.rows``,
-so that a run that was stopped goes on where it was; ``--again default`` computes the named methods anew, and
-``--again`` alone all of them; ``--report`` writes what there is.
+Writes ``results/paper_forecast.md`` and ``results/paper_forecast_*.png``.  Hours on one core, most of them networks in
+training: ``python benchmarks/paper_forecast.py --offices 7 --repeats 10``.  What a method forecast is kept in
+``benchmarks/.rows``, so that a run that was stopped goes on where it was; ``--again default`` computes the named
+methods anew, and ``--again`` alone all of them; ``--report`` writes what there is; ``--logs``, ``--methods`` and
+``--out`` are for a part.
 """
 
 from __future__ import annotations
@@ -17,15 +18,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _paper_forecast_claims import CLAIMS, WHY, judge
-from _paper_forecast_data import LOGS, PER_DAY, Log, available, methods, midnights
+from _paper_forecast_claims import CLAIMS, WHY, judge, spread
+from _paper_forecast_data import LOGS, PER_DAY, SIMULATED, Log, methods, midnights
 from _paper_forecast_figures import DRAWN, draw_all
-from _report import write_table
+from _paper_good_and_bad import draw_good_and_bad, forecast_days
+from _report import RESULTS, write_table
+from _single_networks import chosen_network, single_networks
 
 from skhybrid.exceptions import SkhybridWarning
 
 ROWS = Path(__file__).parent / ".rows" / "paper_forecast"
 COMMAND = "python benchmarks/paper_forecast.py"
+#: of the repeats of one method on one log
+NETWORKS = {"lowest": np.min, "median": np.median, "highest": np.max}
 WINDOWS = ("0-6 h", "6-12 h", "12-18 h", "18-24 h")
 
 
@@ -45,24 +50,31 @@ def forecast(model: Any, log: Log) -> pd.DataFrame:
     fitted = time.perf_counter()
     origins = midnights(X.index)
     origins = origins[(X.index[origins] >= log.test_start) & (origins + PER_DAY < len(X))]
-    paths = model.predict_from(X, origins)
     rows = origins[:, None] + np.arange(1, PER_DAY + 1)
+    networks = []
+    if len(getattr(getattr(model, "forecaster_", None), "repeats_", ())):
+        each = single_networks(model)
+        model, measured = chosen_network(model, each), X["T_za"].to_numpy()
+        networks = [rmse(one.predict_from(X, origins) - measured[rows]) for one in each]
+    paths = model.predict_from(X, origins)
     out = pd.DataFrame({"temperature": np.nan}, index=X.index)
     out.iloc[rows.ravel(), 0] = paths.ravel()
     held = X["T_za"].interpolate(limit_direction="both")
     out["load"] = log.heat(model.predict_load(X, held))
     out["plan"] = np.nan if log.band is None else log.heat(model.predict_load(X, log.band))
     out = out[out.index >= log.test_start]
-    out.attrs = {"fit": fitted - begun, "predict": time.perf_counter() - fitted}
+    out.attrs = {"fit": fitted - begun, "predict": time.perf_counter() - fitted, "networks": networks}
     return out
 
 
-def kept(name: str, log: Log, seed: int, again: list[str] | None, compute: bool) -> dict[str, pd.DataFrame]:
-    """The forecasts of every method, from an earlier run if there is one; without ``compute`` from that run only."""
-    out = {}
-    for method, make in methods(log, seed).items():
-        path = ROWS / f"{name} {seed} {method}.pkl".replace(" ", "_")
+def kept(name: str, log: Log, seed: int, given: argparse.Namespace) -> dict[str, pd.DataFrame]:
+    """The forecasts of every method, from an earlier run if there is one; for a report from that run only."""
+    out, again = {}, given.again
+    for method, make in methods(log, seed, given.repeats).items():
+        repeats = f" of {given.repeats}" if "LSTM" in method else ""
+        path = ROWS / f"{name} {seed} {method}{repeats}.pkl".replace(" ", "_")
         redo = again is not None and (not again or method in again)
+        compute = not given.report and (given.methods is None or method in given.methods)
         if not compute and not path.is_file():
             continue
         if compute and (redo or not path.is_file()):
@@ -76,6 +88,18 @@ def kept(name: str, log: Log, seed: int, again: list[str] | None, compute: bool)
             print(f"{name}, seed {seed}, {method}: {made.attrs['fit']:.1f} s to fit", flush=True)
         out[method] = pd.read_pickle(path)
     return out
+
+
+def kept_days(log: Log, given: argparse.Namespace) -> pd.DataFrame | None:
+    """Days of a good and of a bad model, from an earlier run if there is one; None if there is none for a report."""
+    path = ROWS / "good_and_bad.pkl"
+    if not path.is_file() and not given.report and given.methods is None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SkhybridWarning)
+            days = forecast_days(log)
+        days.to_pickle(path.with_suffix(".part"))
+        path.with_suffix(".part").replace(path)
+    return pd.read_pickle(path) if path.is_file() else None
 
 
 # --------------------------------------------------------------------------------------------------------------- scores
@@ -103,6 +127,8 @@ def measure(said: pd.DataFrame, log: Log) -> dict[str, float]:
         plan = said["plan"].resample("1h").mean()
         parts["plan kW"] = rmse(plan - heat)
         parts["day kWh"] = rmse(24 * (plan.resample("1D").mean() - heat.resample("1D").mean()))
+    if networks := said.attrs["networks"]:
+        parts |= {f"network {word} K": float(f(networks)) for word, f in NETWORKS.items()}
     return parts | {"fit s": said.attrs["fit"], "predict s": said.attrs["predict"]}
 
 
@@ -115,15 +141,6 @@ def _parts(error: pd.Series, time: pd.DatetimeIndex, unit: str) -> dict[str, flo
 
 
 # --------------------------------------------------------------------------------------------------------------- tables
-def spread(values: list[float]) -> str:
-    """Median, with the lowest and highest if they differ."""
-    values = [v for v in values if np.isfinite(v)]
-    if not values:
-        return ""
-    middle, low, high = (f"{f(values):.3g}" for f in (np.median, min, max))
-    return middle if low == high else f"{middle} ({low} to {high})"
-
-
 def _over_seeds(frames: list[pd.DataFrame], method: str, quantity: str) -> str:
     """One cell, from the seeds in which the method was run."""
     return spread([f.loc[method, quantity] for f in frames if method in f.index and quantity in f])
@@ -132,9 +149,10 @@ def _over_seeds(frames: list[pd.DataFrame], method: str, quantity: str) -> str:
 def table_of(runs: dict[str, list[pd.DataFrame]], quantity: str) -> pd.DataFrame:
     """One row per method, one column per log: median (lowest to highest)."""
     names = list(dict.fromkeys(m for frames in runs.values() for m in frames[0].index))
+    names = [m for m in names if any(quantity in f and m in f.index for frames in runs.values() for f in frames)]
     cells = {m: {log: _over_seeds(frames, m, quantity) for log, frames in runs.items()} for m in names}
     table = pd.DataFrame(cells).T.rename_axis("method")
-    return table.loc[:, (table != "").any()]
+    return table.loc[(table != "").any(axis=1), (table != "").any()]
 
 
 def windows_of(frames: list[pd.DataFrame], unit: str) -> pd.DataFrame:
@@ -155,33 +173,46 @@ def tables(runs: dict[str, list[pd.DataFrame]]) -> dict[str, pd.DataFrame]:
         "Heat that holds the set-points, RMSE of hourly means [kW]": table_of(runs, "plan kW"),
         "The same, RMSE of a day's sum [kWh]": table_of(runs, "day kWh"),
     }
+    for word in NETWORKS:
+        found = table_of(runs, f"network {word} K")
+        if len(found):
+            out[f"Temperature, RMSE [K] of the {word} of the single networks"] = found
     for name, frames in runs.items():
         out[f"{name}: temperature by window of the day, RMSE [K]"] = windows_of(frames, "K")
         out[f"{name}: load by window of the day, RMSE of hourly means [kW]"] = windows_of(frames, "kW")
-    out["Seconds to fit"] = table_of(runs, "fit s")
+    out["Seconds to fit, without the identification, which several methods share"] = table_of(runs, "fit s")
     return out
 
 
 FIGURES = {
-    "windows": "RMSE by 6-hour window of the day, forecasts from midnight (dots: seeds)",
+    "windows": "RMSE by 6-hour window of the day, forecasts from midnight (dots: runs)",
     "oakland": "Oakland, heating season: five days",
     "chicago": "Chicago, heating season: five days",
     "home_2": "A Dutch home, December: five days",
     "home_3": "Another Dutch home, December: five days",
     "small_office": "The EnergyPlus small office, autumn: five days",
 }
+GOOD_AND_BAD = {
+    "good_training": "Chicago, a good disturbance model on days of its training (RMSE without -> with its forecast)",
+    "good_test": "The same on days of the test",
+    "bad_training": "Chicago, a bad disturbance model on days of its training",
+    "bad_test": "The same on days of the test",
+}
 
 
 INTRO = """**Section 4.3**: the paper's office (`make_office`) under Oakland and Chicago TMY3 weather, four summer
 weeks of training from 8 July, then every midnight from 1 December to 1 February, nothing learned in between
-(`adapt=None`; the default as it comes); a seed is another office. **Section 4.4**: four weeks of training, then the
+(`adapt=None`; the default as it comes), in several offices. **Section 4.4**: four weeks of training, then the
 weeks that follow, of two real homes (November; every midnight of December) and of the EnergyPlus small office (17
-September to 14 October; every midnight from 22 October to 14 December); a seed is another network.
+September to 14 October; every midnight from 22 October to 14 December).
 
-**Methods.** Conventional: the identified network with the state that the measurements up to midnight give, and no
-disturbance after it. Hybrid: the same network with a forecast input disturbance; `LSTM` is the paper's
-DEEP_AR_LSTM_FORECAST-case01 alone (20 hidden, ReLU, up to 1000 epochs, patience 150, stopped on the end of the training
-data and not on the test days as in the paper), `output` the same on the output disturbance.
+**Methods.** `no disturbance` is the paper's conventional approach: the identified network with the state that the
+measurements up to midnight give, and zeta = 0 after it. `alone` is the identification's own forecast, in which its
+disturbance persists (OD: an ARMA that decays; ID: a heat that stays); the paper has no such row. Hybrid: the same
+network with a forecast input disturbance; `LSTM` is the paper's DEEP_AR_LSTM_FORECAST-case01 (20 hidden, ReLU, up to
+1000 epochs, patience 150, stopped on the last week of training and not on the test days as in the paper), of several
+repeats the one that this week chooses; `on all days`: trained as long again on all four weeks, which every other
+method has; `output`: the same on the output disturbance.
 
 **Load**: the heat within the plant's limits that holds the measured temperature (paper Eq. inverseQ2), sought anew from
 every midnight, against the heat that was delivered: stage x 6 kW in the simulations, measured in the small office,
@@ -189,15 +220,18 @@ signal x an assumed 8 kW in the homes. `Heat that holds the set-points` knows no
 thermostat's two set-points."""
 
 
-def note(runs: dict[str, list[pd.DataFrame]]) -> str:
+def note(runs: dict[str, list[pd.DataFrame]], repeats: int) -> str:
     """The setup, its differences from the paper, and the figures."""
     loads = ", ".join(f"{name} {np.median([f['mean load kW'].iloc[0] for f in fs]):.2g}" for name, fs in runs.items())
     counts = ", ".join(f"{name} {len(frames)}" for name, frames in runs.items())
     names = [name.replace(" ", "_") for name in runs]
-    pictures = [f"![{t}](paper_forecast_{f}.png)\n\n*{t}.*" for f, t in FIGURES.items() if f in ("windows", *names)]
+    drawn = {f: t for f, t in FIGURES.items() if f in ("windows", *names)} | (GOOD_AND_BAD if "chicago" in runs else {})
+    pictures = [f"![{t}](paper_forecast_{f}.png)\n\n*{t}.*" for f, t in drawn.items()]
     paragraphs = [" ".join(paragraph.split("\n")) for paragraph in INTRO.split("\n\n")]
     paragraphs.append(
-        f"Seeds: {counts}; cells are medians (lowest to highest). Mean size of the delivered heat [kW]: {loads}."
+        f"Runs: {counts} (a simulated run is another office); repeats of each network: {repeats}; cells are medians "
+        f"(lowest to highest) over runs; a verdict is given where all runs agree. Mean size of the delivered heat "
+        f"[kW]: {loads}."
     )
     return "\n\n".join([*paragraphs, reasons(runs), *pictures])
 
@@ -220,17 +254,21 @@ def reasons(runs: dict[str, list[pd.DataFrame]]) -> str:
 def main() -> None:
     """Run what is missing, then write tables and figures."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--offices", type=int, default=7, help="simulated offices of each climate")
+    parser.add_argument("--repeats", type=int, default=10, help="networks of each LSTM")
+    parser.add_argument("--logs", nargs="+", default=list(LOGS), choices=list(LOGS), metavar="LOG")
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", help="methods to run; all by default")
     parser.add_argument("--again", nargs="*", metavar="METHOD", help="methods to compute anew; none named: all")
     parser.add_argument("--report", action="store_true", help="compute nothing: tables and figures of what is kept")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the tables and figures")
     given = parser.parse_args()
     begin = time.perf_counter()
     runs: dict[str, list[pd.DataFrame]] = {}
     shown = {}
-    for name in available():
-        for seed in range(given.seeds):
+    for name in given.logs:
+        for seed in range(given.offices if name in SIMULATED else 1):
             log = LOGS[name](seed)
-            said = kept(name, log, seed, given.again, not given.report)
+            said = kept(name, log, seed, given)
             if not set(DRAWN) <= set(said):  # a report of a run that was stopped
                 continue
             if seed == 0:
@@ -238,9 +276,14 @@ def main() -> None:
             runs.setdefault(name, []).append(pd.DataFrame({m: measure(s, log) for m, s in said.items()}).T)
         for frame in runs.get(name, [])[:1]:
             print(name, frame[["K", "kW"]].round(2).to_dict(), flush=True)
-    draw_all(shown, runs)
+    if not runs:
+        raise SystemExit(f"there is nothing to report; a run needs the methods {', '.join(DRAWN)}.")
+    draw_all(shown, runs, given.out)
+    if "chicago" in shown and (days := kept_days(shown["chicago"][0], given)) is not None:
+        draw_good_and_bad(days, given.out)
     title = "The paper's sections 4.3 and 4.4 again: a day ahead, conventional against hybrid"
-    write_table("paper_forecast", title, COMMAND, tables(runs), note(runs))
+    command = f"{COMMAND} --offices {given.offices} --repeats {given.repeats}"
+    write_table("paper_forecast", title, command, tables(runs), note(runs, given.repeats), given.out)
     print(f"{time.perf_counter() - begin:.0f} s")
 
 

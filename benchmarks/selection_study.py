@@ -3,7 +3,10 @@
 ``python benchmarks/selection_study.py run --store DIR --hours H`` trains an even part of the design matrix, level by
 level, and keeps every result in DIR.  It may be stopped and started again at any time.  One process per climate keeps
 two cores busiest: ``--climates oakland --jobs 1`` beside ``--climates chicago --jobs 1``.
-``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is stored.
+``python benchmarks/selection_study.py compare --store DIR --offices 7 --repeats 10`` puts the chosen cases beside
+ridge, ARX, the default and the gray box in several offices; it may be stopped and started again too.
+``python benchmarks/selection_study.py report --store DIR`` writes ``results/selection_study.*`` from what is stored;
+without ``--store`` it reads the candidates of the last report from ``results/selection_study.csv``.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import _study_baselines
+import _study_offices
 from _study_plan import CHUNK, CLIMATES, ORDER, Split, Unit, estimator, load, units
 from _study_store import n_finished
 
@@ -85,18 +89,26 @@ def search(store: Path, unit: Unit, data: Split, n_jobs: int, **changes: Any) ->
 def main() -> None:
     """Run, or report."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["run", "report"])
-    parser.add_argument("--store", type=Path, required=True, help="folder of results")
+    parser.add_argument("what", choices=["run", "compare", "report"])
+    parser.add_argument(
+        "--store", type=Path, help="folder of results; a report without one reads the last report's .csv"
+    )
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--climates", nargs="+", default=list(CLIMATES), choices=list(CLIMATES))
     parser.add_argument("--frameworks", nargs="+", default=list(ORDER), choices=list(ORDER), help="in this order")
     parser.add_argument("--by-size", action="store_true", help="one size of all frameworks, then the next size")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--offices", type=int, default=7, help="compare: offices of each climate")
+    parser.add_argument("--repeats", type=int, default=10, help="compare: networks of the chosen case")
     given = parser.parse_args()
+    if given.store is None and given.what != "report":
+        parser.error(f"{given.what} needs --store, the folder of results.")
     if given.what == "run":
         todo = list(units(given.levels, given.climates, given.frameworks, given.by_size))
         run(given.store, given.hours, todo, given.jobs)
+    elif given.what == "compare":
+        _study_offices.run(given.store, given.climates, given.offices, given.repeats)
     else:
         from _study_report import report
 

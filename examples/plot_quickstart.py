@@ -28,12 +28,12 @@ X.describe().loc[["min", "mean", "max"]].round(2)
 # %%
 # Two forecasters
 # ---------------
-# The hybrid predictor, and the conventional gray box, which treats the unmeasured heat as noise.  The capacity on the
+# The hybrid predictor, and a gray box alone, which treats the unmeasured heat as noise.  The capacity on the
 # nameplate fixes the scale of the network, which temperatures alone cannot.
 n_train = len(X) - PER_DAY
 nameplate = {"Q_h": 6.0}  # kW
 hybrid = HybridPredictor(known=nameplate).fit(X[:n_train], y[:n_train])
-conventional = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_train], y[:n_train])
+gray_box = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_train], y[:n_train])
 
 # %%
 # Tomorrow
@@ -42,7 +42,7 @@ conventional = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_t
 origin = n_train - 1
 history, future = X[:n_train], X[n_train:].drop(columns="T_za")
 tomorrow = hybrid.forecast(history, future, quantiles=(0.1, 0.9))
-plain = conventional.predict_from(X, [origin], horizon="1D")[0]
+plain = gray_box.predict_from(X, [origin], horizon="1D")[0]
 
 # %%
 # The forecast and the measurement.
@@ -68,9 +68,9 @@ ScheduleDisplay.from_estimator(hybrid)
 # The building
 # ------------
 # The hybrid's network is fitted to forecast well, and its parameters are not those of the building.  An identification
-# finds those.  Its parameters, the true ones and the conventional ones:
+# finds those.  Its parameters, the true ones and those of the gray box:
 identified = PeriodicDisturbanceID(known=nameplate, random_state=0).fit(X[:n_train], y[:n_train])
-pd.DataFrame({"true": office.theta, "identified": identified.theta_, "conventional": conventional.theta_}).round(2)
+pd.DataFrame({"true": office.theta, "identified": identified.theta_, "gray box": gray_box.theta_}).round(2)
 
 # %%
 # The identified disturbance is the heat of people, plugs, lights and air, here over the last week of the training.

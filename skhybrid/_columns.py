@@ -27,6 +27,8 @@ ROLES: tuple[tuple[str, str, str], ...] = (
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
+_LONGEST_NAME = 40  # characters of a column's name that a message shows
+_HUGE = 1e100  # nothing measured is larger; squares of larger numbers overflow
 
 
 def role_of(name: object) -> str | None:
@@ -116,6 +118,26 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
         raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
 
 
+def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
+    """Columns of a frame that is called ``name`` as float64, NaN where missing; refused where one is absent or huge."""
+    if not isinstance(frame, pd.DataFrame):
+        raise ValueError(f"{name} is a {type(frame).__name__}; give a DataFrame.")
+    found = {}
+    for column in columns:
+        if (n := int((frame.columns == column).sum())) != 1:
+            raise ValueError(f"{name} has {n} columns {column!r}; give one.")
+        values = numeric(frame[column], f"column {column!r} of {name}")
+        refuse_huge(values, f"column {column!r} of {name}")
+        found[column] = values
+    return pd.DataFrame(found, index=frame.index, columns=list(found))
+
+
+def refuse_huge(values: np.ndarray, label: str) -> None:
+    """Refuse numbers whose squares could overflow."""
+    if (np.abs(values) > _HUGE).any():
+        raise ValueError(f"{label} holds numbers beyond 1e100; set to NaN what was not measured.")
+
+
 def unmasked(values: Any, label: str) -> Any:
     """Values, NaN where a mask hides them; refused where they are times, a mapping or records."""
     _refuse_times(values, label)
@@ -124,8 +146,6 @@ def unmasked(values: Any, label: str) -> Any:
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     if not isinstance(values, np.ma.MaskedArray):
         return values
-    if np.iscomplexobj(values):
-        raise ValueError(f"Complex data not supported: {label} must be real.")
     return np.where(np.ma.getmaskarray(values), np.nan, _floats(np.ma.getdata(values), label))
 
 
@@ -135,6 +155,8 @@ def as_numbers(values: Any, label: str) -> np.ndarray:
 
 
 def _floats(values: Any, label: str) -> np.ndarray:
+    if np.iscomplexobj(values):
+        raise ValueError(f"Complex data not supported: {label} must be real.")
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -160,13 +182,35 @@ def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
         raise ValueError(f"Found array with {len(X)} sample(s) (n_samples={len(X)}) while {min_rows} are required.")
 
 
+def refuse_infinite(v: np.ndarray, label: str, index: Any) -> None:
+    """Refuse infinite values (n,), of which ``index`` names the rows."""
+    bad = np.isinf(v)
+    if bad.any():
+        raise ValueError(
+            f"{label} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            "set it to NaN where the sensor failed."
+        )
+
+
+def refuse_infinite_columns(X: pd.DataFrame | np.ndarray) -> None:
+    """Refuse infinite values in the columns of a frame, or of an array, that hold numbers."""
+    if not isinstance(X, pd.DataFrame):
+        X = pd.DataFrame(X)
+    for name, column in X.items():
+        if pd.api.types.is_numeric_dtype(column):
+            refuse_infinite(numeric(column), f"column {name!r}", X.index)
+        elif column.dtype == object:
+            floats = np.array([x if isinstance(x, float) else 0.0 for x in column], dtype=np.float64)
+            refuse_infinite(floats, f"column {name!r}", X.index)
+
+
 def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that an input is finite."""
-    bad = ~np.isfinite(v)
+    refuse_infinite(v, f"column {name}", index)
+    bad = np.isnan(v)
     if bad.any():
-        kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
         raise ValueError(
-            f"column {name} contains {kind} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            f"column {name} contains NaN in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
     return np.ascontiguousarray(v, dtype=np.float64)
@@ -174,16 +218,25 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
 
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that history, which may be missing, is not infinite; return a copy."""
-    bad = np.isinf(v)
-    if bad.any():
-        raise ValueError(
-            f"column {name} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
-            "set it to NaN where the sensor failed."
-        )
+    refuse_infinite(v, f"column {name}", index)
     return np.array(v, dtype=np.float64)
 
 
+def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
+    """A frame with 0 where the columns ``names`` are absent or missing to the end, and the first row of that."""
+    if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
+        return X, np.inf
+    filled, n_known = X.copy(deep=False), np.inf
+    for name in names:
+        seen = X[name].notna().to_numpy() if name in X else np.zeros(len(X), dtype=bool)
+        known = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0
+        if known < len(X):
+            filled[name] = X[name].where(np.arange(len(X)) < known, 0.0) if known else 0.0
+            n_known = min(n_known, known)
+    return filled, n_known
+
+
 def listed(names: Iterable[object], most: int = 12) -> str:
-    """Names as text; only the first ``most`` of them."""
-    shown = [repr(str(n)) for n in names]
+    """Names as text; only the first ``most`` of them, and only the beginning of long ones."""
+    shown = [repr(n if len(n) <= _LONGEST_NAME else n[: _LONGEST_NAME - 3] + "...") for n in map(str, names)]
     return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

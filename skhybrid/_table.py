@@ -20,7 +20,6 @@ from ._columns import (
     HISTORY_ROLES,
     columns_by_position,
     columns_by_role,
-    listed,
     missing_roles,
     read_history,
     read_input,
@@ -28,7 +27,13 @@ from ._columns import (
 )
 from ._columns import ROLES as ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import fill_ahead as fill_ahead
+from ._columns import float_columns as float_columns
+from ._columns import listed as listed
 from ._columns import numeric as numeric
+from ._columns import refuse_huge as refuse_huge
+from ._columns import refuse_infinite as refuse_infinite
+from ._columns import refuse_infinite_columns as refuse_infinite_columns
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
@@ -249,8 +254,8 @@ def read_array(estimator: Any, X: Any, **checks: Any) -> np.ndarray:
     """X (n_samples, n_features) as float64 by scikit-learn's checks, NaN where a mask hides it; words are refused."""
     try:
         return np.asarray(validate_data(estimator, unmasked(X, "X"), dtype=np.float64, **checks))
-    except ValueError as error:
-        if "could not convert" not in str(error):
+    except (TypeError, ValueError) as error:
+        if not any(words in str(error) for words in ("could not convert", "float() argument")):
             raise
         raise ValueError(f"X is not numeric ({error}); convert it to float first.") from None
 
@@ -345,12 +350,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
         )
     if isinstance(y, pd.Series | pd.DataFrame):
         refuse_order(y.index, table.index)
-    if np.isinf(target).any():
-        row = int(np.flatnonzero(np.isinf(target))[0])
-        raise ValueError(
-            f"Input y contains infinity or a value too large for dtype('float64') "
-            f"(first at {table.index[row]}); set it to NaN where the sensor failed."
-        )
+    refuse_infinite(target, "y", table.index)
     missing = float(np.isnan(target).mean()) if len(target) else 1.0
     if missing > max_missing:
         raise ValueError(

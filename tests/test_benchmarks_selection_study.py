@@ -193,3 +193,15 @@ def test_a_verdict_follows_the_numbers():
     lstm_row = table.loc["LSTM reduces it"]
     assert lstm_row["oakland"].startswith("does not hold")
     assert lstm_row["chicago"] == "not applicable to this part"
+
+
+def test_the_user_guide_quotes_the_table():
+    root = Path(__file__).resolve().parents[1]
+    table = pd.read_csv(root / "benchmarks" / "results" / "selection_study.csv")
+    errors = table.set_index(["framework", "climate"])["rmse"]
+    text = " ".join((root / "docs" / "user_guide" / "model_selection_study.rst").read_text(encoding="utf-8").split())
+    without = [f"{errors['OD, no disturbance', climate]:.2f} K" for climate in ("oakland", "chicago")]
+    alone = {f"{errors['OD alone', climate]:.2f} K" for climate in ("oakland", "chicago")}
+    assert f'("OD, no disturbance"), has {without[0]} in Oakland and {without[1]} in Chicago.' in text
+    assert len(alone) == 1
+    assert f'("OD alone"), has {alone.pop()} in both.' in text

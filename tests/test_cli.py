@@ -114,7 +114,8 @@ def test_a_log_is_run_end_to_end(files, capsys):
     metrics = json.loads((files / "out" / "metrics.json").read_text())
     assert set(metrics["models"]) >= {
         "hybrid",
-        "conventional OD",
+        "OD alone",
+        "OD, no disturbance",
         "ARX",
         "yesterday",
         "hybrid, two-stage (persistence)",
@@ -220,9 +221,9 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     expected = FacadeIrradiance(52.4, 4.9).fit_transform(data.train[["q_sol"]])
     pd.testing.assert_frame_equal(data.train[sorted(facades)], expected[sorted(facades)])
     models = {one.label: one.estimator for one in make_models(settings)}
-    fitted = {name: models[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "conventional CONV")}
+    fitted = {name: models[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "CONV alone")}
     assert "q_sol_south->za" in fitted["hybrid"].gray_box_.coef_
-    assert [name for name in fitted["conventional CONV"].theta_.index if name.startswith("A_win")] == ["A_win"]
+    assert [name for name in fitted["CONV alone"].theta_.index if name.startswith("A_win")] == ["A_win"]
 
 
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
@@ -239,7 +240,8 @@ def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
     out, _ = capsys.readouterr()
     assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
-    for row in ("hybrid", "conventional OD", "ARX", "hybrid, two-stage (ridge)", "hybrid, two-stage (profile)"):
+    gray_boxes = ("OD alone", "OD, no disturbance", "CONV alone")
+    for row in ("hybrid", *gray_boxes, "ARX", "hybrid, two-stage (ridge)", "hybrid, two-stage (profile)"):
         assert row in out
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
@@ -545,6 +547,15 @@ def test_a_stop_while_it_starts_ends_with_its_code(files):
     running.send_signal(signal.SIGTERM)
     _, err = running.communicate(timeout=60)
     assert (running.returncode, err) == (130, "skhybrid: stopped\n")
+
+
+def test_little_is_imported_before_signals_are_handled():
+    """A signal in the time until then ends the process as the system says, not with the documented code."""
+    program = (
+        "import sys; before = set(sys.modules); import skhybrid.cli; "
+        "sys.exit(bool({'argparse', 'email', 'importlib.metadata', 'numpy'} & (set(sys.modules) - before)))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=60).returncode == 0
 
 
 # ------------------------------------------------------------------------------------------------------ configurations

@@ -224,7 +224,5 @@ def test_wrong_settings_are_refused(office):
         compare_models([GrayBoxRC(), GrayBoxRC()], office.X, office.y)
     with pytest.raises(ValueError, match="purpose='fun' is neither"):
         compare_models([GrayBoxRC()], office.X, office.y, purpose="fun")
-    none = compare_models([PeriodicDisturbanceID("9R9C")], office.X, office.y)
-    assert none.recommended is None
-    assert none.table.empty
-    assert "9R9C" in str(none)
+    with pytest.raises(ValueError, match=r"no model could be fitted.*9R9C"):
+        compare_models([PeriodicDisturbanceID("9R9C")], office.X, office.y)

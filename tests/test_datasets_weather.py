@@ -155,3 +155,16 @@ def test_a_zoned_table_is_taken_in_standard_time():
 def test_refused_tables(table, change, message):
     with pytest.raises(ValueError, match=message):
         make_office(3, start="2024-05-01", weather=change(table), random_state=0)
+
+
+@pytest.mark.parametrize(("value", "words"), [("inf", "contains inf in 1 rows"), ("99.9", "holds 99.9 degC in 1 rows")])
+def test_epw_values_that_stand_for_none_are_refused(tmp_path, value, words):
+    fields = ["2001", "1", "1", "1", "60", "A7", *["5.1"] * 29]
+    stamps = pd.date_range("2001-01-01", periods=8760, freq="1h")
+    rows = [[str(t.year), str(t.month), str(t.day), str(t.hour + 1), *fields[4:]] for t in stamps]
+    rows[100][6] = value
+    head = ["LOCATION,Amsterdam,-,NLD,IWEC,062400,52.30,4.77,1.0,-2.0", *["COMMENTS"] * 7]
+    path = tmp_path / "year.epw"
+    path.write_text("\n".join(head + [",".join(row) for row in rows]) + "\n")
+    with pytest.raises(ValueError, match=words):
+        read_epw(path)

@@ -75,6 +75,14 @@ def test_last_week_beyond_a_week_repeats_the_last_known_one():
     np.testing.assert_array_equal(path, np.concatenate([last, last])[: 9 * 24])
 
 
+def test_none_expects_nothing_and_corrects_nothing():
+    X, y = _weeks(14)
+    model = DisturbanceForecaster("none").fit(X, y)
+    assert (model.predict_from(X.assign(zeta=y), [30, 60]) == 0.0).all()
+    with pytest.raises(ValueError, match="residual_of='none' is not known"):
+        DisturbanceForecaster("mlp", residual_of="none").fit(X, y)
+
+
 def test_persistence_holds_the_last_known_value():
     X, y = _weeks(14)
     zeta = y.copy()

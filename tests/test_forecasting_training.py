@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_info
 
 from skhybrid import GrayBoxRC, HybridPredictor
 from skhybrid.datasets import make_office
-from skhybrid.forecasting import DisturbanceForecaster
+from skhybrid.forecasting import DisturbanceForecaster, fit_many
 from skhybrid.forecasting.networks import jobs as jobs_module
 from skhybrid.forecasting.networks.callbacks import EarlyStoppingPerNetwork
 from skhybrid.forecasting.networks.jobs import discounted_share, train_networks
@@ -197,6 +197,32 @@ def test_a_repeat_is_what_it_is_alone(model, sizes):
         assert (row["seed"], row["n_epochs"]) == (seed, alone.n_epochs_)
         assert alone.repeats_["valid_loss"][0] == min(e["valid_loss"] for e in alone.history_)
         assert row["valid_loss"] == pytest.approx(alone.repeats_["valid_loss"][0], rel=1e-5)
+
+
+@pytest.mark.parametrize("repeats", ["best", "mean"])
+def test_a_refit_trains_on_all_rows_as_long_as_validation_found_best(repeats):
+    X, y = hourly(14)
+    settings = QUICK | {"residual_of": None, "max_epochs": 12}
+    several = {"n_repeats": 3, "repeats": repeats}
+    first = DisturbanceForecaster("mlp", **settings, **several).fit(X, y)
+    again = DisturbanceForecaster("mlp", refit=True, **settings, **several).fit(X, y)
+    pd.testing.assert_frame_equal(first.repeats_, again.repeats_)
+    assert not _same(first, again)
+    used = first.repeats_[first.repeats_["used"]]
+    n_epochs = round(used["best_epoch"].median())
+    kept = np.argmin([epoch["valid_loss"] for epoch in first.history_]) + 1
+    assert kept == first.repeats_.loc[first.repeats_["valid_loss"].idxmin(), "best_epoch"]
+    for row, seed in enumerate(used["seed"]):
+        whole = settings | {"validation_fraction": 0.0, "max_epochs": n_epochs, "random_state": int(seed)}
+        assert _same(DisturbanceForecaster("mlp", **whole).fit(X, y), again, row=row)
+
+
+def test_a_refit_keeps_the_share_of_the_correction():
+    X, y = hourly(14)
+    first, again = (DisturbanceForecaster("mlp", refit=refit, **QUICK).fit(X, y) for refit in (False, True))
+    assert again.network_weight_ == first.network_weight_
+    assert again.history_ == first.history_
+    assert _same(fit_many([again], X, y)[0], again)
 
 
 def test_networks_stop_one_by_one():

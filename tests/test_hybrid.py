@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, clone
+from sklearn.exceptions import NotFittedError
+from sklearn.frozen import FrozenEstimator
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
@@ -349,6 +351,66 @@ def test_settings_of_default_parts_can_be_set():
 def test_a_missing_role_names_the_callers_columns(office):
     with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'outside', 'q_sol'"):
         HybridPredictor().fit(office.X.rename(columns={"T_oa": "outside"}), office.y)
+
+
+@pytest.fixture(scope="module")
+def frozen(office):
+    """A gray box identified on one week, and a predictor of the fortnight after it."""
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=2, random_state=0).fit(
+        office.X[: 7 * DAY], office.y[: 7 * DAY]
+    )
+    model = HybridPredictor(FrozenEstimator(gray_box), DisturbanceForecaster("ridge"), adapt=None)
+    return gray_box, model.fit(office.X[9 * DAY : 23 * DAY], office.y[9 * DAY : 23 * DAY])
+
+
+def test_a_frozen_gray_box_is_used_as_it_is(frozen, office, tmp_path):
+    gray_box, model = frozen
+    end = gray_box.filtered_network_.rolling.tail.index[-1]
+    assert end == office.X.index[7 * DAY - 1]  # the given one is as it was
+    pd.testing.assert_series_equal(model.gray_box_.theta_, gray_box.theta_)
+    pd.testing.assert_series_equal(model.gray_box_.disturbance_, gray_box.disturbance_)
+    rows = office.X[23 * DAY : 24 * DAY]
+    drive = model.gray_box_.drive(rows, [0], np.zeros((1, 8)))
+    whole = gray_box.drive(office.X[9 * DAY : 24 * DAY], [14 * DAY], np.zeros((1, 8)))
+    np.testing.assert_allclose(drive, whole, atol=1e-3)  # the same state, from another start a fortnight before
+    unmeasured = rows.drop(columns="T_za")
+    ahead = model.forecast(None, unmeasured)["T_za"]
+    np.testing.assert_allclose(ahead, model.predict(unmeasured), atol=1e-9)
+    assert rmse(ahead, office.y[rows.index]) < 1.0
+    path = tmp_path / "model.skops"
+    save_model(model, path)
+    np.testing.assert_array_equal(load_model(path).predict(rows), model.predict(rows))
+
+
+def test_a_frozen_gray_box_is_not_identified_again(frozen, office):
+    gray_box, model = frozen
+    later = deepcopy(model).set_params(adapt="full")
+    later = later.fit(office.X[9 * DAY : 23 * DAY], office.y[9 * DAY : 23 * DAY])
+    later.partial_fit(office.X[23 * DAY : 30 * DAY], office.y[23 * DAY : 30 * DAY])
+    pd.testing.assert_series_equal(later.gray_box_.theta_, gray_box.theta_)
+    assert later.forecaster_.training_ != model.forecaster_.training_
+    with pytest.raises(NotFittedError):
+        clone(model).set_params(gray_box=FrozenEstimator(GrayBoxRC())).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    with pytest.raises(ValueError, match="known= does nothing beside a frozen gray_box"):
+        clone(model).set_params(known={"Q_h": 6.0}).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
+    hourly = office.X[::4]
+    with pytest.raises(ValueError, match="step"):
+        clone(model).fit(hourly, hourly["T_za"])
+
+
+@pytest.mark.parametrize("kind", [GrayBoxRC, OutputDisturbanceID])
+def test_the_conventional_approach_expects_no_disturbance(kind, office):
+    train, test = slice(0, 7 * DAY), slice(7 * DAY, 9 * DAY)
+    gray_box = kind(known={"Q_h": 6.0}, n_starts=1, random_state=0)
+    model = TwoStagePredictor.conventional(gray_box).fit(office.X[train], office.y[train])
+    X, origins = office.X[test], np.array([0, DAY // 2])
+    driven = model.gray_box_.drive(X, origins, np.zeros((2, DAY)))
+    np.testing.assert_allclose(model.predict_from(X, origins), driven)
+    assert not np.allclose(driven, model.gray_box_.predict_from(X, origins, horizon="1D"), atol=0.01)
+    load = model.gray_box_.required_heat(X, office.y[test], [0, DAY], np.zeros((2, DAY)))
+    held = model.predict_load(X, office.y[test])
+    np.testing.assert_allclose(held["u_heat"], load["u_heat"], atol=1e-9)
+    assert (held["zeta"] == 0.0).all()
 
 
 def test_memory_identifies_once(office, tmp_path):

@@ -497,6 +497,22 @@ def test_history_then_kind_then_framework_then_median_decide(overview, left, cho
     assert any(said in reason for reason in reasons), reasons
 
 
+@pytest.mark.parametrize(
+    ("medians", "chosen"),
+    [
+        ({"case01": 0.50, "case04": 0.49, "case05": 0.48, "case06": 0.47}, "case04"),
+        ({"case01": 0.49, "case05": 0.48, "case06": 0.47}, "case01"),
+        ({"case05": 0.48, "case06": 0.47}, "case06"),
+    ],
+)
+def test_hour_of_week_is_preferred_to_day_of_week_and_weekday(medians, chosen):
+    rows = [("lstm", case, "input", _name("lstm", case), m) for case, m in medians.items() for _ in range(2)]
+    overview = _overview(pd.DataFrame(rows, columns=["framework", "case", "disturbance", "name", "rmse"]), ())
+    found, reasons = _narrowed(overview, _fake_comparison(overview, list(overview.index)), {"lstm": 0.0})
+    assert found == f"{_name('lstm', chosen)} input"
+    assert any(reason.startswith("Hour of week tells") for reason in reasons) == ("case01" in medians)
+
+
 def test_baselines_are_ranked_by_their_error(results):
     rows = results.iloc[:3].assign(
         framework=["arx", "ridge", "profile"], name=["arx", "ridge", "profile"], case=None, rmse=[0.5, 0.3, 0.9]

@@ -238,6 +238,10 @@ def test_a_network_s_forecast_and_gradient_are_the_same_alone_and_in_a_stack(kin
 def test_networks_of_unequal_shape_share_no_stack():
     with pytest.raises(ValueError, match="equal shape"):
         make_stack([_spec("mlp"), _spec("mlp", hidden_size=6)])
+    with pytest.raises(ValueError, match="equal shape"):
+        make_stack([_spec("lstm", n_layers=1), _spec("lstm", n_layers=2)])
+    with pytest.raises(ValueError, match="deepest networks of a stack must come last"):
+        make_stack([_spec("mlp", n_layers=2), _spec("mlp", n_layers=1)])
 
 
 def test_dropout_drops_its_share_and_rescales():

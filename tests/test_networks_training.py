@@ -101,11 +101,15 @@ def test_training_is_a_plain_loop_over_batches(kind, changes, monkeypatch):
 MIXED = [{"activation": "relu"}, {"activation": "gelu", "dropout": 0.3}, {"activation": "selu", "dropout": 0.1}, {}]
 
 
-@pytest.mark.parametrize("kind", NETWORKS)
-def test_a_network_is_the_same_alone_and_in_a_stack(kind):
-    """Other activations and dropout beside it, and networks that leave the stack earlier, change rounding only."""
-    specs, settings = [_spec(kind, **changes) for changes in MIXED], TrainingSettings(0.02, 40, 12, 3)
-    together = _trained(specs, (1, 2, 3, 4), settings, validates=True)
+DEPTHS = [{"n_layers": 1, "dropout": 0.3}, {"n_layers": 1}, {"n_layers": 2, "activation": "selu"}]
+DEPTHS += [{"n_layers": 4, "activation": "gelu", "dropout": 0.1}]
+
+
+@pytest.mark.parametrize(("kind", "mixed"), [*product(NETWORKS, [MIXED]), ("mlp", DEPTHS), ("mlp", DEPTHS[:3])])
+def test_a_network_is_the_same_alone_and_in_a_stack(kind, mixed):
+    """Others beside it, for an MLP also of other depths, and those that leave earlier, change rounding only."""
+    specs, settings = [_spec(kind, **changes) for changes in mixed], TrainingSettings(0.02, 40, 12, 3)
+    together = _trained(specs, range(1, len(specs) + 1), settings, validates=True)
     assert len({len(one.history) for one in together}) > 1  # they stop one by one
     for seed, (spec, found) in enumerate(zip(specs, together, strict=True), start=1):
         (alone,) = _trained([spec], (seed,), settings, validates=True)
@@ -114,6 +118,7 @@ def test_a_network_is_the_same_alone_and_in_a_stack(kind):
             losses = [[epoch[name] for epoch in one.history] for one in (found, alone)]
             np.testing.assert_allclose(*losses, rtol=1e-4)
         assert found.valid_loss == pytest.approx(alone.valid_loss, rel=1e-4)
+        assert list(found.weights) == list(alone.weights)
         for name, values in alone.weights.items():
             torch.testing.assert_close(found.weights[name], values, rtol=1e-3, atol=1e-4)
 

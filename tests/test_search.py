@@ -345,6 +345,16 @@ def test_what_trains_as_one_stack_is_handed_over_together():
     ]
     changes = sum(one != other for one, other in pairwise(shapes))
     assert changes + 1 == len(set(shapes)) == 4 * 3 * 4  # histories, layers, widths
+    order = sorted(design_matrix(["mlp"], disturbance="input").candidates(), key=candidates.stack_key)
+    shapes = [(c["forecaster__case"], c["forecaster__hidden_size"]) for c in order]  # layers of any number
+    assert sum(one != other for one, other in pairwise(shapes)) + 1 == len(set(shapes))
+    assert len({candidates.stack_key(c)[:2] for c in order}) == len(set(shapes))
+
+
+def test_a_stack_that_fits_into_a_chunk_is_not_cut():
+    stacks = {"abc": "1", "de": "2", "fghijkl": "3", "m": "4"}
+    keys = {name: ("1 d", shape, name) for names, shape in stacks.items() for name in names}
+    assert ["".join(part) for part in workers._parts(keys, 4)] == ["abc", "de", "fghi", "jklm"]
 
 
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):

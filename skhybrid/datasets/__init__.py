@@ -1,5 +1,7 @@
 """The paper's synthetic office, an EnergyPlus run of a small office, and readers of logs and weather files."""
 
+from ._benchmark import BenchmarkLog, load_benchmark
+from ._dutch_homes import load_dutch_home
 from ._epw import read_epw
 from ._office import make_office
 from ._readers import read_zone_csv
@@ -9,7 +11,10 @@ from ._thermostat_plan import make_prbs
 from ._weather import make_weather
 
 __all__ = [
+    "BenchmarkLog",
     "RegularizeReport",
+    "load_benchmark",
+    "load_dutch_home",
     "load_small_office",
     "make_office",
     "make_prbs",

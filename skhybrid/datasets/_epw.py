@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._ranges import check_range
+from .._table import numeric, refuse_infinite_columns
 from ._weather import window_irradiance
 
 TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
@@ -81,7 +83,11 @@ def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         "T_oa": np.roll(T_oa, 1),  # pvlib stamps a row with the start of its hour, but this is the value at the end
         **{name: v / 1000.0 for name, v in (("ghi", ghi), ("dni", dni), ("dhi", dhi))},
     }
-    return pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h")), site
+    frame = pd.DataFrame(columns, index=pd.date_range(f"{TYPICAL_YEAR}-01-01", periods=8760, freq="1h"))
+    refuse_infinite_columns(frame)
+    for name, values in columns.items():  # 99.9 degC and 9999 Wh/m2 stand for missing values
+        check_range(values, name if name == "T_oa" else "q_sol", f"{name} of {str(file)!r}", frame.index)
+    return frame, site
 
 
 def _with_year(frame: pd.DataFrame, year: int) -> pd.DataFrame:
@@ -103,17 +109,22 @@ def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:
 def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
     """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
     for column in ("T_oa", "q_sol"):
+        if not isinstance(weather, pd.DataFrame):
+            raise ValueError(f"weather is a {type(weather).__name__}; give a DataFrame with columns T_oa and q_sol.")
+        if (weather.columns == column).sum() > 1:
+            raise ValueError(f"weather has two columns {column!r}; keep one of them.")
         if column not in weather:
             raise ValueError(f"weather has no column {column!r}, only {', '.join(map(str, weather.columns))}.")
-        if not np.isfinite(weather[column].to_numpy(dtype=np.float64)).all():
+        if not np.isfinite(_numbers(weather[column])).all():
             raise ValueError(
                 f"weather column {column!r} contains NaN or inf; fill it (GapFiller) or choose another span."
             )
     if not isinstance(weather.index, pd.DatetimeIndex) or len(weather) < 2:
         raise ValueError("weather needs a DatetimeIndex of at least two time stamps.")
-    frame = weather[["T_oa", "q_sol"]].set_axis(_standard_time(weather.index), axis=0)
+    frame = weather[["T_oa", "q_sol"]].apply(_numbers).set_axis(_standard_time(weather.index), axis=0)
     if not (frame.index.is_monotonic_increasing and frame.index.is_unique):
         raise ValueError("the time stamps of weather must increase; sort them and drop duplicates.")
+    frame.attrs |= weather.attrs
     if weather.attrs.get("typical_year"):
         frame = _repeat_typical_year(frame, time)
     given = pd.DatetimeIndex(frame.index)
@@ -128,6 +139,10 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
         },
         index=time,
     )
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    return pd.Series(numeric(column, f"weather column {column.name!r}"), column.index)
 
 
 def _standard_time(stamps: pd.DatetimeIndex) -> pd.DatetimeIndex:

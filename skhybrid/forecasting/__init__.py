@@ -4,5 +4,14 @@ from .arx import ARXRegressor
 from .cases import ModelCase, list_cases, list_sizes
 from .forecaster import DisturbanceForecaster
 from .joint_fit import fit_many
+from .weather_error import WeatherError
 
-__all__ = ["ARXRegressor", "DisturbanceForecaster", "ModelCase", "fit_many", "list_cases", "list_sizes"]
+__all__ = [
+    "ARXRegressor",
+    "DisturbanceForecaster",
+    "ModelCase",
+    "WeatherError",
+    "fit_many",
+    "list_cases",
+    "list_sizes",
+]

@@ -1,4 +1,4 @@
-"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence (design 5)."""
+"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence, 0 (design 5)."""
 
 from __future__ import annotations
 
@@ -48,6 +48,19 @@ class WeeklyProfile:
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """The profile at each row ahead, whatever the past."""
         return self.expected(table)[rows_ahead(table, origins, n_leads)]
+
+
+class NoDisturbance:
+    """``"none"``: 0, what the paper's conventional approach expects."""
+
+    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
+        return self
+
+    def expected(self, table: ZoneTable) -> np.ndarray:
+        return np.zeros(table.n_rows)
+
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return np.zeros((len(origins), n_leads))
 
 
 class _WithProfile:

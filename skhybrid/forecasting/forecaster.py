@@ -37,7 +37,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
         lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
         week; ``"last_week"`` the value seven days before, else the last known one of that time of day;
-        ``"persistence"`` the last known value.
+        ``"persistence"`` the last known value; ``"none"`` is 0, as the paper's conventional approach expects.
     case : str or ModelCase, default "case01"
         Features of a network (paper, appendix): ``"case01"``, a long name of the paper, or a case of one's own.
     n_layers : int, default 1
@@ -84,6 +84,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     repeats : {"best", "mean"}, default "best"
         Of several, the one with the lowest validation error forecasts (paper 4.4 chooses by the test error), or the
         mean of all.
+    refit : bool, default False
+        Whether a network, once validation has said how many epochs are best, is trained as long again on all rows, the
+        validation block among them.
     device : str, default "cpu"
         Where torch trains networks: ``"cpu"``, ``"cuda"`` (worth while for large networks or hundreds at once, see
         :func:`~skhybrid.forecasting.fit_many`), or ``"auto"``.  Forecasts are computed on the CPU.
@@ -99,7 +102,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         How many epochs it ran.
     repeats_ : DataFrame
         One row per network: ``seed``, ``n_epochs``, ``train_loss`` of its last epoch, ``valid_loss`` of the weights
-        that are kept, and whether it is ``used``.
+        that are kept, their ``best_epoch``, and whether it is ``used``; all before a refit.
     network_weight_ : float
         Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
         its standard error.  0 drops the network, also where the table was too short for a validation block.
@@ -139,6 +142,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         max_missing: float = 0.5,
         n_repeats: int = 1,
         repeats: Literal["best", "mean"] = "best",
+        refit: bool = False,
         device: str = "cpu",
     ) -> None:
         self.model = model
@@ -167,6 +171,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.max_missing = max_missing
         self.n_repeats = n_repeats
         self.repeats = repeats
+        self.refit = refit
         self.device = device
 
     _tail: ZoneTable
@@ -238,7 +243,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
-        self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "used"])
+        self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "best_epoch", "used"])
         self._network: Any = None  # FittedNetwork
         seed, job = draw_seed(self.random_state), None
         if is_network(self.model):
@@ -269,7 +274,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         if self.residual_of is not None and np.isfinite(target[early]).any():
             base = self._shared_baseline(table, target, split.train_end, shared)
         self._base = base if self.residual_of is None else self._shared_baseline(table, target, table.n_rows, shared)
-        return TrainingJob(self, table, target, base, split, self._n_leads, repeat_seeds(seed, self.n_repeats))
+        seeds = repeat_seeds(seed, self.n_repeats)
+        return TrainingJob(self, table, target, base, split, self._n_leads, seeds, whole_base=self._base)
 
     def _shared_baseline(self, table: ZoneTable, target: np.ndarray, n_rows: int, shared: dict[Any, Any]) -> Any:
         """The baseline of the first ``n_rows``, which ``shared`` may have."""

@@ -22,6 +22,7 @@ _INDEPENDENT_PER_DAY = 2.0  # independent errors per day: those of a day-ahead f
 #: ends of the groups of leads that share a shape [h], and the lead at which each shape holds; between them it blends
 _GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
 _BIN_RATIO = 1.35  # largest ratio of two leads in one bin of the scale
+_SIGMA_LEVELS = (0.1587, 0.5, 0.8413)  # of a normal error: its outer two are two standard deviations apart
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
 LEAST_ERRORS = 20  # fewest errors that intervals are learned from
 
@@ -109,12 +110,19 @@ class LeadIntervals:
         quantiles: Sequence[float] | np.ndarray,
         recent: tuple[np.ndarray, PathClock] | None = None,
         now: float | None = None,
+        further: np.ndarray | None = None,
     ) -> np.ndarray:
         """(n_leads, n_quantiles) quantiles of the error of one path, to be added to it; never decreasing along a row.
 
         ``clock`` has one origin.  ``recent`` has errors of earlier paths, one row per path, and their clock, on which
-        ``now`` is the time of the origin [days]; only errors known at ``now`` are read.
+        ``now`` is the time of the origin [days]; only errors known at ``now`` are read.  ``further`` (n_leads,) is the
+        standard deviation of an independent error, by which the interval is wider.
         """
+        if further is not None:
+            low, middle, high = self.offsets(clock, _SIGMA_LEVELS, recent, now).T
+            wider = np.hypot(1.0, 2.0 * further / np.maximum(high - low, 1e-9))
+            own = self.offsets(clock, quantiles, recent, now)
+            return np.asarray(middle[:, None] + (own - middle[:, None]) * wider[:, None])
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
         if self.follow and recent is not None and now is not None and recent[0].size:

@@ -20,8 +20,8 @@ def fit_many(
 
     Each becomes what ``clone(forecaster).fit(X, y)`` is; networks agree with it to rounding.  What they share is
     computed once: the windows of a case, and the baseline that networks correct.  Networks of equal shape (framework,
-    history, layers and widths; activation, dropout, seed, and for RNN and LSTM the case may differ) are trained as one
-    stack, which each leaves when its own early stopping says so.
+    history, layers and widths; activation, dropout, seed, for an MLP the number of layers, and for RNN and LSTM the
+    case may differ) are trained as one stack, which each leaves when its own early stopping says so.
 
     One thread computes.  To keep several cores busy, give each process some of the forecasters, those of equal shape
     to one process.

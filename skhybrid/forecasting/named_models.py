@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._table import ZoneTable
-from .baselines import LastWeek, Persistence, WeeklyProfile
+from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
 from .cases import NETWORKS
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
@@ -17,6 +17,7 @@ BASELINES: dict[str, Any] = {
     "last_week": LastWeek,
     "persistence": Persistence,
     "ridge": RidgeForecaster,
+    "none": NoDisturbance,
 }
 ACTIVATIONS = ("relu", "selu", "gelu")
 #: the least value of each whole number
@@ -52,7 +53,7 @@ def _check_choices(forecaster: Any) -> None:
     for name, choices in (
         ("activation", ACTIVATIONS),
         ("time_encoding", TIME_ENCODINGS),
-        ("residual_of", (None, *BASELINES)),
+        ("residual_of", (None, *(name for name in BASELINES if name != "none"))),
         ("repeats", ("best", "mean")),
     ):
         value = getattr(forecaster, name)

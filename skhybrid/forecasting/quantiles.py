@@ -16,8 +16,10 @@ from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
+from .weather_error import WeatherError, read_weather_error
 
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
+_SPREAD_ORIGINS, _SPREAD_DRAWS = 6, 8  # origins and drawn weathers that tell what errors of the weather do
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
 _ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day
@@ -51,7 +53,9 @@ class QuantileForecastMixin(RollingForecastMixin):
         return self._intervals
 
     @one_blas_thread
-    def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
+    def predict_quantiles(
+        self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES, *, weather_error: Any = None
+    ) -> np.ndarray:
         """Forecast quantiles of every row from the last origin before it; refused if fitted on too short a table.
 
         Parameters
@@ -60,6 +64,8 @@ class QuantileForecastMixin(RollingForecastMixin):
             As in :meth:`predict`.  Errors of forecasts before an origin set how wide its intervals are.
         quantiles : sequence of float, default (0.1, 0.5, 0.9)
             In (0, 1), increasing.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            How far the weather in X after an origin may be off, which widens the intervals; None: it was measured.
 
         Returns
         -------
@@ -68,7 +74,8 @@ class QuantileForecastMixin(RollingForecastMixin):
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
-        paths_of, first_of = partial(self._quantile_paths, levels=levels), partial(self._first_quantiles, levels=levels)
+        paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
+        first_of = partial(self._first_quantiles, levels=levels)
         return np.concatenate([self._roll(segment, paths_of, first_of) for segment in self._read_X(X).segments])
 
     def _first_quantiles(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
@@ -85,6 +92,8 @@ class QuantileForecastMixin(RollingForecastMixin):
         origins: Sequence[int] | np.ndarray,
         quantiles: Sequence[float] = DEFAULT_QUANTILES,
         horizon: Any = None,
+        *,
+        weather_error: Any = None,
     ) -> np.ndarray:
         """Forecast quantiles of the rows after each of the given origins.
 
@@ -94,6 +103,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         origins : sequence of int; row numbers of X
         quantiles : sequence of float, default (0.1, 0.5, 0.9); in (0, 1), increasing
         horizon : timedelta-like, optional
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
 
         Returns
         -------
@@ -101,9 +111,17 @@ class QuantileForecastMixin(RollingForecastMixin):
             Quantiles of the rows ``origin + 1, origin + 2, ...``; NaN after the last row of X.
         """
         levels = read_quantiles(quantiles)
-        return self._paths_from(X, origins, horizon, partial(self._quantile_paths, levels=levels), levels.shape)
+        paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
+        return self._paths_from(X, origins, horizon, paths_of, levels.shape)
 
-    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
+    def _quantile_paths(
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        levels: np.ndarray,
+        weather: WeatherError | None = None,
+    ) -> np.ndarray:
         """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history."""
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
@@ -113,13 +131,31 @@ class QuantileForecastMixin(RollingForecastMixin):
         paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         errors = measured_ahead(table, past, per_day) - past_paths
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
+        further = self._weather_spread(table, origins, n_leads, weather)
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
             recent = (errors[own], past_clock.rows(own))
-            out[i] = paths[i][:, None] + intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now)
+            out[i] = paths[i][:, None] + intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further)
         return out
+
+    def _weather_spread(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, weather: WeatherError | None
+    ) -> np.ndarray | None:
+        """(n_leads,) root mean square of what errors of the weather change in forecasts; None without such errors."""
+        if weather is None or not len(origins):
+            return None
+        squares = []
+        for origin in origins[np.unique(np.linspace(0, len(origins) - 1, _SPREAD_ORIGINS).astype(int))]:
+            draws = (weather.forecast(table, int(origin), n_leads, draw) for draw in range(1, _SPREAD_DRAWS + 1))
+            plain, *drawn = (self._unadapted(rows, np.array([origin]), n_leads)[0] for rows in (table, *draws))
+            squares.append((np.array(drawn) - plain) ** 2)
+        return np.asarray(np.sqrt(np.mean(squares, axis=(0, 1))))
+
+    def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """Forecasts for what a change of inputs does, which need not learn from the history."""
+        return self._forecast(table, origins, n_leads)
 
     def _both_paths(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int

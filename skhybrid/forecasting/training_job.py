@@ -37,6 +37,8 @@ class TrainingJob(NamedTuple):
     split: Split
     n_leads: int  # rows of the horizon
     seeds: tuple[int, ...]  # of weights, dropout and batches
+    whole_base: Any = None  # the baseline to correct, fitted on all rows
+    n_epochs: int | None = None  # of a refit; None: as validation says
 
 
 class JobResult(NamedTuple):
@@ -45,7 +47,9 @@ class JobResult(NamedTuple):
     network: Any  # FittedNetwork: the network that is used, or all of them, to be averaged
     weight: float  # share in [0, 1] of its correction that is used; 1 where there is no baseline
     history: list[dict[str, float]]  # epochs of the network with the lowest validation error
-    repeats: pd.DataFrame  # one row per seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``used``
+    repeats: (
+        pd.DataFrame
+    )  # one row per seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``best_epoch``, ``used``
 
 
 def draw_seed(random_state: int | np.random.RandomState | None) -> int:

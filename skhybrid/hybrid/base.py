@@ -13,15 +13,14 @@ from sklearn.utils.validation import check_is_fitted
 from .._summary import TrainingRecord, network_tables
 from .._table import ZoneTable, append_tables, read_table, read_target, refuse_other_clock
 from .._threads import one_blas_thread
-from .._time import origin_rows, rows_of
 from .._transaction import unchanged_on_failure
+from ..control import is_plant
 from ..control.setpoints import read_limits, read_setpoint
-from ..forecasting.features import rows_per_day
-from ..forecasting.intervals import LEAST_ERRORS
-from ..forecasting.quantiles import QuantileForecastMixin, intervals_from, quantile_columns, read_quantiles
+from ..forecasting.quantiles import quantile_columns, read_quantiles
+from ..forecasting.weather_error import read_weather_error
 from ..thermal import RCNetwork
-from .plausible_range import PlausibleRange
 from .preprocess import fit_preprocess, preprocessed
+from .quantiles import HybridQuantilesMixin
 from .scheme import Scheme
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
@@ -39,7 +38,7 @@ def _of_scheme(name: str, doc: str) -> Any:
     return property(read, doc=doc)
 
 
-class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
+class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
     adapt: Adapt
@@ -51,7 +50,6 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     origin_step: Any
     max_missing: float
     intervals: bool  # whether fit learns them
-    _scheme: Scheme
 
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
@@ -103,12 +101,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
-        self._intervals = None
-        if intervals:
-            n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
-            left_out = scheme.left_out_errors(n_leads)
-            if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
-                self._intervals = intervals_from(left_out, training)
+        self._learn_intervals(intervals)
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
@@ -160,29 +153,14 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
-    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray) -> np.ndarray:
-        paths = super()._quantile_paths(table, origins, n_leads, levels)
-        lowest, highest = self._present_scheme().plausible(table, origins)
-        return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
-
-    _no_intervals = (
-        "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
-        "T_za measured, and with intervals=True."
-    )
-
-    def _first_past(self, table: ZoneTable) -> int:
-        if table.utc is None or self._learned_to is None:
-            return table.n_history
-        # rows taken in since without learning count too, once the filter has had a day to find the state
-        learned = int((table.utc <= self._learned_to).sum())
-        return min(max(learned, rows_per_day(table.step)), table.n_history)
-
     @one_blas_thread
     def forecast(
         self,
         history: pd.DataFrame | ZoneTable | None,
         future: pd.DataFrame | ZoneTable,
         quantiles: Sequence[float] | None = None,
+        *,
+        weather_error: Any = None,
     ) -> pd.DataFrame:
         """Forecast from the last row of a history.
 
@@ -195,6 +173,8 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             The rows to forecast, with the known future inputs; it begins one step after the history.
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`predict_quantiles`.
 
         Returns
         -------
@@ -227,7 +207,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if history is None:
                 table = append_tables(scheme.rows.end(), ahead)
                 origin = np.array([table.n_rows - n_ahead - 1])
-            bands = self._quantile_paths(table, origin, n_ahead, levels)[0]
+            bands = self._quantile_paths(table, origin, n_ahead, levels, read_weather_error(weather_error))[0]
             found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
         return pd.DataFrame(found, index=future.index)
 
@@ -270,7 +250,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Heating and cooling columns are read up to each origin only.
+            Heating and cooling columns are read up to each origin only; rows ahead need none.
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
@@ -293,10 +273,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             the higher.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
+        plant = filter(is_plant, self._scheme.rows.training.inputs)
+        table, n_tail, origins = self._load_rows(X, plant)
         here = table.rows(slice(n_tail, None))
         wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
-        origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
         return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
 
     @unchanged_on_failure

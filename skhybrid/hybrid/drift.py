@@ -9,6 +9,7 @@ import pandas as pd
 from scipy.optimize import brentq
 
 from .._holidays import read_holidays
+from .._table import float_columns
 from .._transaction import unchanged_on_failure
 
 _ALLOWANCE = 0.5  # allowance of the sum [standard deviations]: a rise of twice as much is found soonest
@@ -77,7 +78,7 @@ class DriftMonitor:
         ValueError
             If fewer than seven days are known.
         """
-        error = (measured - forecast).to_numpy(dtype=np.float64)
+        measured, error = _errors(measured, forecast)
         size = _rms(error)
         if (known := int(np.isfinite(size).sum())) < 7:
             raise ValueError(f"the reference has {known} days with measurement and forecast; give seven or more.")
@@ -98,7 +99,7 @@ class DriftMonitor:
         self.threshold_ = threshold(2.0 * 365.25 / self.false_alarms_per_year)  # each sum has half of the alarms
         spread = _range(measured)[~weekend]
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
-        self._bias = np.nanmean(error, axis=0)
+        self._bias = np.nanmean(np.where(np.isnan(error).all(axis=0), 0.0, error), axis=0)
         self._square = float(np.nanmean(error**2)) + 1e-12
         recurrence, self._usual = self._recurrence(error, weekend, [None, None])
         self.recurrence_ = np.array([0.0, 1.0])
@@ -122,7 +123,9 @@ class DriftMonitor:
             they follow the hours of the day, ``"quiet"`` where the working days since hardly move (a long closure).
             A day's row reads nothing of later days.
         """
-        error = (measured - forecast).to_numpy(dtype=np.float64)
+        measured, error = _errors(measured, forecast)
+        if error.shape[1] != len(self._bias):
+            raise ValueError(f"the days have {error.shape[1]} steps, but those of fit have {len(self._bias)}.")
         weekend, span = self._weekend(measured), _range(measured)
         excess = (self._score(error) - self.mean_[weekend.astype(int)]) / self.std_ - self.allowance_
         recurrence, _ = self._recurrence(error, weekend, self._usual)
@@ -186,6 +189,17 @@ class _Sum:
         if self.total <= 0.0:
             self.begin = day
         self.total = min(max(0.0, self.total + (step if np.isfinite(step) else 0.0)), self._most)
+
+
+def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
+    """The measurements as float64, and (n_days, n_steps) measured less forecast."""
+    known = float_columns(measured, getattr(measured, "columns", ()), "measured")
+    expected = float_columns(forecast, getattr(forecast, "columns", ()), "forecast")
+    if not (isinstance(known.index, pd.DatetimeIndex) and known.index.is_unique and known.shape[1]):
+        raise ValueError("measured has no days as its index, or no columns; give one row per day, stamped by it.")
+    if not (known.index.equals(expected.index) and known.columns.equals(expected.columns)):
+        raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
+    return known, (known - expected).to_numpy(dtype=np.float64)
 
 
 def _rms(error: np.ndarray) -> np.ndarray:

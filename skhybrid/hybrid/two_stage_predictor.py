@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, Self
 
 from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from .._threads import one_blas_thread
@@ -110,6 +111,8 @@ class BaseTwoStage(BaseHybrid):
             raise ValueError("network= does nothing beside a gray_box, which has its own; set it there.")
         gray_box = self._part(self.gray_box)
         if self.known is not None:
+            if isinstance(gray_box, FrozenEstimator):
+                raise ValueError("known= does nothing beside a frozen gray_box, which is not identified; leave it out.")
             if gray_box.known is not None:
                 raise ValueError("known= does nothing beside a gray_box that has its own; set it there.")
             gray_box.set_params(known=self.known)
@@ -135,7 +138,8 @@ class BaseTwoStage(BaseHybrid):
         wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
         if "holidays" in params and params["holidays"] is None:
             wanted["holidays"] = self._reading()["holidays"]
-        return part.set_params(**wanted)
+        part.set_params(**wanted)
+        return part  # FrozenEstimator.set_params returns nothing
 
     @one_blas_thread
     def with_forecasters(self, forecasters: Sequence[Any], disturbance: str | None = None) -> list[Self]:
@@ -223,3 +227,21 @@ class TwoStagePredictor(BaseTwoStage):
     >>> model.fit(office.X[:-96], office.y[:-96]).predict(office.X[-96:]).shape
     (96,)
     """
+
+    @classmethod
+    def conventional(cls, gray_box: Any, **settings: Any) -> Self:
+        """The paper's conventional approach: a gray box under no disturbance (zeta = 0) after each origin.
+
+        It is not the gray box alone (``gray_box.predict``), whose identified disturbance persists: that of
+        :class:`~skhybrid.identification.OutputDisturbanceID` decays by its ARMA model, that of
+        :class:`~skhybrid.identification.InputDisturbanceID` stays.
+
+        Parameters
+        ----------
+        gray_box : estimator
+            The identification.
+        **settings : dict
+            Other parameters, such as ``horizon``.
+        """
+        settings = {"adapt": None, "intervals": False} | settings
+        return cls(gray_box, DisturbanceForecaster("none", horizon=settings.get("horizon", "1D") or "1D"), **settings)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from joblib import Memory
 from sklearn.base import clone
+from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
@@ -61,14 +62,20 @@ class TwoStageScheme(Scheme):
 
     def fit(self, measured: ZoneTable) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
-        dark = {"q_sol": None} if "q_sol" not in measured.inputs else None
-        memory = self.memory if hasattr(self.memory, "cache") else Memory(location=self.memory, verbose=0)
         stamped = with_stamps(measured, ASSUMED_START)
-        self.gray_box_ = memory.cache(_fit_gray_box)(self.gray_box, stamped, measured.history["T_za"], dark)
+        self.gray_box_ = self._identified(stamped, measured.history["T_za"])
         self.disturbance_step_ = disturbance_step(measured.step)
         # the rows in between are wanted again only where the network is identified again
         self.rows = KnownRows.of(measured, keep_all=self.adapt == "full")
         return self._learn_disturbance(self.forecaster)
+
+    def _identified(self, table: ZoneTable, target: np.ndarray) -> Any:
+        """The gray box fitted to a table; a frozen one keeps its parameters and only follows the rows."""
+        if isinstance(self.gray_box, FrozenEstimator):
+            return self.gray_box.estimator.with_rows(table, target)
+        dark = {"q_sol": None} if "q_sol" not in table.inputs else None
+        memory = self.memory if hasattr(self.memory, "cache") else Memory(location=self.memory, verbose=0)
+        return memory.cache(_fit_gray_box)(self.gray_box, table, target, dark)
 
     def _learn_disturbance(self, forecaster: Any) -> Self:
         zeta = self._estimate()
@@ -161,7 +168,11 @@ class TwoStageScheme(Scheme):
     def _identified_again(self) -> Self:
         """The network identified again, from its present parameters, and the forecaster trained on what it leaves."""
         whole = self.rows.whole()
-        gray_box = identify_again(self.gray_box_, with_stamps(whole, ASSUMED_START), whole.history["T_za"])
+        rows = with_stamps(whole, ASSUMED_START), whole.history["T_za"]
+        if isinstance(self.gray_box, FrozenEstimator):
+            gray_box = self.gray_box_.with_rows(*rows)
+        else:
+            gray_box = identify_again(self.gray_box_, *rows)
         made = self._with(gray_box_=gray_box, rows=self.rows.retrained(whole))
         return made._learn_disturbance(clone(self.forecaster_))
 

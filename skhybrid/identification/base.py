@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from .experiment import Experiment, make_experiment
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
-from .fitting.starts import Minimise, search
+from .fitting.starts import Minimise, check_start, search
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
 from .network_model import NetworkModel
@@ -100,9 +101,13 @@ class NetworkIdentifier(NetworkModel):
         """Parameters of the disturbance model."""
         return ()
 
+    def _own_names(self) -> set[str]:
+        """Names that ``disturbance_`` may have."""
+        return {p.name for p in self._own_parameters()}
+
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
-        return smooth.nodes[0].copy()
+        return _smoothed_first(smooth, number)
 
     def _as_fitted(self, problem: Any) -> Any:
         """A problem with some parameters held, so that its loss compares with that of the fit."""
@@ -134,13 +139,12 @@ class NetworkIdentifier(NetworkModel):
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
+        if theta_init is not None:
+            known = {p.name for p in (*parameters, *problem.searched)} | self._own_names()
+            check_start(theta_init, known | set(self.known or {}))
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
-        names = {*self.theta_.index, *self.disturbance_.index, *(p.name for p in problem.searched)}
-        unknown = [name for name in theta_init or () if name not in names]
-        if unknown:
-            raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
@@ -227,7 +231,8 @@ class NetworkIdentifier(NetworkModel):
     def _store_uncertainty(self, found: ParameterUncertainty, at_bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
         names = [p.name for p in self.parameters_]
         self.theta_cov_ = theta_covariance(found, self.theta_, names, idle)
-        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
+        variances = np.maximum(np.diag(self.theta_cov_), 0.0)  # rounding may leave one below zero
+        self.theta_std_ = pd.Series(np.sqrt(variances), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
         self.identifiability_ = assess(found, at_bound, idle)
@@ -250,6 +255,28 @@ class NetworkIdentifier(NetworkModel):
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)
 
+    @one_blas_thread
+    def with_rows(self, X: Any, y: Any) -> Any:
+        """A copy with the same parameters whose known rows, from which forecasts go on, are those of another table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            At the sampling time of ``fit``, else ValueError.
+        y : array-like of shape (n_samples,)
+            Measured zone temperature [degC]; NaN where missing.
+        """
+        check_is_fitted(self)
+        table = self._read_X(X)
+        target = read_targets(y, table, self.network_.history_roles, max_missing=self.max_missing)
+        made, kalman = copy(self), self.filtered_network_.kalman
+        experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
+        keep = rows_covering(self.warmup, table.step)
+        made.filtered_network_ = filter_training(kalman, table, experiment, _smoothed_first, keep)
+        made.initial_state_ = made.filtered_network_.training_start.mean[: kalman.n].copy()
+        made._plant = plant_of(self.network_, self._theta, table)
+        return made
+
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
         """Take rows that follow the last known one into the state, from which the next forecast starts.
 
@@ -271,6 +298,10 @@ class NetworkIdentifier(NetworkModel):
         """The identified model as discrete state-space matrices, at the training's sampling time."""
         check_is_fitted(self)
         return self.state_space_
+
+
+def _smoothed_first(smooth: FilteredStates, number: int) -> np.ndarray:
+    return smooth.nodes[0].copy()
 
 
 def _check_known(p: Parameter, value: Any) -> None:

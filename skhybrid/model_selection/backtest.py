@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,10 +11,12 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._table import ZoneTable, as_numbers, refuse_order
-from .._time import ASSUMED_START, even_step, rows_of
+from .._table import ZoneTable, as_numbers, float_columns, refuse_infinite, refuse_order
+from .._time import ASSUMED_START, even_step, positive_duration, rows_of
 from ..forecasting.quantiles import quantile_columns
+from ..forecasting.weather_error import read_weather_error
 from .single_reading import read_once, reading_of, takes_tables
+from .weather_paths import paths_under
 
 _DAY = pd.Timedelta("1D")
 
@@ -28,6 +31,7 @@ def backtest(
     start: Any = None,
     quantiles: Sequence[float] | None = None,
     whole: bool = True,
+    weather_error: Any = None,
 ) -> pd.DataFrame:
     """Forecast from every origin and put the measurements next to the forecasts.
 
@@ -51,6 +55,10 @@ def backtest(
         Quantiles to forecast as well, in (0, 1), increasing; they need an estimator with ``predict_quantiles_from``.
     whole : bool, default=True
         Whether to leave out the origins whose horizon does not end in X; else the rows that are there count.
+    weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+        Replace the weather after each origin by a forecast with such errors
+        (:class:`~skhybrid.forecasting.WeatherError`), and widen the intervals by what they do; None: the weather in X
+        is known in advance.
 
     Returns
     -------
@@ -80,7 +88,10 @@ def backtest(
     rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()
     if quantiles is not None and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
-    if hasattr(forecaster, "predict_from"):
+    weather, bands = read_weather_error(weather_error), None
+    if weather is not None:
+        paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
+    elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
         paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
@@ -96,7 +107,8 @@ def backtest(
         return frame[there].reset_index(drop=True)
     if not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
-    bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
+    if bands is None:
+        bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
     values = bands.reshape(-1, bands.shape[-1]).T
     frame = frame.assign(**dict(zip(quantile_columns(quantiles), values, strict=True)))
     return frame[there].reset_index(drop=True)
@@ -119,11 +131,14 @@ def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd
     """
     if by not in (None, "lead", "origin"):
         raise ValueError(f"by={by!r} must be None, 'lead' or 'origin'.")
-    error = (frame["y_pred"] - frame["y_true"]).rename("error")
+    pairs = float_columns(frame, ("y_true", "y_pred"), "the back-test")
+    error = (pairs["y_pred"] - pairs["y_true"]).rename("error")
     if by is None:
         known = error.dropna().to_numpy()
         rmse, mae = (np.sqrt(np.mean(known**2)), np.mean(np.abs(known))) if len(known) else (np.nan, np.nan)
         return pd.Series({"rmse": rmse, "mae": mae, "n": len(known)})
+    if by not in frame:
+        raise ValueError(f"the back-test has no column {by!r}; make it with backtest().")
     means = pd.DataFrame({"rmse": error**2, "mae": error.abs()}).groupby(frame[by]).mean()
     return means.assign(rmse=means["rmse"] ** 0.5, n=error.groupby(frame[by]).count())
 
@@ -145,12 +160,14 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
         measurements between them [-]; ``width``, their distance [K]; ``pinball``, the mean loss over all quantiles [K]
         (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
     """
-    levels = {c: float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_")}
+    named = (c for c in map(str, getattr(frame, "columns", ())) if re.fullmatch(r"q_[\d.e-]+", c))
+    levels = {c: float(c.removeprefix("q_")) for c in named}
     if len(levels) < 2:
         raise ValueError("the back-test has no interval; make it with backtest(..., quantiles=(0.1, 0.9)).")
     names = sorted(levels, key=lambda c: levels[c])
-    known = frame["y_true"].notna() & frame[names].notna().all(axis=1)
-    seen, lowest, highest = frame[known], names[0], names[-1]
+    numbers = float_columns(frame, ("y_true", *names), "the back-test")
+    known = numbers.notna().all(axis=1)
+    seen, lowest, highest = numbers[known], names[0], names[-1]
     y = seen["y_true"]
     losses = [np.maximum(levels[c] * (y - seen[c]), (levels[c] - 1.0) * (y - seen[c])) for c in names]
     scores = pd.DataFrame(
@@ -163,6 +180,8 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     )
     if by is None:
         return pd.concat([scores.mean(), pd.Series({"n": len(scores)})])
+    if isinstance(by, str) and by not in frame:
+        raise ValueError(f"by={by!r} is no column of the back-test; give 'lead' or 'origin'.")
     keys = frame[by] if isinstance(by, str) else pd.Series(np.asarray(by), index=frame.index)
     groups = scores.groupby(keys[known])
     return groups.mean().assign(n=groups.size())
@@ -175,8 +194,7 @@ def _truth(X: Any, y: Any) -> np.ndarray:
         raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
     if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
         refuse_order(y.index, X.index)
-    if np.isinf(truth).any():
-        raise ValueError(f"y is infinite in row {int(np.argmax(np.isinf(truth)))}; set it to NaN where it is missing.")
+    refuse_infinite(truth, "y", X.index if isinstance(X, pd.DataFrame | ZoneTable) else np.arange(n_rows))
     return truth
 
 
@@ -203,7 +221,7 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")
-    sampling = pd.Timedelta(given)
+    sampling = positive_duration(given, "sampling_time")
     n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
 

@@ -34,8 +34,8 @@ class ModelComparison:
     tests : DataFrame
         One row per nested pair: ``smaller``, ``larger``, ``extra`` parameters, ``statistic``, ``distribution`` and
         ``p_value`` of the likelihood ratio, and whether the errors of both are ``white``, as it presumes.
-    recommended : str or None
-        Name of the recommended model; None where all failed.
+    recommended : str
+        Name of the recommended model.
     reason : str, why it is recommended
     errors : dict of name to str, why a model, or a part of its assessment, failed
     estimators : dict of name to fitted estimator
@@ -44,7 +44,7 @@ class ModelComparison:
 
     table: pd.DataFrame
     tests: pd.DataFrame
-    recommended: str | None
+    recommended: str
     reason: str
     errors: dict[str, str] = field(default_factory=dict)
     estimators: dict[str, Any] = field(default_factory=dict)
@@ -108,7 +108,7 @@ def compare_models(
     Raises
     ------
     ValueError
-        If there is no estimator, two have the same name, or ``purpose`` is unknown.
+        If there is no estimator, two have the same name, ``purpose`` is unknown, or no model can be fitted.
 
     Notes
     -----
@@ -147,8 +147,8 @@ def compare_models(
     errors = {name: one.error for name, one in done.items() if one.error}
     fitted = {name: one for name, one in done.items() if one.density is not None}
     if not fitted:
-        empty = pd.DataFrame(columns=[*FORMATS, "at_bound", "flat", "not_excited"])
-        return ModelComparison(empty, likelihood_ratio_tests({}, empty), None, "no model could be fitted.", errors)
+        name, cause = next(iter(errors.items()))
+        raise ValueError(f"no model could be fitted, not even {name}: {cause}")
     table = comparison_table(fitted)
     tests = likelihood_ratio_tests(fitted, table)
     name, reason = recommend(fitted, table, tests, purpose, level)

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, DisturbanceForecaster
-from ..hybrid import HybridPredictor
+from ..hybrid import HybridPredictor, TwoStagePredictor
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
@@ -91,8 +91,11 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     reading = {"horizon": settings.horizon, "holidays": settings.holidays}
     made = [
         StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
-        StudyModel("conventional OD", make_gray_box(settings, "output"), "output disturbance identified, not forecast"),
-        StudyModel("conventional CONV", make_gray_box(settings, "conventional"), "no disturbance at all"),
+        StudyModel("OD alone", make_gray_box(settings, "output"), "output disturbance persists as identified"),
+        StudyModel(
+            "OD, no disturbance", _conventional(settings, "output", memory), "the paper's conventional approach"
+        ),
+        StudyModel("CONV alone", make_gray_box(settings, "conventional"), "identified and used without a disturbance"),
         StudyModel("ARX", ARXRegressor(**reading), "black box, fitted once"),
         StudyModel("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
     ]
@@ -128,6 +131,14 @@ def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: An
     own = settings.estimator.get("name", "periodic")
     made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
     return made, f"{own} identification, {forecaster.model} disturbance forecast"
+
+
+def _conventional(settings: Settings, name: str, memory: Any) -> TwoStagePredictor:
+    """A gray box under no disturbance after each origin."""
+    gray_box = make_gray_box(settings, name)
+    return TwoStagePredictor.conventional(
+        gray_box, memory=memory, horizon=settings.horizon, random_state=settings.random_state
+    )
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from ..datasets import read_zone_csv
 from .settings import SCHEDULE
 
@@ -55,8 +56,10 @@ def propose_settings(log: str | PathLike[str]) -> str:
     chosen = _guess_columns(table.rename(columns=lambda name: str(name).strip()))
     for role, what in (("T_za", "room"), ("T_oa", "outdoor")):
         if role not in chosen:
-            shown = ", ".join(map(repr, table.columns))
-            raise ValueError(f"no column of {file.name} looks like the {what} temperature ({shown}).")
+            raise ValueError(
+                f"no column of {file.name} looks like the {what} temperature ({listed(table.columns)}); name it as "
+                f"{role} in the configuration."
+            )
     frame = read_zone_csv(file, chosen, sep=sep, decimal=decimal).replace([np.inf, -np.inf], np.nan)
     return _proposal(file, frame, chosen, (sep, decimal))
 

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from entry_points import ARGUMENTS, TRANSFORMERS, Entry, called, entries, n_rows_of
+from entry_points import ARGUMENTS, Entry, called, entries, n_rows_of
+from estimators import TRANSFORMERS
+from functions import NO_ZONE
 from hypothesis import strategies as st
 from outcomes import Outcome, observe, refusal, state, wrong_numbers
 from zone_tables import COLUMNS, INDEX, NOT_THE_TEMPERATURE, TARGET, Spoilt, Table, _Shown, tables, usually
@@ -21,7 +23,17 @@ _TEMPERATURES += ("simulate", "simulate_states", "update", "partial_fit", *_FITS
 _LOADS = ("predict_load", "required_heat")
 #: results that are NaN where a measurement is missing, or after the last row
 _MISSING = ("innovations", "transform", "fit_transform", "inverse_transform", "regularize", "drift", "predict_from")
-_MISSING += ("predict_quantiles_from", "backtest", "split_log", "diagnose", "drive")
+_MISSING += (
+    "predict_quantiles_from",
+    "score_backtest",
+    "score_intervals",
+    "backtest",
+    "split_log",
+    "diagnose",
+    "drive",
+    "cross_correlation",
+    "autocorrelation",
+)
 _NO_STAMPS = ("rows", "later rows", "floats")
 _NO_SETPOINT = ("sentinel", "NaN", "inf", "word", "crossed", "short array", "complex", "three")
 #: how the same rows can be given otherwise
@@ -111,25 +123,27 @@ class Call(_Shown):
         names = ("T_za",) if entry.method in _LOADS else names
         if entry.estimator in TRANSFORMERS and entry.method != "fit":
             return None  # what is missing or infinite in a table is passed on
-        one_row = entry.method == "score" and self.table.n_rows < 2  # R2 of one row is NaN, as in scikit-learn
-        missing = one_row or entry.method in _MISSING
-        return wrong_numbers(result, missing=missing, temperature=names if roomy else ())
+        return wrong_numbers(result, missing=entry.method in _MISSING, temperature=names if roomy else ())
 
     def lie(self, entry: Entry, warned: bool) -> str | None:
         """What must be refused in this call, where there is something."""
         if entry.estimator in TRANSFORMERS or entry.method in ("regularize", "split_log"):
             return None
+        if entry.estimator is None and entry.name.startswith(NO_ZONE):
+            return None
         forecaster = (entry.estimator or entry.method).startswith(("DisturbanceForecaster", "fit_many"))
-        arx = "ARX" in entry.name or entry.name in ("Pipeline.fit", "backtest")
+        arx = "ARX" in entry.name or "Pipeline" in entry.name or entry.name == "backtest"
         roles = ("T_oa", "q_sol")
         if not forecaster and not arx and entry.method != "forecast":
             roles += ("T_za",)
         if self.table.lies(roles):
             return "a value, a type or a mask that T_oa, q_sol or T_za cannot have"
         arguments = dict(self.arguments)
-        if "setpoint" in entry.parameters and arguments.get("setpoint") in _NO_SETPOINT and self.table.n_rows > 1:
-            return f"the set-point {arguments['setpoint']}"
-        if arguments.get("setpoint") == "degF" and not warned and self.table.n_rows > 1:
+        setpoint = arguments.get("setpoint")
+        fits = self.table.n_rows == 3 and setpoint == "three"  # one value per row
+        if "setpoint" in entry.parameters and setpoint in _NO_SETPOINT and self.table.n_rows > 1 and not fits:
+            return f"the set-point {setpoint}"
+        if setpoint == "degF" and not warned and self.table.n_rows > 1:
             return "the set-point 72, without a warning"
         if entry.method not in _FITS or self.table.container is not None or self.table.n_rows < 24:
             return None
@@ -168,7 +182,8 @@ def calls(draw: st.DrawFn, but: tuple[str, ...] = ()) -> Call:
             first, *others = choices
             chosen = draw(usually(first, others, 2))
             arguments += [(name, chosen)] if chosen != first else []
-    sizes = (96, 48, 24, 6, 4, 3, 2, 1, 0, 216) if entry.method in _FITS else (48, 24, 5, 1, 0, 2, 3, 60, 216)
+    long = entry.method in (*_FITS, "compare_models")
+    sizes = (96, 48, 24, 6, 4, 3, 2, 1, 0, 216) if long else (48, 24, 5, 1, 0, 2, 3, 60, 216)
     table = draw(tables(sizes))
     target = draw(usually("series", TARGET, 1)) if "y" in entry.parameters else "series"
     plain = table.container is None and table.names is None and entry.method in ("predict", "predict_quantiles")

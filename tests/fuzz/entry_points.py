@@ -3,68 +3,27 @@
 from __future__ import annotations
 
 import inspect
-import tempfile
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
-from pathlib import Path
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from estimators import ESTIMATORS, NETWORKS, fitted
+from functions import FUNCTIONS, NOT_CALLED, SETTINGS
 from sklearn.base import BaseEstimator, clone
-from sklearn.linear_model import Ridge
-from sklearn.pipeline import make_pipeline
-from zone_tables import training
 
-from skhybrid import (
-    ARXRegressor,
-    DisturbanceForecaster,
-    GrayBoxRC,
-    HybridPredictor,
-    InputDisturbanceID,
-    OutputDisturbanceID,
-    PeriodicDisturbanceID,
-    SchedulePredictor,
-    TwoStagePredictor,
-)
-from skhybrid.datasets import regularize
-from skhybrid.forecasting import fit_many
-from skhybrid.identification import diagnose, profile_likelihood
-from skhybrid.model_selection import backtest
-from skhybrid.persistence import load_model, save_model
-from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
-from skhybrid.study import Settings, split_log
+import skhybrid
+from skhybrid.study import Settings
 
-_ONE_NODE = {"n_starts": 1, "random_state": 0}
-_KNOWN = {"C_za": 3.0, "R_zo": 3.0, "A_win": 2.0, "Q_h": 6.0, "Q_c": -6.0}
-#: estimators with small budgets
-ESTIMATORS: dict[str, Any] = {
-    "GrayBoxRC": GrayBoxRC("1R1C", **_ONE_NODE),
-    "GrayBoxRC, all known": GrayBoxRC("1R1C", known=_KNOWN, **_ONE_NODE),
-    "InputDisturbanceID": InputDisturbanceID("1R1C", **_ONE_NODE),
-    "OutputDisturbanceID": OutputDisturbanceID("1R1C", **_ONE_NODE),
-    "PeriodicDisturbanceID": PeriodicDisturbanceID("1R1C", **_ONE_NODE),
-    "ARXRegressor": ARXRegressor(n_lags=3, n_input_lags=2, calendar=False),
-    "ARXRegressor, refit": ARXRegressor(n_lags=2, n_input_lags=1, adapt="refit"),
-    "DisturbanceForecaster, profile": DisturbanceForecaster("profile"),
-    "DisturbanceForecaster, last week": DisturbanceForecaster("last_week"),
-    "DisturbanceForecaster, persistence": DisturbanceForecaster("persistence"),
-    "DisturbanceForecaster, ridge": DisturbanceForecaster("ridge"),
-    "DisturbanceForecaster, regressor": DisturbanceForecaster(Ridge()),
-    "HybridPredictor": HybridPredictor(network="1R1C"),
-    "SchedulePredictor": SchedulePredictor(network="1R1C", adapt=None),
-    "TwoStagePredictor": TwoStagePredictor(InputDisturbanceID("1R1C", **_ONE_NODE), DisturbanceForecaster("profile")),
-    "Pipeline": make_pipeline(UnitConverter(), GapFiller(), ARXRegressor(n_lags=3, n_input_lags=2, calendar=False)),
-    "GapFiller": GapFiller("3h"),
-    "UnitConverter": UnitConverter({"T_oa": "degF"}),
-    "FacadeIrradiance": FacadeIrradiance(52.4, 4.9),
-}
 #: how often one is fitted, where a fit is slow (others: 10)
 _SHARE = {"HybridPredictor": 3, "SchedulePredictor": 3, "TwoStagePredictor": 3, "PeriodicDisturbanceID": 1}
 _SHARE |= {"profile_likelihood": 1, "fit_many": 2, "backtest": 4, "GrayBoxRC": 4, "InputDisturbanceID": 4}
-_SHARE |= {"OutputDisturbanceID": 4}
-TRANSFORMERS = ("GapFiller", "UnitConverter", "FacadeIrradiance")
+_SHARE |= {"OutputDisturbanceID": 4, "DesignMatrixSearchCV, ARXRegressor": 2, "compare_models": 1}
+_SHARE |= dict.fromkeys((*NETWORKS, "fit_many, networks", "save and load, mlp"), 1)
+_SHARE |= {name: 1 for name in FUNCTIONS if "Display" in name or name == "skhybrid run"}
 #: public methods that take no table of a user: they take what another method has read, or no table at all
 NO_TABLE = {
     "left_out_paths", "view", "iterate", "refitted", "recursive", "take_rows", "published", "theta_interval",
@@ -163,7 +122,10 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     "max_lag": _constant(day="1D", zero="0h", word="lag", years="1000D", back="-1D"),
     "level": _constant(usual=0.5, zero=0.0, one=1.0, over=2.0, nan=np.nan, word="high"),
     "parameter": _constant(resistance="R_zo", unknown="R_xy", none=None),
-    "by": _constant(none=None, lead="lead", word="x"),
+    "by": _constant(none=None, lead="lead", origin="origin", word="x"),
+    "purpose": _constant(parameters="parameters", forecast="forecast", word="x"),
+    "train": _constant(day="1D", rows=12, zero="0h", word="train", years="1000D", none=None, half=0.5, nan=np.nan),
+    "config": _constant(**{key: key for key in SETTINGS}),
     "settings": _constant(usual=Settings(columns={"T_za": "T_za", "T_oa": "T_oa"}, step="1h")),
     "y_ahead": _constant(none=None),
 }  # fmt: skip
@@ -183,40 +145,8 @@ class Entry(NamedTuple):
     @property
     def share(self) -> int:
         """How often it is called, against others."""
-        slow = self.method in ("fit", "partial_fit") or self.estimator is None
+        slow = self.method in ("fit", "partial_fit") or self.estimator in (None, *NETWORKS)
         return _SHARE.get(self.estimator or self.method, 10) if slow else 5
-
-
-def _there_and_back(estimator: Any, X: Any) -> Any:
-    """What a saved and loaded estimator predicts, which is what the estimator itself predicts."""
-    with tempfile.TemporaryDirectory() as folder:
-        save_model(estimator, Path(folder) / "m")
-        return load_model(Path(folder) / "m").predict(X)
-
-
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "regularize": regularize,
-    "backtest": lambda X, y, horizon, origin_step, start: backtest(
-        fitted("ARXRegressor"), X, y, horizon=horizon or "6h", origin_step=origin_step, start=start
-    ),
-    "diagnose": lambda X, max_lag, level: diagnose(fitted("InputDisturbanceID"), X, max_lag=max_lag, level=level),
-    "profile_likelihood": lambda X, y, parameter: profile_likelihood(
-        clone(ESTIMATORS["InputDisturbanceID"]), X, y, parameter
-    ),
-    "fit_many": lambda X, y: fit_many([clone(ESTIMATORS["DisturbanceForecaster, profile"])], X, y)[0],
-    "split_log": split_log,
-    "save and load, ARXRegressor": lambda X: _there_and_back(fitted("ARXRegressor"), X),
-    "save and load, HybridPredictor": lambda X: _there_and_back(fitted("HybridPredictor"), X),
-}
-
-
-@cache
-def fitted(name: str) -> Any:
-    """An estimator, fitted on the training table."""
-    X, y = training().X, training().y
-    if name.startswith("DisturbanceForecaster"):
-        return clone(ESTIMATORS[name]).fit(X, y - 22.0)
-    return clone(ESTIMATORS[name]).fit(X, y)
 
 
 def _methods(name: str) -> list[str]:
@@ -247,11 +177,23 @@ def _entry(name: str, estimator: str | None, method: str, function: Callable[...
     return Entry(name, estimator, method, parameters)
 
 
+def forgotten() -> set[str]:
+    """Public names that are neither called nor known to need no call."""
+    modules = [import_module(f"skhybrid.{name}") for name in (*_subpackages(), "hybrid")]
+    public = {name for module in modules for name in module.__all__} | set(skhybrid.__all__)
+    names = {text.partition(",")[0].partition(".")[0] for text in (*ESTIMATORS, *FUNCTIONS)}
+    return public - names - set(NOT_CALLED) - {"__version__", *_subpackages(), *skhybrid.exceptions.__all__}
+
+
+def _subpackages() -> list[str]:
+    return [name for name in skhybrid.__all__ if name.islower() and name != "__version__"]
+
+
 def called(entry: Entry) -> tuple[BaseEstimator | None, Callable[..., Any]]:
     """The estimator, a copy where the call changes it, and what is called."""
     if entry.estimator is None:
         return None, FUNCTIONS[entry.method]
-    if entry.method == "fit":
+    if entry.method in ("fit", "fit_transform"):
         estimator = clone(ESTIMATORS[entry.estimator])
     elif entry.method in CHANGING:
         estimator = deepcopy(fitted(entry.estimator))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from entry_points import fitted
+from estimators import NETWORKS, fitted
 from outcomes import Outcome, observe, wrong_numbers
 from zone_tables import training
 
@@ -222,7 +222,8 @@ def toml(content: bytes, choice: int, folder: Path) -> Outcome:
 def _models(folder: Path) -> list[bytes]:
     path = folder / "good.skops"
     made = []
-    for name in ("InputDisturbanceID", "ARXRegressor", "DisturbanceForecaster, ridge", "Pipeline", "HybridPredictor"):
+    names = ("InputDisturbanceID", "ARXRegressor", "DisturbanceForecaster, ridge", "Pipeline", "HybridPredictor")
+    for name in (*names, NETWORKS[0]):
         save_model(fitted(name), path)
         made.append(path.read_bytes())
     return made

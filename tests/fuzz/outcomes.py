@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import sklearn
 from sklearn.base import BaseEstimator
+from sklearn.exceptions import UndefinedMetricWarning
 
 import skhybrid
 
@@ -41,6 +42,10 @@ class Outcome(NamedTuple):
         return self.kind not in (ACCEPTED, REFUSED)
 
 
+class Printed(Exception):
+    """A refusal that the command line has printed."""
+
+
 class TooLong(BaseException):
     """A call took too long."""
 
@@ -54,6 +59,8 @@ def observe(call: Callable[[], Any], judge: Callable[[Any, bool], str | None], s
             result = call()
             warned = any(issubclass(w.category, skhybrid.exceptions.UnitWarning) for w in seen)
             wrong = judge(result, warned)
+            if wrong == "NaN in the result" and any(issubclass(w.category, UndefinedMetricWarning) for w in seen):
+                wrong = None  # the R2 of fewer than two measured rows, as scikit-learn has it
     except Exception as error:
         return refusal(error)
     except TooLong:
@@ -71,12 +78,15 @@ def refusal(error: Exception) -> Outcome:
     on_purpose = place.startswith(_SKLEARN_CHECKS) or (place.startswith(_PACKAGE) and raised)
     own_type = type(error).__module__.startswith("skhybrid.")
     usual_type = isinstance(error, ValueError | TypeError) and not isinstance(error, np.linalg.LinAlgError)
-    if not ((own_type or usual_type) and on_purpose):
+    printed = isinstance(error, Printed)
+    if not printed and not ((own_type or usual_type) and on_purpose):
         codes = [frame.f_code for frame, _ in frames]
         own = next((code for code in reversed(codes) if code.co_filename.startswith(_PACKAGE)), codes[-1])
         where = f"{own.co_filename.removeprefix(_PACKAGE)}:{own.co_name}"
         return Outcome(f"{type(error).__name__} in {where}: {_generic(text)}", text)
-    if place.startswith(_PACKAGE) and (not text or "\n" in text or len(text) > 700 or _sentences(text) > 1):
+    if (printed or place.startswith(_PACKAGE)) and (
+        not text or "\n" in text or len(text) > 700 or _sentences(text) > 1
+    ):
         return Outcome(f"not one sentence: {_generic(text)}", text)
     return Outcome(REFUSED, text)
 

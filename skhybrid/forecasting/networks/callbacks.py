@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class EarlyStoppingPerNetwork(Callback):
     def on_train_begin(self, net: NeuralNet, X: Any = None, y: Any = None, **kwargs: Any) -> None:
         n = len(net.module_.numbers)
         self.ended_ = False  # whether all networks have stopped or the last epoch was run
-        self.flat_ = net.module_.flat.detach().clone()
+        self.best_stack_ = deepcopy(net.module_)  # all networks, with the weights that are kept
         self.histories_: list[list[dict[str, float]]] = [[] for _ in range(n)]
         self.best_ = np.full(n, np.inf)
         self.misses_ = np.zeros(n, dtype=int)
@@ -61,7 +62,7 @@ class EarlyStoppingPerNetwork(Callback):
             self.histories_[number].append({"epoch": len(net.history)} | own)
             if self.patience is None or own["valid_loss"] < self.best_[number] * (1.0 - _THRESHOLD):
                 self.best_[number], self.misses_[number] = own.get("valid_loss", np.nan), 0
-                self.flat_[number] = stack.flat.detach()[row]
+                self.best_stack_.flat.data[number] = stack.flat.detach()[row]
             else:
                 self.misses_[number] += 1
         patience = np.inf if self.patience is None else self.patience
@@ -72,16 +73,11 @@ class EarlyStoppingPerNetwork(Callback):
         if len(running) < len(stack.numbers):
             _keep(net, running)
 
-    def results(self, stack: NetworkStack) -> list[TrainingResult]:
-        """Results of all networks, of whose shape the stack is."""
+    def results(self) -> list[TrainingResult]:
+        """Results of all networks."""
         best = np.where(np.isfinite(self.best_), self.best_, np.nan)
-        found = []
-        for row, history, loss in zip(self.flat_.cpu(), self.histories_, best.tolist(), strict=True):
-            alone = type(stack)(stack.specs[:1])
-            alone.flat.data.copy_(row[None])
-            weights = {name: value[0].detach().clone() for name, value in alone.weights().items()}
-            found.append(TrainingResult(weights, history, loss))
-        return found
+        weights = self.best_stack_.cpu().weights_by_network()
+        return [TrainingResult(*each) for each in zip(weights, self.histories_, best.tolist(), strict=True)]
 
 
 def epoch_losses(net: NeuralNet) -> dict[str, list[float]]:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..cases import RECURRENT, ModelCase
 from ..features import rows_per_day
-from ..training_job import JobResult, TrainingJob
+from ..training_job import JobResult, Split, TrainingJob
 from .callbacks import TrainingResult
 from .fitted import FittedNetwork, make_stack
 from .spec import NetworkSpec
@@ -71,12 +71,34 @@ def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str 
             if on_error == "raise":
                 raise
             results |= dict.fromkeys(numbers, error)
+    again = {i: made for i in plans if (made := _refit(jobs[i], results[i])) is not None}
+    if again:
+        trained = zip(again, train_networks(list(again.values()), verbose, on_error), strict=True)
+        results |= {i: one if isinstance(one, Exception) else _with_network(results[i], one) for i, one in trained}
     return [results[i] for i in range(len(jobs))]
 
 
+def _refit(job: TrainingJob, result: JobResult | Exception) -> TrainingJob | None:
+    """The same training on all rows, as long as validation found best; None where it is not wanted or was that."""
+    if isinstance(result, Exception) or not job.settings.refit or job.split.valid_start is None:
+        return None
+    used = result.repeats[result.repeats["used"]]
+    return job._replace(
+        base=None if job.base is None else job.whole_base,
+        split=Split(job.table.n_rows, None),
+        seeds=tuple(int(seed) for seed in used["seed"]),
+        n_epochs=round(used["best_epoch"].median()),
+    )
+
+
+def _with_network(first: Any, again: JobResult) -> JobResult:
+    """The first result, which knows the validation errors, with the network that saw all rows."""
+    return first._replace(network=again.network)
+
+
 def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult | Exception]:
-    """Train plans of one shape in stacks; neighbours have one activation."""
-    ordered = sorted(plans, key=lambda i: plans[i].spec.activation)
+    """Train plans of one shape in stacks, shallow networks first; neighbours have one activation."""
+    ordered = sorted(plans, key=lambda i: (plans[i].spec.n_layers, plans[i].spec.activation))
     networks = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], TrainingResult] = {}
     device = plans[ordered[0]].training.device
@@ -117,7 +139,8 @@ def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
     if (*key, job.n_leads) not in shared:
         shared[*key, job.n_leads] = _data(job)
     data = shared[*key, job.n_leads]
-    n_epochs = settings.max_epochs if data.valid is not None else min(settings.max_epochs, _EPOCHS_WITHOUT_VALIDATION)
+    unstopped = job.n_epochs or min(settings.max_epochs, _EPOCHS_WITHOUT_VALIDATION)
+    n_epochs = settings.max_epochs if data.valid is not None else unstopped
     device = torch_device(settings.device)
     training = TrainingSettings(settings.learning_rate, settings.batch_size, n_epochs, settings.patience, device)
     return _Plan(job, _spec_of(job, data), training, data)
@@ -180,10 +203,16 @@ def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
             "n_epochs": [len(one.history) for one in found],
             "train_loss": [one.history[-1]["train_loss"] for one in found],
             "valid_loss": losses,
+            "best_epoch": [_best_epoch(one) for one in found],
             "used": [i in used for i in range(len(found))],
         }
     )
     return JobResult(network, weight, found[best].history, repeats)
+
+
+def _best_epoch(result: TrainingResult) -> int:
+    """The epoch, from 1, whose weights are kept."""
+    return 1 + int(np.argmin([epoch.get("valid_loss", -i) for i, epoch in enumerate(result.history)]))
 
 
 def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:

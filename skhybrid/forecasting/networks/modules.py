@@ -16,7 +16,7 @@ memory.  Inputs and forecasts are z-scores.  No network's forecast or gradient c
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import torch
 from torch import Tensor, nn
@@ -28,27 +28,31 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": F.relu, "selu": F
 
 
 class NetworkStack(nn.Module):
-    """Networks of equal shape, which may differ in activation and dropout."""
+    """Networks of equal shape; they may differ in activation, dropout and, if MLPs, in depth; the deepest come last."""
 
     def __init__(self, specs: Sequence[NetworkSpec]) -> None:
         super().__init__()
-        self.spec = specs[0]
+        self.spec = specs[-1]
         if any(one.shape != self.spec.shape for one in specs):
             raise ValueError("networks of a stack must be of equal shape.")
+        if any(a.n_layers > b.n_layers for a, b in pairwise(specs)):
+            raise ValueError("the deepest networks of a stack must come last.")
         self.numbers = list(range(len(specs)))  # of the network in each row, which stays when others leave the stack
-        self._set_specs(specs)
+        self.specs = list(specs)
         self.layers = layers_of(self.spec)
         self._shapes = [shape for layer in self.layers for shape in (layer.shape, layer.shape[:1])]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
-        # (n_networks, n_weights) all weights; those of the layers are views, so that an optimiser steps one tensor
+        # (n_networks, n_weights) all weights; those of the layers are views, so that an optimiser steps one tensor.
+        # Those of layers that a network does not have are 0.
         self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
 
     @torch.no_grad()
     def draw_weights(self, generators: Sequence[torch.Generator], corrects: bool = False) -> NetworkStack:
         """Draw initial weights, each network's from its own generator; a correction of a baseline begins at zero."""
         weights = self.weights()
-        for layer in self.layers[:-1] if corrects else self.layers:
-            for row, generator in enumerate(generators):
+        for row, (spec, generator) in enumerate(zip(self.specs, generators, strict=True)):
+            layers = layers_of(spec)
+            for layer in layers[:-1] if corrects else layers:
                 weight, bias = layer.draw(generator)
                 weights[f"{layer.name}.weight"][row] = weight
                 weights[f"{layer.name}.bias"][row] = bias
@@ -60,6 +64,12 @@ class NetworkStack(nn.Module):
         pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
         return {name: piece.view(len(self.flat), *shape) for name, piece, shape in pieces}
 
+    def weights_by_network(self) -> list[dict[str, Tensor]]:
+        """Copies of the weights of each network, without those of layers that it does not have."""
+        own = [{layer.name for layer in layers_of(spec)} for spec in self.specs]
+        named = [(name, name.partition(".")[0], values.detach().clone()) for name, values in self.weights().items()]
+        return [{name: v[row] for name, layer, v in named if layer in names} for row, names in enumerate(own)]
+
     @torch.no_grad()
     def set_weights(self, weights: dict[str, Tensor]) -> NetworkStack:
         """Copy weights named as :meth:`weights` names them into the stack, which is returned."""
@@ -70,22 +80,14 @@ class NetworkStack(nn.Module):
     def keep(self, rows: list[int]) -> None:
         """Remove the networks of all other rows; ``flat`` becomes another parameter."""
         self.numbers = [self.numbers[row] for row in rows]
-        self._set_specs([self.specs[row] for row in rows])
+        self.specs = [self.specs[row] for row in rows]
         self.flat = nn.Parameter(self.flat.detach()[rows])
 
-    def _set_specs(self, specs: Sequence[NetworkSpec]) -> None:
-        """Store the specs, and the activations of neighbours of one kind with their number."""
-        self.specs = list(specs)
-        runs = [(name, len(list(group))) for name, group in groupby(spec.activation for spec in specs)]
-        self._functions = [_ACTIVATIONS[name] for name, _ in runs]
-        self._lengths = [length for _, length in runs]
-
     def activate(self, z: Tensor) -> Tensor:
-        """The activation of each network; neighbours of one kind are computed together."""
-        if len(self._functions) == 1:
-            return self._functions[0](z)
-        parts = z.split(self._lengths)
-        return torch.cat([function(part) for function, part in zip(self._functions, parts, strict=True)])
+        """The activation of each of the last networks; neighbours of one kind are computed together."""
+        runs = [(name, len(list(run))) for name, run in groupby(spec.activation for spec in self.specs[-len(z) :])]
+        parts = z.split([length for _, length in runs])
+        return torch.cat([_ACTIVATIONS[name](part) for (name, _), part in zip(runs, parts, strict=True)])
 
 
 class MLPStack(NetworkStack):
@@ -94,10 +96,15 @@ class MLPStack(NetworkStack):
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""
         weights, z = self.weights(), inputs.transpose(1, 2)
-        for i in range(self.spec.n_layers):
+        ended: list[Tensor] = []  # hidden values of networks that have no further layer
+        depths = [spec.n_layers for spec in self.specs]
+        for i in range(depths[-1]):
             z = self.activate(dense(weights, f"hidden{i}", z))
-            z = z if kept is None else z * kept[:, i]
-        return base + dense(weights, "out", z).transpose(1, 2)
+            z = z if kept is None else z * kept[-len(z) :, i]
+            n_ended = depths.count(i + 1)
+            ended.append(z[:n_ended])
+            z = z[n_ended:]
+        return base + dense(weights, "out", torch.cat(ended)).transpose(1, 2)
 
 
 class CNNStack(NetworkStack):
@@ -128,5 +135,8 @@ class CNNStack(NetworkStack):
 
 
 def dense(weights: dict[str, Tensor], name: str, z: Tensor) -> Tensor:
-    """``W z + b`` of every network, (n_networks, n_out, n_windows)."""
-    return torch.baddbmm(weights[f"{name}.bias"][:, :, None], weights[f"{name}.weight"], z)
+    """``W z + b`` of the last networks, (n_networks, n_out, n_windows)."""
+    weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
+    if len(z) < len(weight):
+        weight, bias = weight[-len(z) :], bias[-len(z) :]
+    return torch.baddbmm(bias[:, :, None], weight, z)

@@ -38,18 +38,25 @@ class NetworkSpec(NamedTuple):
 
     @property
     def shape(self) -> NetworkSpec:
-        """What networks of a stack must share: all but the activation and the share of dropout."""
-        return self._replace(activation="", dropout=0.0)
+        """What networks of a stack must share: all but activation, share of dropout and, of MLPs, number of layers."""
+        return self._replace(activation="", dropout=0.0, n_layers=0 if self.kind == "mlp" else self.n_layers)
 
-    def draw_dropped(self, n_windows: int, share: float, generator: torch.Generator) -> Tensor:
-        """(n_layers, hidden_size, n_windows) bool: values to drop; a CNN has one layer, RNN and LSTM the leads."""
+    @property
+    def n_dropping(self) -> int:
+        """How often hidden values are dropped: in every layer of an MLP, before the output of others."""
+        if self.kind in N_GATES:
+            return self.n_leads
+        return 1 if self.kind == "cnn" else self.n_layers
+
+    def draw_kept(self, n_windows: int, generator: torch.Generator) -> Tensor:
+        """(n_dropping, hidden_size, n_windows) bool: values that dropout keeps."""
         width, device = rounded_up(self.hidden_size), generator.device
         if self.kind in N_GATES:
-            drawn = torch.empty(self.n_leads, width, n_windows, device=device).uniform_(generator=generator)
+            drawn = torch.empty(self.n_dropping, width, n_windows, device=device).uniform_(generator=generator)
         else:
-            n_layers = 1 if self.kind == "cnn" else self.n_layers
-            drawn = torch.empty(n_layers, n_windows, width, device=device).uniform_(generator=generator).transpose(1, 2)
-        return (drawn < share)[:, : self.hidden_size]
+            drawn = torch.empty(self.n_dropping, n_windows, width, device=device).uniform_(generator=generator)
+            drawn = drawn.transpose(1, 2)
+        return (drawn >= self.dropout)[:, : self.hidden_size]
 
 
 class Layer(NamedTuple):

@@ -89,13 +89,12 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
     shares = [spec.dropout for spec in stack.specs]
     if not any(shares):
         return None
-    dropped = [
-        stack.spec.draw_dropped(n_windows, share, generator) if share else None
-        for share, generator in zip(shares, generators, strict=True)
-    ]
-    like = next(one for one in dropped if one is not None)
-    values = torch.stack([torch.zeros_like(like) if one is None else one for one in dropped])
-    return Kept(~values, 1.0 / (1.0 - torch.tensor(shares, device=values.device)[:, None, None, None]))
+    size, device = (stack.spec.n_dropping, stack.spec.hidden_size, n_windows), generators[0].device
+    values = torch.ones(len(shares), *size, dtype=torch.bool, device=device)
+    for row, spec, generator in zip(values, stack.specs, generators, strict=True):
+        if spec.dropout:
+            row[: spec.n_dropping] = spec.draw_kept(n_windows, generator)
+    return Kept(values, 1.0 / (1.0 - torch.tensor(shares, device=values.device)[:, None, None, None]))
 
 
 class SquaredErrorsPerNetwork(torch.nn.Module):
@@ -212,7 +211,7 @@ def train_stack(
     stopping = dict(net.callbacks_)["stopping"]
     if not stopping.ended_:  # skorch takes a user's interruption for the end of training
         raise KeyboardInterrupt
-    return stopping.results(stack)
+    return stopping.results()
 
 
 def _on_device(generator: torch.Generator, device: str) -> torch.Generator:

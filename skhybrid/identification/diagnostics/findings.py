@@ -118,8 +118,12 @@ class ErrorPattern:
         if not isinstance(self.index, pd.DatetimeIndex):
             return []
         quarter = np.asarray(self.index.hour) // 6
-        block = np.array([np.nanmean(np.append(self.z[quarter == q] ** 2, np.nan)) for q in range(4)])
-        if not block.max() > 3.0 * block.min():  # False too where a quarter has no row
+        seen = np.isfinite(self.z)
+        count = np.bincount(quarter[seen], minlength=4)
+        if not count.all():
+            return []
+        block = np.bincount(quarter[seen], self.z[seen] ** 2) / count
+        if not block.max() > 3.0 * block.min():
             return []
         hour = 6 * int(block.argmax())
         return [

@@ -11,6 +11,8 @@ from scipy import stats
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
+from ..._table import as_numbers
+
 _Z95 = 1.959964  # 95 % of a standard normal variable lies within
 _MAX_ORDER = 32  # longest autoregression that makes an input white
 
@@ -62,7 +64,7 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
     -----
     ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2``: Ljung and Box (1978), with missing rows Stoffer and Toloi (1992).
     """
-    n = int(np.isfinite(np.asarray(errors, dtype=np.float64)).sum())
+    n = int(np.isfinite(as_numbers(errors, "the series")).sum())
     table = autocorrelation(errors, max(lags))
     total = ((n + 2) / n * table["n_pairs"] * table["acf"] ** 2).fillna(0.0).cumsum()
     counted = (table["n_pairs"] > 0).cumsum()
@@ -154,7 +156,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
         x^2 e^2) / (n sd(x) sd(e))``, right where both are larger by day), and the standardised value ``t``.
     """
     white = prewhiten(errors)
-    measured = np.isfinite(np.asarray(errors, dtype=np.float64)).sum()
+    measured = np.isfinite(as_numbers(errors, "the series")).sum()
     # scattered gaps leave no row whose past is whole: then the errors stay as they are, and the test is weaker
     z, seen = _centred(white if np.isfinite(white).sum() > measured // 2 else errors)
     x, known = _centred(prewhiten(series))
@@ -185,8 +187,10 @@ def independence(t: Any) -> float:
 
 def _centred(errors: Any) -> tuple[np.ndarray, np.ndarray]:
     """Errors less their mean, 0 where missing; and which were measured."""
-    values = np.asarray(errors, dtype=np.float64).reshape(-1)
+    values = as_numbers(errors, "the series").reshape(-1)
     seen = np.isfinite(values)
+    if (np.abs(values[seen]) > 1e100).any():
+        raise ValueError("the series holds numbers beyond 1e100; set to NaN what was not measured.")
     if seen.sum() < 3 or np.ptp(values[seen]) == 0.0:
         raise ValueError(
             f"{int(seen.sum())} values, {'all the same' if seen.sum() > 2 else 'too few'}, say nothing of correlation; "

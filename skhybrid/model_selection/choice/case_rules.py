@@ -82,7 +82,9 @@ def select_case(
     2. *Robustness*: of the others, those indistinguishable from the best are kept (:class:`RobustnessComparison`).
     3. *History*: of these, the ones with the shortest history are kept.
     4. *Disturbance*: of these, ID is preferred to OD.
-    5. Of the rest, the framework with the best effect in the regression is chosen, then the lowest median error.
+    5. *Framework*: of these, the one with the best effect in the regression is chosen.
+    6. *Time*: of these, cases by hour of week are preferred to those by day of week or weekday (paper 4.2).
+    7. Of the rest, the lowest median error decides.
 
     Parameters
     ----------
@@ -140,13 +142,21 @@ def _keys(table: pd.DataFrame) -> pd.Series:
 
 
 def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.DataFrame:
-    """One row per case: identity, ``history`` [d], ingredients, ``median`` [K] and ``n_sizes``."""
+    """One row per case: identity, ``history`` [d], ``week`` feature, ingredients, ``median`` [K] and ``n_sizes``."""
     made_of = ingredients(candidates, cases).assign(key=_keys(candidates))
     first = candidates.assign(key=_keys(candidates)).groupby("key")[list(_IDENTITY)].first()
-    first["history"] = [case_of(f, c, cases).history for f, c in zip(first["framework"], first["case"], strict=True)]
+    found = [case_of(f, c, cases) for f, c in zip(first["framework"], first["case"], strict=True)]
+    first["history"], first["week"] = [case.history for case in found], [_week_feature(case) for case in found]
     errors = candidates["rmse"].groupby(_keys(candidates))
     overview = first.join(made_of.groupby("key").first())
     return overview.assign(median=errors.median(), n_sizes=errors.size()).sort_values("median", kind="stable")
+
+
+def _week_feature(case: ModelCase) -> str:
+    """``"day"`` for a case that reads day of week or weekday, ``"hour"`` for hour of week alone, else ``""``."""
+    if {"dow", "weekday"} & set(case.features):
+        return "day"
+    return "hour" if "how" in case.features else ""
 
 
 def _size(candidates: pd.DataFrame) -> dict[str, Any]:
@@ -232,6 +242,9 @@ def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dic
         framework = min(frameworks, key=lambda name: effects[name])
         left = left[left["framework"] == framework]
         reasons.append(f"Of the remaining frameworks, {framework} has the best effect ({effects[framework]:+.3f} K).")
+    if {"hour", "day"} <= set(left["week"]):
+        left = left[left["week"] != "day"]
+        reasons.append("Hour of week tells a weekly pattern better than day of week or weekday and is preferred.")
     if len(left) > 1:
         reasons.append(f"Of the remaining {len(left)} cases, the one with the lowest median error is chosen.")
     return str(left.index[0]), reasons

@@ -73,11 +73,12 @@ def shares_network(estimator: Any, params: Mapping[str, Any]) -> bool:
 
 
 def stack_key(params: Mapping[str, Any]) -> tuple[str, ...]:
-    """Sorting key that puts candidates of equal shape, which train as one stack, next to each other."""
+    """Sorting key of candidates; those whose first two parts are equal train as one stack."""
     own = _own_names(params)
     model, case = own.pop("model", None), own.pop("case", None)
     history = f"{_days_of_history(model, case)} d" if isinstance(model, str) and model in RECURRENT else str(case)
-    same_shape = {name: own.pop(name, None) for name in ("activation", "dropout", "random_state")}
+    others = ("activation", "dropout", "random_state", *(["n_layers"] if model == "mlp" else []))
+    same_shape = {name: own.pop(name, None) for name in others}
     return (history, as_plain(dict(sorted(own.items()))), str(case), as_plain(same_shape))
 
 

@@ -67,7 +67,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     retry_failed : bool, default False
         Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12
-        Candidates of one framework and case that a worker takes at once; a kill loses the chunks in work.
+        Most candidates of one framework that a worker takes at once; a kill loses the chunks in work.
     verbose : int, default 1
         0 shows nothing, 1 a progress bar with the rate and the time left.
 
@@ -206,7 +206,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
         """Names of the scores."""
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
-            raise ValueError(f"every candidate failed, the first with\n{outcome.results[0][0].error}")
+            last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
+            cause = last.partition(". ")[0].removesuffix(".")
+            raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {cause}.")
         return list(good.scores)
 
     def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, baselines: Outcome | None) -> None:

@@ -17,7 +17,7 @@ from sklearn.metrics import get_scorer
 from sklearn.pipeline import Pipeline
 from sklearn.utils import _safe_indexing
 
-from ..._table import ZoneTable
+from ..._table import ZoneTable, as_numbers, refuse_huge
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.joint_fit import fit_each
 from ..single_reading import read_alike, read_once, reading_of, takes_tables
@@ -34,7 +34,9 @@ class MeasuredRmse:
 
     def __call__(self, estimator: Any, X: Any, y: Any) -> float:
         """Score a fitted estimator on a table and its target (n_samples,), NaN where missing."""
-        error = np.asarray(estimator.predict(X), dtype=np.float64) - np.asarray(y, dtype=np.float64)
+        measured = as_numbers(y, "y")
+        refuse_huge(measured, "y")
+        error = np.asarray(estimator.predict(X), dtype=np.float64) - measured
         return self.sign * float(np.sqrt(np.nanmean(error**2)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import groupby, islice
 from typing import Any, NamedTuple, Self
 
 from joblib import Parallel, delayed, effective_n_jobs
@@ -100,9 +100,8 @@ class Runner:
         size = max(1, int(self._chunk_size))
         chunks = []
         for names in groups.values():
-            names = sorted(names, key=lambda name: stack_key(named[name]))
-            parts = [names[start : start + size] for start in range(0, len(names), size)]
-            chunks += [Chunk(networks[part[0]], {name: named[name] for name in part}) for part in parts]
+            for part in _parts({name: stack_key(named[name]) for name in names}, size):
+                chunks.append(Chunk(networks[part[0]], {name: named[name] for name in part}))
         return sorted(chunks, key=lambda chunk: -sum(map(effort_of, chunk.params.values())))
 
     def _network_of(self, params: Mapping[str, Any]) -> str | None:
@@ -150,6 +149,18 @@ class Runner:
             for found in self._workers.run(calls):
                 self._networks |= {key: Shared(network) for key, network in found.items()}
             bar.set_postfix_str("")
+
+
+def _parts(keys: Mapping[str, tuple[str, ...]], size: int) -> list[list[str]]:
+    """Names of candidates in parts of at most ``size``; what trains as one stack is cut only if it is larger."""
+    parts: list[list[str]] = []
+    for _, stack in groupby(sorted(keys, key=lambda name: keys[name]), key=lambda name: keys[name][:2]):
+        names = list(stack)
+        for piece in (names[start : start + size] for start in range(0, len(names), size)):
+            if not parts or len(parts[-1]) + len(piece) > size:
+                parts.append([])
+            parts[-1] += piece
+    return parts
 
 
 def _unfinished(work: Sequence[tuple[Chunk, int]], found: Mapping[Task, Result]) -> list[tuple[Chunk, int]]:

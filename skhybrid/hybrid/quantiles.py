@@ -1,0 +1,57 @@
+"""Intervals of the hybrid predictors: learned from left-out training rows, within what is plausible."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable
+from .._time import rows_of
+from ..forecasting.features import rows_per_day
+from ..forecasting.intervals import LEAST_ERRORS
+from ..forecasting.quantiles import QuantileForecastMixin, intervals_from
+from .plausible_range import PlausibleRange
+from .scheme import Scheme
+
+
+class HybridQuantilesMixin(QuantileForecastMixin):
+    """``predict_quantiles`` over a scheme."""
+
+    _scheme: Scheme
+    _learned_to: pd.Timestamp | None  # the last stamp that was learned from
+    _no_intervals = (
+        "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
+        "T_za measured, and with intervals=True."
+    )
+
+    def _present_scheme(self) -> Scheme:
+        raise NotImplementedError
+
+    def _learn_intervals(self, wanted: bool) -> None:
+        self._intervals = None
+        if not wanted:
+            return
+        training = self._scheme.rows.training
+        n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
+        left_out = self._scheme.left_out_errors(n_leads)
+        if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
+            self._intervals = intervals_from(left_out, training)
+
+    def _quantile_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray, weather: Any = None
+    ) -> np.ndarray:
+        paths = super()._quantile_paths(table, origins, n_leads, levels, weather)
+        lowest, highest = self._present_scheme().plausible(table, origins)
+        return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
+
+    def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature
+
+    def _first_past(self, table: ZoneTable) -> int:
+        if table.utc is None or self._learned_to is None:
+            return table.n_history
+        # rows taken in since without learning count too, once the filter has had a day to find the state
+        learned = int((table.utc <= self._learned_to).sum())
+        return min(max(learned, rows_per_day(table.step)), table.n_history)

@@ -1,0 +1,113 @@
+"""The public benchmark: its logs and splits, and the table that any estimator enters."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.linear_model import Ridge
+
+from skhybrid import ARXRegressor
+from skhybrid.datasets import load_benchmark, load_dutch_home, read_zone_csv
+from skhybrid.datasets._benchmark import LOGS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+
+import leaderboard
+from _forecast_data import DataSet, data_sets
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+SHIPPED = [name for name in LOGS if not name.startswith("make_office")]
+#: rows of training and after it
+FROZEN = {
+    "office autumn, same control": (4032, 5952),
+    "office autumn, new control": (4032, 5951),
+    "dutch home 1": (1976, 1824),
+    "dutch home 2": (3548, 2976),
+    "dutch home 3": (3548, 2976),
+}
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the reference data are not beside the checkout")
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_a_home_is_the_published_log(number):
+    columns = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
+    published = read_zone_csv(SHARED / f"dutch_home_{number}.csv", columns, timezone="Europe/Amsterdam")
+    home = load_dutch_home(number)
+    pd.testing.assert_frame_equal(home.X, published.assign(u_heat=published["u_heat"] / 78.0))
+    pd.testing.assert_series_equal(home.y, home.X["T_za"])
+    assert "MIT" in home.DESCR
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_splits_are_frozen(name):
+    log = load_benchmark([name])[name]
+    assert (len(log.train), len(log.later)) == FROZEN[name]
+    step = pd.Timedelta("15min")
+    assert log.later.index[0] - log.train.index[-1] == (2 * step if "new" in name else step)
+    assert (np.diff(log.later.index.asi8) == np.diff(log.later.index.asi8)[0]).all()
+    assert log.start >= log.later.index[0]
+    assert log.start == log.start.normalize()
+    assert log.truth is None
+    shared = data_sets()[name](0)  # the rows of benchmarks/forecast.py are the same
+    pd.testing.assert_frame_equal(shared.train, log.train)
+    assert (shared.start, shared.origin_step, shared.known) == (log.start, log.origin_step, log.known)
+
+
+def test_unknown_logs_are_refused():
+    with pytest.raises(ValueError, match="names= has 'dutch home 4', but the logs are 'office autumn"):
+        load_benchmark(["dutch home 4"])
+    with pytest.raises(ValueError, match="number=4 is no home; choose 1, 2 or 3"):
+        load_dutch_home(4)
+
+
+class Thief(Ridge):
+    """It repeats the room temperature where it is shown it."""
+
+    def predict(self, X):
+        return X["T_za"].to_numpy() if "T_za" in X else super().predict(X)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """The benchmark with one short log."""
+    log = load_benchmark(["dutch home 2"])["dutch home 2"]
+    later = log.later[: 5 * 96]
+    data = DataSet("dutch home 2", log.train[-10 * 96 :], later, log.start, "1D", known=log.known)
+    monkeypatch.setattr(leaderboard, "data_sets", lambda: {"dutch home 2": lambda seed: data})
+    monkeypatch.setattr(leaderboard, "LOGS", {"dutch home 2": None})
+    return data
+
+
+def test_an_estimator_enters_by_one_command(small, tmp_path):
+    (tmp_path / "mine.py").write_text("from sklearn.linear_model import Ridge\n\ndef make():\n    return Ridge()\n")
+    leaderboard.main([f"{tmp_path / 'mine.py'}:make", "--name", "mine", "--results", str(tmp_path)])
+    leaderboard.main(["skhybrid:ARXRegressor", "--results", str(tmp_path)])
+    leaderboard.main(["skhybrid:ARXRegressor", "--results", str(tmp_path)])
+    kept = pd.read_csv(tmp_path / "leaderboard.csv").set_index("model")
+    assert list(kept.index) == ["ARXRegressor", "mine"]
+    assert kept.loc["ARXRegressor", "K, 1 h"] < kept.loc["ARXRegressor", "K, 24 h"]
+    table = (tmp_path / "leaderboard.md").read_text()
+    best, other = kept["K"].sort_values().index
+    assert table.index(f"| {best} |") < table.index(f"| {other} |")
+    with pytest.raises(SystemExit, match="there is no file"):
+        leaderboard.main(["absent.py:make"])
+
+
+def test_the_temperature_of_the_row_that_is_forecast_is_not_shown(small):
+    shown = leaderboard.score(Thief(), small)["K"]
+    assert shown < 1e-9  # a regressor that is shown it needs no skill
+    hidden = leaderboard.score(leaderboard.WithoutTemperature(Thief()), small)
+    assert hidden["K"] > 0.1
+    assert np.isnan(hidden["coverage"])
+
+
+def test_the_intervals_of_an_estimator_are_scored(small):
+    found = leaderboard.score(ARXRegressor(), small)
+    assert found["K"] > 0.0
+    assert np.isnan(found["kW"])  # a signal has no kW
+    if hasattr(ARXRegressor, "predict_quantiles_from"):
+        assert 0.0 < found["coverage"] <= 1.0

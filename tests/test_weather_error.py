@@ -1,0 +1,149 @@
+"""Errors of weather forecasts, and forecasts and intervals under them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator
+from sklearn.linear_model import Ridge
+
+from skhybrid import ARXRegressor, HybridPredictor
+from skhybrid._table import ZoneTable, read_table
+from skhybrid.datasets import make_office
+from skhybrid.forecasting import WeatherError
+from skhybrid.model_selection import backtest, score_backtest
+
+N_LEADS = 96
+
+
+def _table(n_days: int = 16, **inputs: np.ndarray) -> ZoneTable:
+    time = pd.date_range("2024-03-04", periods=96 * n_days, freq="15min")
+    sun = np.maximum(0.0, np.sin((time.hour + time.minute / 60 - 6) * np.pi / 12)) * 0.8
+    inputs = {"T_oa": np.full(len(time), 5.0), "q_sol": np.asarray(sun), **inputs}
+    return ZoneTable(inputs, {}, time, time, time.tz_localize("UTC"), pd.Timedelta("15min"))
+
+
+def _errors(level: str, role: str, origin: int, n_draws: int) -> np.ndarray:
+    table, rows = _table(), slice(origin + 1, origin + 1 + N_LEADS)
+    drawn = [WeatherError(level).forecast(table, origin, N_LEADS, draw) for draw in range(n_draws)]
+    return np.array([t.inputs[role][rows] - table.inputs[role][rows] for t in drawn])
+
+
+def test_temperature_error_is_the_published_autoregression():
+    errors = _errors("medium", "T_oa", 95, 2000)[:, 3::4]  # at whole hours
+    variance, mean = [1.2**2], [0.15]
+    for _ in range(23):
+        variance.append(0.93**2 * variance[-1] + 0.6**2)
+        mean.append(0.93 * mean[-1])
+    np.testing.assert_allclose(errors.std(axis=0), np.sqrt(variance), rtol=0.06)
+    np.testing.assert_allclose(errors.mean(axis=0), mean, atol=0.12)
+    after = [np.corrcoef(errors[:, k], errors[:, k + 1])[0, 1] for k in range(23)]
+    expected = [0.93 * np.sqrt(a / b) for a, b in pairwise(variance)]
+    np.testing.assert_allclose(after, expected, atol=0.03)
+
+
+def test_levels_are_ordered():
+    sizes = [np.abs(_errors(level, "T_oa", 95, 300)).mean() for level in ("low", "medium", "high")]
+    assert sizes[0] < 0.75 * sizes[1] < sizes[2]
+
+
+def test_irradiance_stays_between_night_and_clear_sky():
+    table, noon = _table(), 8 * 96 + 47
+    errors = _errors("high", "q_sol", noon, 200)
+    forecast = errors + table.inputs["q_sol"][noon + 1 : noon + 1 + N_LEADS]
+    night = table.inputs["q_sol"][noon + 1 : noon + 1 + N_LEADS] == 0
+    assert (errors[:, night] == 0).all()
+    assert forecast.min() >= 0
+    assert forecast.max() <= table.inputs["q_sol"].max() + 1e-12  # this sky is always clear
+    assert errors.min() < -0.1
+
+
+def test_only_the_weather_of_the_horizon_changes():
+    table = _table(T_ground=np.full(96 * 16, 10.0), u_heat=np.full(96 * 16, 0.3))
+    seen = WeatherError().forecast(table, 500, N_LEADS)
+    for role, values in table.inputs.items():
+        same = seen.inputs[role] == values
+        assert same[:501].all()
+        assert same[501 + N_LEADS :].all()
+        assert same.all() == (role in ("T_ground", "u_heat"))
+
+
+def test_facades_change_in_proportion():
+    table = _table(q_sol_south=0.4 * _table().inputs["q_sol"])
+    seen = WeatherError().forecast(table, 500, N_LEADS).inputs
+    np.testing.assert_allclose(seen["q_sol_south"], 0.4 * seen["q_sol"], atol=1e-12)
+
+
+def test_errors_belong_to_their_origin():
+    table = _table()
+    one, again = (WeatherError().forecast(table, 500, N_LEADS).inputs["T_oa"] for _ in range(2))
+    later = WeatherError().forecast(table.rows(slice(96, None)), 500 - 96, N_LEADS).inputs["T_oa"]
+    np.testing.assert_array_equal(one, again)
+    np.testing.assert_array_equal(one[96:], later)
+    assert not np.array_equal(one, WeatherError(random_state=1).forecast(table, 500, N_LEADS).inputs["T_oa"])
+
+
+def test_an_unknown_level_is_refused(office, models):
+    with pytest.raises(ValueError, match="none of 'low', 'medium', 'high'"):
+        models["arx"].predict_quantiles(office.X[-96:], weather_error="huge")
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(18, "chicago", random_state=3)
+
+
+@pytest.fixture(scope="module")
+def models(office):
+    train, y = office.X[: 12 * 96], office.y[: 12 * 96]
+    return {
+        "arx": ARXRegressor().fit(train, y),
+        "hybrid": HybridPredictor(adapt=None, network="2R2C", known={"Q_h": 6.0}).fit(train, y),
+    }
+
+
+def _rows(office):
+    return office.X[12 * 96 :], office.y[12 * 96 :]
+
+
+@pytest.mark.parametrize("name", ["arx", "hybrid"])
+def test_backtest_under_a_weather_forecast(office, models, name):
+    X, y = _rows(office)
+    exact = backtest(models[name], X, y, quantiles=(0.1, 0.9))
+    off = backtest(models[name], X, y, quantiles=(0.1, 0.9), weather_error="high")
+    pd.testing.assert_frame_equal(
+        exact[["origin", "lead", "time", "y_true"]], off[["origin", "lead", "time", "y_true"]]
+    )
+    assert score_backtest(off)["rmse"] != score_backtest(exact)["rmse"]
+    assert (off["q_0.9"] - off["q_0.1"]).mean() > (exact["q_0.9"] - exact["q_0.1"]).mean()
+
+
+def test_going_through_rows_equals_the_whole_table(office, models):
+    X, y = _rows(office)
+    walked = backtest(models["hybrid"], X, y, weather_error="medium")
+    rows = X.index.get_indexer(walked["origin"].unique())
+    whole = read_table(BaseEstimator(), X, columns=None, sampling_time=None, reset=True)
+    seen = [WeatherError().forecast(whole, int(row), N_LEADS) for row in rows]
+    paths = [models["hybrid"].predict_from(t, [int(row)], "1D")[0] for t, row in zip(seen, rows, strict=True)]
+    np.testing.assert_allclose(walked["y_pred"], np.concatenate(paths), atol=1e-8)
+
+
+def test_a_forecast_reads_no_weather_but_its_own(office, models):
+    """What is measured in the rows after an origin does not reach the forecast through the history."""
+    X, y = _rows(office)
+    before = backtest(models["arx"], X, y, weather_error="medium")
+    changed = X.assign(T_za=X["T_za"].where(X.index < X.index[2 * 96], 40.0))
+    after = backtest(models["arx"], changed, y, weather_error="medium")
+    known = (before["origin"] < X.index[2 * 96]).to_numpy()
+    np.testing.assert_array_equal(before["y_pred"][known], after["y_pred"][known])
+    assert known.any()
+    assert not known.all()
+
+
+def test_other_regressors_are_refused(office):
+    X, y = _rows(office)
+    with pytest.raises(ValueError, match="weather_error needs"):
+        backtest(Ridge().fit(X, y), X, y, weather_error="low")
