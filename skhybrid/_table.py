@@ -37,6 +37,7 @@ from ._columns import refuse_infinite_columns as refuse_infinite_columns
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
+from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity, refuse_target_among
@@ -60,6 +61,7 @@ class ZoneTable:
     breaks: tuple[int, ...] = (0,)  # first rows of the segments of consecutive rows
     order: tuple[str, ...] = ()  # roles in the order of the caller's columns
     named: bool = True  # whether the caller named the roles; an array has them by position
+    holidays: Holidays = NO_HOLIDAYS
 
     @property
     def n_rows(self) -> int:
@@ -78,6 +80,16 @@ class ZoneTable:
     @property
     def T_za(self) -> np.ndarray | None:
         return self.history.get("T_za")
+
+    @property
+    def day_of_week(self) -> np.ndarray:
+        """Kind of day (n,): Monday is 0, a Sunday or holiday 6."""
+        return self.holidays.day_of_week(self.time)
+
+    @property
+    def weekend(self) -> np.ndarray:
+        """Whether a row lies on a weekend day or a holiday, (n,) bool."""
+        return self.day_of_week >= 5
 
     def hours_run(self, role: str) -> float:
         """Hours that a plant ran, counted at the most that it gave."""
@@ -104,6 +116,7 @@ class ZoneTable:
             self.step,
             order=self.order,
             named=self.named,
+            holidays=self.holidays,
         )
 
     @property
@@ -142,6 +155,7 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
         last.step,
         order=last.order,
         named=last.named,
+        holidays=last.holidays,
     )
 
 
@@ -189,6 +203,7 @@ def read_table(
     expected_step: pd.Timedelta | None = None,  # step of the training table; another one is refused
     gaps: bool = False,  # whether gaps of three hours or more are accepted
     history_roles: Iterable[str] = HISTORY_ROLES,  # known in the past only; values may be missing
+    holidays: Any = None,  # a country, a state or dates; None: those of a ZoneTable
 ) -> ZoneTable:
     """Read ``X`` by the data contract; a ValueError names the column, the stamp or the step, and what to do.
 
@@ -206,7 +221,7 @@ def read_table(
             f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
-    return table
+    return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
 
 
 class _Request(NamedTuple):

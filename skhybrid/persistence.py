@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import zipfile
+from datetime import date, datetime
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ _MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
-    r"skhybrid\.(_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
+    r"skhybrid\.(_holidays|_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
     r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
@@ -272,6 +273,10 @@ def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any)
     return pd.DatetimeIndex(made, freq=freq, name=name)
 
 
+def _data_to_date(text: str) -> date:
+    return datetime.fromisoformat(text) if "T" in text else date.fromisoformat(text)
+
+
 def _frame_to_data(value: pd.DataFrame) -> dict[str, Any]:
     return {"index": value.index, "columns": value.columns, "values": [_column_values(c) for _, c in value.items()]}
 
@@ -314,6 +319,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
         lambda v: {"ns": v.as_unit("ns").value, "tz": _tz(v)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
+    "date": (date, lambda v: {"text": v.isoformat()}, _data_to_date),  # after Timestamp, which is one
     "DatetimeIndex": (pd.DatetimeIndex, _datetimes_to_data, _data_to_datetimes),
     "TimedeltaIndex": (
         pd.TimedeltaIndex,

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid._table import ZoneTable
 from skhybrid.forecasting import DisturbanceForecaster, ModelCase, list_cases, list_sizes
 from skhybrid.forecasting.cases import cases_of, resolve_case
 from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode, trailing_mean
@@ -86,20 +87,21 @@ def test_a_case_of_the_user():
 
 # ------------------------------------------------------------------------------------------------------------ features
 HOURS = pd.date_range("2023-07-03", periods=24 * 14, freq="1h")  # a Monday
+TWO_WEEKS = ZoneTable({}, {}, HOURS, HOURS, None, pd.Timedelta("1h"))
 
 
 def test_time_is_encoded_by_its_names():
-    np.testing.assert_array_equal(encode_time(HOURS, "how", "ordinal")[:, 0], np.tile(np.arange(168), 2))
-    np.testing.assert_array_equal(encode_time(HOURS, "hod", "onehot").argmax(axis=1), np.tile(np.arange(24), 14))
-    np.testing.assert_array_equal(encode_time(HOURS, "dow", "ordinal")[:, 0], np.repeat(np.arange(14) % 7, 24))
-    assert encode_time(HOURS, "how", "onehot").shape == (336, 168)
-    weekday = encode_time(HOURS, "weekday", "cyclic")[:, 0]
+    np.testing.assert_array_equal(encode_time(TWO_WEEKS, "how", "ordinal")[:, 0], np.tile(np.arange(168), 2))
+    np.testing.assert_array_equal(encode_time(TWO_WEEKS, "hod", "onehot").argmax(axis=1), np.tile(np.arange(24), 14))
+    np.testing.assert_array_equal(encode_time(TWO_WEEKS, "dow", "ordinal")[:, 0], np.repeat(np.arange(14) % 7, 24))
+    assert encode_time(TWO_WEEKS, "how", "onehot").shape == (336, 168)
+    weekday = encode_time(TWO_WEEKS, "weekday", "cyclic")[:, 0]
     np.testing.assert_array_equal(weekday, (HOURS.day_of_week < 5).astype(float))
 
 
 @pytest.mark.parametrize(("feature", "period", "n_columns"), [("how", 168, 4), ("hod", 24, 2), ("dow", 168, 2)])
 def test_cyclic_time_repeats_and_tells_hours_apart(feature, period, n_columns):
-    columns = encode_time(HOURS, feature, "cyclic")
+    columns = encode_time(TWO_WEEKS, feature, "cyclic")
     assert columns.shape == (336, n_columns)
     np.testing.assert_allclose(columns[:168], columns[168:], atol=1e-12)
     rows = columns[:period] if feature != "dow" else columns[:period:24]

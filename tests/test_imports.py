@@ -16,8 +16,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_docs", "_files", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings",
-    "exceptions",
+    "_docs", "_files", "_holidays", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time", "_transaction",
+    "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -47,6 +47,7 @@ STRICT = {
     "exceptions": set(),
     "_docs": set(),
     "_files": set(),
+    "_holidays": set(),
     "_warnings": {"exceptions"},
     "_time": set(),
     "_threads": set(),
@@ -56,7 +57,7 @@ STRICT = {
     "_ranges": {"_warnings", "exceptions"},
     "_target": set(),
     "_columns": {"_warnings", "exceptions"},
-    "_table": {"_columns", "_ranges", "_target", "_time", "exceptions"},
+    "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
@@ -75,6 +76,7 @@ HOMES = {
     "arviz": _BAYES,
     "pytensor": ("identification/uncertainty/posterior.py",),
     "matplotlib": ("inspection/",),
+    "holidays": ("_holidays.py",),
 }
 
 

@@ -31,7 +31,8 @@ OLDEST_PYTHON = "python3.11"
 PYTHONS = ("python3.15", "python3.14", "python3.13", "python3.12", OLDEST_PYTHON)
 SHOWN = (
     "numpy", "scipy", "scikit-learn", "pandas", "numba", "joblib", "pvlib", "matplotlib", "tqdm", "skops",
-    "threadpoolctl", "torch", "skorch", "pymc", "dask", "distributed", "ray", "pytest", "pytest-xdist", "numpydoc",
+    "threadpoolctl", "torch", "skorch", "pymc", "dask", "distributed", "ray", "holidays", "pytest",
+    "pytest-xdist", "numpydoc",
 )  # fmt: skip
 #: Imports every module of the package; its own deprecated calls are errors, those of other packages are not.
 IMPORT_ALL = """
@@ -53,7 +54,7 @@ sys.exit(f"{found} are installed" if found else 0)
 """
 
 
-def requirements(groups: tuple[str, ...] = ("networks", "bayes", "distributed", "test")) -> list[str]:
+def requirements(groups: tuple[str, ...] = ("networks", "bayes", "distributed", "holidays", "test")) -> list[str]:
     """The direct requirements of the package and of some of its extras."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [line for group in groups for line in project["optional-dependencies"][group]]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._holidays import NO_HOLIDAYS, Holidays
 from ._random import ar1
 from ._thermostat_plan import occupied
 
@@ -43,9 +44,11 @@ class Gains(NamedTuple):
         return self.people + self.plugs + self.lights
 
 
-def draw_gains(time: pd.DatetimeIndex, rng: np.random.Generator, pattern: str = "office") -> Gains:
+def draw_gains(
+    time: pd.DatetimeIndex, rng: np.random.Generator, pattern: str = "office", holidays: Holidays = NO_HOLIDAYS
+) -> Gains:
     """Draw the gains at every step for one of :data:`PATTERNS`."""
-    return PATTERNS[pattern](_calendar(time), rng)
+    return PATTERNS[pattern](_calendar(time, holidays), rng)
 
 
 class _Calendar(NamedTuple):
@@ -54,19 +57,19 @@ class _Calendar(NamedTuple):
     step_hours: float  # [h]
     day: np.ndarray  # day of the run at every step, (n,)
     hour: np.ndarray  # hour of the day at every step, (n,) float
-    day_of_week: np.ndarray  # of every day of the run, Monday is 0, (n_days,)
+    day_of_week: np.ndarray  # of every day of the run, Monday is 0, a holiday is a Sunday, (n_days,)
     occupied: np.ndarray  # whether a step lies in office hours, (n,) bool
 
 
-def _calendar(time: pd.DatetimeIndex) -> _Calendar:
+def _calendar(time: pd.DatetimeIndex, holidays: Holidays) -> _Calendar:
     first = time[0].normalize()
     day = np.asarray((time - first).days)
     return _Calendar(
         step_hours=(time[1] - time[0]) / pd.Timedelta("1h"),
         day=day,
         hour=np.asarray((time - time.normalize()) / pd.Timedelta("1h")),
-        day_of_week=np.asarray(first.day_of_week + np.arange(int(day[-1]) + 1)) % 7,
-        occupied=occupied(time),
+        day_of_week=holidays.day_of_week(pd.date_range(first, periods=int(day[-1]) + 1)),
+        occupied=occupied(time, holidays),
     )
 
 

@@ -10,6 +10,7 @@ from numba import njit
 from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
+from .._holidays import read_holidays
 from .._time import rows_of
 from ._epw import resample_weather
 from ._gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
@@ -44,6 +45,7 @@ def make_office(
     noise_std: float = 0.03,
     sampling_time: Any = "15min",
     weather: pd.DataFrame | None = None,
+    holidays: Any = None,
     random_state: Any = None,
 ) -> Bunch:
     """Simulate the paper's office at 5 min (exact zero-order hold); return its thermostat log together with the truth.
@@ -71,6 +73,8 @@ def make_office(
     weather : DataFrame, optional
         ``T_oa`` [degC] and ``q_sol`` [kW/m2] that cover the run, such as a table from :func:`read_epw`; replaces the
         generator.
+    holidays : str or sequence of dates, optional
+        A country, a state or dates, as for :class:`~skhybrid.HybridPredictor`: days that are like Sundays.
     random_state : int, RandomState, Generator or None
         Seed of weather, gains, set-points and noise, each of which has its own stream.
 
@@ -109,8 +113,9 @@ def make_office(
         outside = make_weather(n_days, climate, start=first, step=SIMULATION_STEP, random_state=weather_rng)
     else:
         outside = resample_weather(weather, time)
-    setpoints = plan_setpoints(time, excitation, plan_rng, prbs_rng)
-    run = _simulate_office(outside, setpoints, draw_gains(time, gain_rng, pattern))
+    away = read_holidays(holidays, time)
+    setpoints = plan_setpoints(time, away, excitation, plan_rng, prbs_rng)
+    run = _simulate_office(outside, setpoints, draw_gains(time, gain_rng, pattern, away))
     arguments = {"n_days": n_days, "pattern": pattern, "excitation": excitation, "noise_std": noise_std}
     origin = "as given" if weather is not None else climate
     description = _DESCR.format(**arguments, start=first.date(), weather=origin, step=sampling_time)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._holidays import NO_HOLIDAYS, Holidays
 from .._time import positive_duration, rows_of
 from ._random import spawn_generators
 
@@ -63,10 +64,10 @@ def make_prbs(
     return np.where(np.repeat(bits, hold)[:n_rows] == 1, float(high), float(low))
 
 
-def occupied(time: pd.DatetimeIndex) -> np.ndarray:
-    """Whether each stamp lies in the occupied hours of a weekday, shape (n,) bool."""
+def occupied(time: pd.DatetimeIndex, holidays: Holidays = NO_HOLIDAYS) -> np.ndarray:
+    """Whether each stamp lies in the occupied hours of a weekday that is no holiday, shape (n,) bool."""
     begin, end = OCCUPIED_HOURS
-    return np.asarray((time.day_of_week < 5) & (time.hour >= begin) & (time.hour < end))
+    return np.asarray((holidays.day_of_week(time) < 5) & (time.hour >= begin) & (time.hour < end))
 
 
 def first_weekend(time: pd.DatetimeIndex) -> np.ndarray:
@@ -79,10 +80,14 @@ def first_weekend(time: pd.DatetimeIndex) -> np.ndarray:
 
 
 def plan_setpoints(
-    time: pd.DatetimeIndex, excitation: str | None, plan_rng: np.random.Generator, prbs_rng: np.random.Generator
+    time: pd.DatetimeIndex,
+    holidays: Holidays,
+    excitation: str | None,
+    plan_rng: np.random.Generator,
+    prbs_rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Draw ``T_heat_set`` and ``T_cool_set`` [degC]: a level per day when occupied, and one per 24 h from 19:00 on."""
-    busy = occupied(time)
+    busy = occupied(time, holidays)
     since = time - time[0].normalize()
     day = np.asarray(since.days)
     night = np.asarray((since + pd.Timedelta(hours=24 - OCCUPIED_HOURS[1])).days)

@@ -50,6 +50,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps, which is refused without it.
+    holidays : str or sequence of dates, optional
+        A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
+        Sundays.
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``; default ``horizon``.
     max_missing : float, default 0.5
@@ -79,6 +82,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         alpha: float | None = None,
         columns: Mapping[str, Any] | None = None,
         sampling_time: Any = None,
+        holidays: Any = None,
         origin_step: Any = None,
         max_missing: float = 0.5,
     ) -> None:
@@ -91,6 +95,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.origin_step = origin_step
         self.columns = columns
         self.sampling_time = sampling_time
+        self.holidays = holidays
         self.max_missing = max_missing
 
     @unchanged_on_failure
@@ -106,7 +111,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Zone temperature [degC], NaN where missing.
         """
         self._check_parameters()
-        table = read_table(self, X, columns=self.columns, sampling_time=self.sampling_time, reset=True, min_rows=3)
+        table = self._read(X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
@@ -193,15 +198,20 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         left_out = LeftOut(measured_ahead(known, rows, n_leads) - paths, rows)
         return intervals_from(left_out, known) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
 
-    def _read_X(self, X: Any) -> ZoneTable:
+    def _read(self, X: Any, *, reset: bool) -> ZoneTable:
         return read_table(
             self,
             X,
             columns=self.columns,
             sampling_time=self.sampling_time,
-            reset=False,
-            expected_step=self.sampling_time_,
+            reset=reset,
+            min_rows=3 if reset else 1,
+            expected_step=None if reset else self.sampling_time_,
+            holidays=self.holidays,
         )
+
+    def _read_X(self, X: Any) -> ZoneTable:
+        return self._read(X, reset=False)
 
     def _cold_value(self, table: ZoneTable) -> float:
         T = table.T_za

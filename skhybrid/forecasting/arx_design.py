@@ -114,7 +114,7 @@ class ARXDesign:
         """See :meth:`ARXRegressor.view`."""
         blocks = [(_lagged_inputs(table, self.roles, self.n_input_lags) - self.input_mean) / self.input_scale]
         if self.calendar:
-            blocks.append(one_hot(day_type_hour(table.time), 48))
+            blocks.append(one_hot(day_type_hour(table), 48))
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:

@@ -9,6 +9,7 @@ import numpy as np
 from .._table import ZoneTable
 from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
 
+_DAYS_BACK = 14  # that are looked through for a day of the same kind
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
 
 
@@ -32,17 +33,17 @@ class WeeklyProfile:
         """Average the training target."""
         overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table.time), target, 48, np.full(48, overall))
+        by_hour = _means(day_type_hour(table), target, 48, np.full(48, overall))
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]
-        levels = table.time.day_of_week.to_numpy() * self.n_slots_ + slots
+        levels = table.day_of_week * self.n_slots_ + slots
         self.profile_ = _means(levels, target, 7 * self.n_slots_, fallback)
         return self
 
     def expected(self, table: ZoneTable) -> np.ndarray:
         """Expectation of each row when no past disturbance is known: the profile."""
-        return self.profile_[table.time.day_of_week.to_numpy() * self.n_slots_ + slot_of_day(table.time, table.step)]
+        return self.profile_[table.day_of_week * self.n_slots_ + slot_of_day(table.time, table.step)]
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """The profile at each row ahead, whatever the past."""
@@ -74,12 +75,21 @@ class _WithProfile:
 
 
 class LastWeek(_WithProfile):
-    """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile."""
+    """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile.
+
+    With holidays the first is that of the last known day of the same kind: of a Sunday for a holiday.
+    """
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         zeta, rows = zeta_of(table), target_rows(origins, n_leads)
         per_day = rows_per_day(table.step)
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
+        if table.holidays:
+            day = table.day_of_week
+            ahead = day[rows_ahead(table, origins, n_leads)]
+            for kind in np.unique(ahead):
+                alike = last_same_slot(np.where(day == kind, zeta, np.nan), rows, origins, per_day, _DAYS_BACK)
+                out = np.where(ahead == kind, alike, out)
         out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7), out)
         return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
 

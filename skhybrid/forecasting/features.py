@@ -21,11 +21,6 @@ def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
     return ((time - time.normalize()) / _HOUR).to_numpy(dtype=np.float64)
 
 
-def is_weekend(time: pd.DatetimeIndex) -> np.ndarray:
-    """Whether a row lies on a Saturday or Sunday, (n,) bool."""
-    return time.day_of_week.to_numpy() >= 5
-
-
 def rows_per_day(step: pd.Timedelta) -> int:
     """Number of steps in 24 hours, at least 1."""
     return max(1, round(pd.Timedelta("1D") / step))
@@ -42,9 +37,9 @@ def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
     return np.minimum(slots, rows_per_day(step) - 1)
 
 
-def day_type_hour(time: pd.DatetimeIndex) -> np.ndarray:
-    """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends, (n,) int."""
-    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * is_weekend(time)
+def day_type_hour(table: ZoneTable) -> np.ndarray:
+    """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends and holidays, (n,) int."""
+    return np.floor(hour_of_day(table.time)).astype(np.int64) + 24 * table.weekend
 
 
 def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
@@ -52,11 +47,11 @@ def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
     return np.eye(n_levels)[levels]
 
 
-def encode_time(time: pd.DatetimeIndex, feature: str, encoding: str) -> np.ndarray:
+def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:
     """(n, n_columns) of how, hod or dow (sines and cosines, one-hot, or the plain number), or of weekday (0 or 1)."""
     if feature == "weekday":
-        return (~is_weekend(time)).astype(np.float64)[:, None]
-    day, hour = time.day_of_week.to_numpy().astype(np.float64), hour_of_day(time)
+        return (~table.weekend).astype(np.float64)[:, None]
+    day, hour = table.day_of_week.astype(np.float64), hour_of_day(table.time)
     value = {"how": 24.0 * day + hour, "hod": hour, "dow": day}[feature]
     n_levels, harmonics = _CYCLES[feature]
     if encoding == "ordinal":
@@ -94,7 +89,7 @@ def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> 
     blocks = [np.empty((table.n_rows, 0))]
     for feature in features:
         if feature in TIME_FEATURES:
-            blocks.append(encode_time(table.time, feature, encoding))
+            blocks.append(encode_time(table, feature, encoding))
         elif feature == "T_oa" and "T_oa" in table.inputs:
             blocks.append(table.inputs["T_oa"][:, None])
         elif feature == "q_sol":

@@ -63,6 +63,9 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Overrides the names of the columns of X; None as a column says that the role is absent on purpose.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps; default 1 h.
+    holidays : str or sequence of dates, optional
+        A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
+        Sundays; ``"last_week"`` takes the last known day of the same kind.
     random_state : int, RandomState or None, default None
         Seed of initial weights, dropout and batches (and of a regressor whose own is None).
     verbose : int, default 0
@@ -129,6 +132,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         time_encoding: Literal["cyclic", "onehot", "ordinal"] = "cyclic",
         columns: Mapping[str, Any] | None = None,
         sampling_time: Any = None,
+        holidays: Any = None,
         random_state: int | np.random.RandomState | None = None,
         verbose: int = 0,
         learning_rate: float = 0.003,
@@ -163,6 +167,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.validation_fraction = validation_fraction
         self.origin_step = origin_step
         self.sampling_time = sampling_time
+        self.holidays = holidays
         self.max_missing = max_missing
         self.n_repeats = n_repeats
         self.repeats = repeats
@@ -259,7 +264,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         target = read_target(y, table, max_missing=self.max_missing, role=self._target_role)
         if "zeta" not in table.history:
             table = table.replace(history={**table.history, "zeta": target})
-        key = ("rows", repr(self.columns), repr(self.sampling_time), tuple(table.inputs))
+        key = ("rows", repr(self.columns), repr(self.sampling_time), table.holidays, tuple(table.inputs))
         return shared.setdefault(key, (table, target))
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:

@@ -9,7 +9,7 @@ from sklearn.base import clone
 
 from .._table import ZoneTable
 from .baselines import rows_ahead
-from .features import day_type_hour, irradiance_roles, is_weekend, target_rows, zeta_of
+from .features import day_type_hour, irradiance_roles, target_rows, zeta_of
 from .ridge import StaticModel, lag_features, training_origins
 
 
@@ -47,9 +47,8 @@ class PairRegressor:
     @staticmethod
     def _features(table: ZoneTable, expected: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
         rows = rows_ahead(table, origins, n_leads)
-        time = table.time
-        columns = [expected, (day_type_hour(time) % 24).astype(float), time.day_of_week.to_numpy().astype(float)]
-        columns += [is_weekend(time).astype(float), table.inputs.get("T_oa", np.zeros(table.n_rows))]
+        columns = [expected, (day_type_hour(table) % 24).astype(float), table.day_of_week.astype(float)]
+        columns += [table.weekend.astype(float), table.inputs.get("T_oa", np.zeros(table.n_rows))]
         columns += [table.inputs[role] for role in irradiance_roles(table.inputs)]
         here = np.stack([c[rows] for c in columns], axis=-1)
         lead = np.broadcast_to(np.arange(1, n_leads + 1) * table.step_hours, rows.shape)[..., None]

@@ -196,7 +196,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
     last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
     seen = np.where(origins < 0, -rows_per_day(table.step), last[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
-    slots = day_type_hour(table.time)[np.minimum(rows, table.n_rows - 1)]
+    slots = day_type_hour(table)[np.minimum(rows, table.n_rows - 1)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
 
 

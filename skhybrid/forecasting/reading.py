@@ -29,6 +29,7 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
         reset=reset,
         min_rows=2 if reset else 1,
         expected_step=None if reset else forecaster.sampling_time_,
+        holidays=forecaster.holidays,
     )
     if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
         there = X.roles if isinstance(X, ZoneTable) else X.columns

@@ -18,7 +18,6 @@ from .baselines import rows_ahead
 from .features import (
     day_type_hour,
     irradiance_roles,
-    is_weekend,
     known_at,
     last_same_slot,
     one_hot,
@@ -120,9 +119,9 @@ class StaticModel:
 
     def _design(self, table: ZoneTable, hourly_share: float) -> np.ndarray:
         """Hour x weekday/weekend, day of week, weather and, unless its share is 0, outdoor temperature by hour."""
-        cells = one_hot(day_type_hour(table.time), 48)
+        cells = one_hot(day_type_hour(table), 48)
         scaled = (_weather(table) - self.weather_mean_) / self.weather_std_
-        blocks = [cells, one_hot(table.time.day_of_week.to_numpy(), 7), _WEATHER_SCALE * scaled]
+        blocks = [cells, one_hot(table.day_of_week, 7), _WEATHER_SCALE * scaled]
         if hourly_share > 0.0:  # ventilation and infiltration follow the schedule
             blocks.append(hourly_share * cells * scaled[:, -1:])
         return np.hstack(blocks)
@@ -192,7 +191,7 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
     same = last_same_slot(deviation, rows, origins, per_day, 1)
     week = last_same_slot(deviation, rows, origins, 7 * per_day, 1)
-    weekend = is_weekend(table.time)
+    weekend = table.weekend
     ends = np.minimum(rows, table.n_rows - 1)
     alike = weekend[ends] == weekend[np.maximum(ends - per_day, 0)]
     flat = np.ones((1, n_leads))

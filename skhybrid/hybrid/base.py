@@ -46,6 +46,7 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     preprocess_: Any
     columns: Mapping[str, Any] | None
     sampling_time: Any
+    holidays: Any
     origin_step: Any
     max_missing: float
     intervals: bool  # whether fit learns them
@@ -54,9 +55,9 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         """The scheme, unfitted, by the parameters, which it checks."""
         raise NotImplementedError
 
-    def _reading(self) -> tuple[Mapping[str, Any] | None, Any]:
-        """Columns and sampling time by which tables are read."""
-        return self.columns, self.sampling_time
+    def _reading(self) -> dict[str, Any]:
+        """How tables are read."""
+        return {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
 
     @unchanged_on_failure
     @one_blas_thread
@@ -116,18 +117,16 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
-        columns, sampling_time = self._reading()
         return read_table(
             self,
             X if self.preprocess_ is None else preprocessed(self.preprocess_, X, self._column_of("T_za")),
-            columns=columns,
             required=network.required_roles,
             # weather and plant, and of further boundary temperatures those that the network names
             needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
-            sampling_time=sampling_time,
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
+            **self._reading(),
         )
 
     def _read_X(self, X: Any) -> ZoneTable:
@@ -231,7 +230,7 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         return table, np.array([n_tail + len(history.index) - 1])
 
     def _column_of(self, role: str) -> Any:
-        return (self._reading()[0] or {}).get(role, role)
+        return (self._reading()["columns"] or {}).get(role, role)
 
     def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
         """Columns of a frame that are read and known in advance."""

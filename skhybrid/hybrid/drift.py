@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
+from .._holidays import read_holidays
 from .._table import float_columns
 from .._transaction import unchanged_on_failure
 
@@ -36,6 +37,8 @@ class DriftMonitor:
     ----------
     false_alarms_per_year : float, default=1.0
         How often a building that stays as it was may raise an alarm (Siegmund's approximation of the run length).
+    holidays : str or sequence of dates, optional
+        A country, a state or local dates, which count as Sundays.
 
     Attributes
     ----------
@@ -57,8 +60,9 @@ class DriftMonitor:
     Page, Continuous inspection schemes, Biometrika 41 (1954); Siegmund, Sequential Analysis (1985), section 2.6.
     """
 
-    def __init__(self, false_alarms_per_year: float = 1.0) -> None:
+    def __init__(self, false_alarms_per_year: float = 1.0, *, holidays: Any = None) -> None:
         self.false_alarms_per_year = false_alarms_per_year
+        self.holidays = holidays
 
     @unchanged_on_failure
     def fit(self, measured: pd.DataFrame, forecast: pd.DataFrame) -> Self:
@@ -79,7 +83,7 @@ class DriftMonitor:
         if (known := int(np.isfinite(size).sum())) < 7:
             raise ValueError(f"the reference has {known} days with measurement and forecast; give seven or more.")
         self._floor = _SMALLEST * float(np.nanmedian(size)) + 1e-12
-        score, weekend = self._score(error), _weekend(measured)
+        score, weekend = self._score(error), self._weekend(measured)
         overall = np.nanmean(score)
         means = [score[weekend == kind] for kind in (False, True)]
         self.mean_ = np.array([np.nanmean(m) if np.isfinite(m).sum() > 1 else overall for m in means])
@@ -122,7 +126,7 @@ class DriftMonitor:
         measured, error = _errors(measured, forecast)
         if error.shape[1] != len(self._bias):
             raise ValueError(f"the days have {error.shape[1]} steps, but those of fit have {len(self._bias)}.")
-        weekend, span = _weekend(measured), _range(measured)
+        weekend, span = self._weekend(measured), _range(measured)
         excess = (self._score(error) - self.mean_[weekend.astype(int)]) / self.std_ - self.allowance_
         recurrence, _ = self._recurrence(error, weekend, self._usual)
         mean, std = self.recurrence_
@@ -157,6 +161,10 @@ class DriftMonitor:
             counted = e * min(1.0, _LARGEST / max(np.sqrt(np.mean(e**2) / self._square), 1e-12))
             usual[kind] = counted if before is None else _MEMORY * before + (1.0 - _MEMORY) * counted
         return out, usual
+
+    def _weekend(self, measured: pd.DataFrame) -> np.ndarray:
+        days = pd.DatetimeIndex(measured.index)
+        return read_holidays(self.holidays, days).day_of_week(days) >= 5
 
     def _score(self, error: np.ndarray) -> np.ndarray:
         return np.log(np.maximum(_rms(error), self._floor))
@@ -205,10 +213,6 @@ def _rms(error: np.ndarray) -> np.ndarray:
 def _range(measured: pd.DataFrame) -> np.ndarray:
     """(n_days,) highest less lowest value of each day."""
     return (measured.max(axis=1) - measured.min(axis=1)).to_numpy()
-
-
-def _weekend(measured: pd.DataFrame) -> np.ndarray:
-    return np.asarray(pd.DatetimeIndex(measured.index).day_of_week >= 5)
 
 
 def threshold(run_length: float) -> float:

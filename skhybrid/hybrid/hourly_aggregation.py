@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._holidays import NO_HOLIDAYS, Holidays
 from .._table import ZoneTable
 from .tables import Steps, steps_table
 
@@ -34,8 +35,10 @@ class HourlyAggregation:
     Stamps are rounded down to the step where rows are shorter (``fine``).
     """
 
-    def __init__(self, names: list[str], step: pd.Timedelta, fine: bool, zone: object) -> None:
-        self.names, self.step = names, step
+    def __init__(
+        self, names: list[str], step: pd.Timedelta, fine: bool, zone: object, holidays: Holidays = NO_HOLIDAYS
+    ) -> None:
+        self.names, self.step, self._holidays = names, step, holidays
         self._width = step.value if fine else 0
         self._zone = None if zone is None else str(zone)
         self._labels, self._means, self._n = np.empty(_ROOM, dtype=np.int64), np.empty((_ROOM, len(names))), 0
@@ -94,7 +97,7 @@ class HourlyAggregation:
     def _table(self, labels: np.ndarray, values: np.ndarray) -> ZoneTable:
         stamps = pd.DatetimeIndex(labels.view("M8[ns]")).tz_localize("UTC")
         inputs = {role: values[:, j].copy() for j, role in enumerate(self.names[:-1])}
-        return steps_table(stamps, self._zone, inputs, values[:, -1].copy(), self.step)
+        return steps_table(stamps, self._zone, inputs, values[:, -1].copy(), self.step, self._holidays)
 
     def _joined(self, stamps: np.ndarray, rows: np.ndarray) -> _Sums:
         """Sums of rows by steps, the first of which is the open one."""

@@ -10,7 +10,7 @@ shared_docs = docs_from(
         "stages": """
         gray_box : estimator, optional
             An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
-            Its ``columns`` and ``sampling_time`` are read where none are given here.  A fitted one in a
+            Its ``columns``, ``sampling_time`` and ``holidays`` are read where none are given here.  A fitted one in a
             :class:`~sklearn.frozen.FrozenEstimator` is used as it is, so that its rows may be others than those of
             ``fit``, such as the paper's seven days of perturbed control.
         forecaster : estimator, optional
@@ -48,6 +48,9 @@ shared_docs = docs_from(
             Columns whose names are not their roles.
         sampling_time : timedelta-like, optional
             Step of tables without time stamps.
+        holidays : str or sequence of dates, optional
+            A country or state as the ``holidays`` package names it, such as ``"US"``, ``"US-IL"`` or ``"DE-BY"``, or
+            local dates.  A holiday counts as a Sunday.
         """,
         "origins": """
         origin_step : timedelta-like, optional

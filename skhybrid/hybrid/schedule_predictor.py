@@ -76,6 +76,7 @@ class SchedulePredictor(BaseHybrid):
         preprocess=None,
         columns=None,
         sampling_time=None,
+        holidays=None,
         origin_step=None,
         max_missing=0.5,
     ):
@@ -87,6 +88,7 @@ class SchedulePredictor(BaseHybrid):
         self.preprocess = preprocess
         self.columns = columns
         self.sampling_time = sampling_time
+        self.holidays = holidays
         self.origin_step = origin_step
         self.max_missing = max_missing
 

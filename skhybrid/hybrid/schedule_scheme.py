@@ -249,7 +249,7 @@ class ScheduleScheme(Scheme):
         near = at < len(left_out.origins)
         near[near] = left_out.origins[at[near]] - midnight[near] < self._record.every
         reference = _days(known, left_out.origins[at[near]], per_day)
-        monitor = DriftMonitor().fit(reference, reference - left_out.errors[at[near]])
+        monitor = DriftMonitor(holidays=known.holidays).fit(reference, reference - left_out.errors[at[near]])
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
         origins = _midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
@@ -92,12 +93,17 @@ def disturbance_step(step: pd.Timedelta) -> pd.Timedelta:
 
 
 def steps_table(
-    labels: pd.DatetimeIndex, zone: Any, inputs: dict[str, np.ndarray], zeta: np.ndarray, step: pd.Timedelta
+    labels: pd.DatetimeIndex,
+    zone: Any,
+    inputs: dict[str, np.ndarray],
+    zeta: np.ndarray,
+    step: pd.Timedelta,
+    holidays: Holidays,
 ) -> ZoneTable:
     """A table of one row per step of the disturbance; ``labels`` are the beginnings of the steps in UTC."""
     index = labels.tz_localize(None) if zone is None else labels.tz_convert(zone)
     time = index if zone is None else index.tz_localize(None)
-    return ZoneTable(inputs, {"zeta": zeta}, index, time, labels, step, order=(*inputs, "zeta"))
+    return ZoneTable(inputs, {"zeta": zeta}, index, time, labels, step, order=(*inputs, "zeta"), holidays=holidays)
 
 
 def steps_of_rows(table: ZoneTable, step: pd.Timedelta) -> tuple[pd.DatetimeIndex, np.ndarray]:
@@ -114,7 +120,7 @@ def average(table: ZoneTable, zeta: np.ndarray, step: pd.Timedelta) -> Steps:
     columns = [*(table.inputs[role] for role in roles), zeta]
     means = pd.DataFrame(np.column_stack(columns)).groupby(of_row).mean().to_numpy()
     inputs = {role: means[:, j].copy() for j, role in enumerate(roles)}
-    return Steps(steps_table(labels, zone_of(table), inputs, means[:, -1].copy(), step), of_row)
+    return Steps(steps_table(labels, zone_of(table), inputs, means[:, -1].copy(), step, table.holidays), of_row)
 
 
 def zone_of(table: ZoneTable) -> Any:
@@ -153,7 +159,7 @@ def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
     zeta = np.full(len(labels), np.nan)
     zeta[place] = np.concatenate([old.history["zeta"], new.history["zeta"]])
     inputs = {role: np.concatenate([v, new.inputs[role]])[held] for role, v in old.inputs.items()}
-    return steps_table(labels, zone_of(new), inputs, zeta, step)
+    return steps_table(labels, zone_of(new), inputs, zeta, step, new.holidays)
 
 
 def fit_forecaster(forecaster: Any, steps: ZoneTable, target: np.ndarray | None = None) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal, Self
 
 from sklearn.base import clone
@@ -36,6 +36,7 @@ class BaseTwoStage(BaseHybrid):
         memory=None,
         columns=None,
         sampling_time=None,
+        holidays=None,
         n_jobs=None,
         random_state=None,
         verbose=0,
@@ -57,6 +58,7 @@ class BaseTwoStage(BaseHybrid):
         self.verbose = verbose
         self.columns = columns
         self.sampling_time = sampling_time
+        self.holidays = holidays
         self.origin_step = origin_step
         self.max_missing = max_missing
 
@@ -86,12 +88,9 @@ class BaseTwoStage(BaseHybrid):
     def _default_forecaster(self) -> DisturbanceForecaster:
         return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
 
-    def _reading(self) -> tuple[Mapping[str, Any] | None, Any]:
-        columns, sampling_time = super()._reading()
-        return (
-            columns if columns is not None else getattr(self.gray_box, "columns", None),
-            sampling_time if sampling_time is not None else getattr(self.gray_box, "sampling_time", None),
-        )
+    def _reading(self) -> dict[str, Any]:
+        own = super()._reading()
+        return {name: getattr(self.gray_box, name, None) if given is None else given for name, given in own.items()}
 
     def _make_scheme(self) -> Scheme:
         if self.disturbance not in ("input", "output"):
@@ -137,6 +136,8 @@ class BaseTwoStage(BaseHybrid):
         params = part.get_params(deep=False)
         passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "verbose": self.verbose or None}
         wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
+        if "holidays" in params and params["holidays"] is None:
+            wanted["holidays"] = self._reading()["holidays"]
         part.set_params(**wanted)
         return part  # FrozenEstimator.set_params returns nothing
 

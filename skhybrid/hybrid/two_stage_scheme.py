@@ -100,7 +100,8 @@ class TwoStageScheme(Scheme):
     def _begin_aggregation(self, zeta: np.ndarray) -> Self:
         """Average the end of the training over steps, to which later rows are added."""
         training, step = self.rows.training, self.disturbance_step_
-        empty = HourlyAggregation([*self.steps.inputs, "zeta"], step, training.step < step, zone_of(training))
+        names, fine = [*self.steps.inputs, "zeta"], training.step < step
+        empty = HourlyAggregation(names, step, fine, zone_of(training), training.holidays)
         stamps = stamps_ns(training)
         self._aggregation = empty.added(stamps, self._rows_of(training, zeta)).since(int(stamps[-1] - KEPT.value))
         self._learned_to = int(stamps_ns(self.steps)[-1])
@@ -178,7 +179,9 @@ class TwoStageScheme(Scheme):
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
         """Test the day-ahead errors of the disturbance, forecast without adaptation."""
         frozen = self.forecaster_
-        monitor = DriftMonitor().fit(*reference_days(self.steps, frozen, refits_fast(frozen)))
+        monitor = DriftMonitor(holidays=self.steps.holidays).fit(
+            *reference_days(self.steps, frozen, refits_fast(frozen))
+        )
         if table is None:
             steps = self._aggregation.table()
             first = int(np.searchsorted(self._aggregation.labels, self._learned_to, side="right"))

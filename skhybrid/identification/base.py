@@ -194,6 +194,7 @@ class NetworkIdentifier(NetworkModel):
             expected_step=None if reset else self.sampling_time_,
             gaps=True,
             history_roles=(*HISTORY_ROLES, *network.history_roles),
+            holidays=getattr(self, "holidays", None),
         )
         absent = [b for b in network.boundaries if b not in table.inputs]
         if absent:

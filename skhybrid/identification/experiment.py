@@ -53,10 +53,10 @@ class Experiment(NamedTuple):
 
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:
     """The experiment of a table; ``roles`` that the table lacks act as 0."""
-    acting, time = network.inputs(roles), table.time
+    acting = network.inputs(roles)
     inputs = np.zeros((table.n_rows, len(acting) + len(network.disturbed_nodes)))
     for j, role in enumerate(acting):
         inputs[:, j] = table.inputs[role]
-    hour, weekend = time.hour.to_numpy(dtype=np.int64), np.asarray(time.day_of_week >= 5)
+    hour = table.time.hour.to_numpy(dtype=np.int64)
     y = np.asarray(y, dtype=np.float64)
-    return Experiment(y, inputs, roles, table.step_hours, hour, weekend, table.breaks)
+    return Experiment(y, inputs, roles, table.step_hours, hour, table.weekend, table.breaks)

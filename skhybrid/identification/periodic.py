@@ -46,6 +46,9 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     variance : {"day_night", "3h"}, default="day_night"
         Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a day,
         which find solar shares better but may mistake the errors of too simple a network for unmeasured heat.
+    holidays : str or sequence of dates, optional
+        A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
+        weekend days.
 
     Attributes
     ----------
@@ -80,7 +83,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        variance: Literal["day_night", "3h"] = "day_night",
+        variance: Literal["day_night", "3h"] = "day_night", holidays=None,
     ):  # fmt: skip
         store_arguments(self, locals())
 

@@ -211,8 +211,8 @@ def _drivers(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
 
 
 def _day_type(table: ZoneTable) -> np.ndarray:
-    """(N,) 1 on weekends, -1 on weekdays."""
-    return np.where(table.time.day_of_week.to_numpy() >= 5, 1.0, -1.0)
+    """(N,) 1 on weekends and holidays, -1 on other days."""
+    return np.where(table.weekend, 1.0, -1.0)
 
 
 def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
@@ -235,7 +235,7 @@ def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Chann
     """Heat of a day of the other type less that of its own type, for each day of the week."""
     if not plan.contrast:
         return
-    hour, day = table.time.hour.to_numpy(), table.time.day_of_week.to_numpy()
+    hour, day = table.time.hour.to_numpy(), table.day_of_week
     by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
     contrast = sum(by_hour[kind][hour] * driver for kind, driver in _drivers(plan, table).items())
     swap = -2.0 * _day_type(table) * contrast

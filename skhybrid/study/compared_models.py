@@ -88,6 +88,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         Where the identification that the two-stage models share is kept, so that it is run once.
     """
     given = make_forecaster(settings)
+    reading = {"horizon": settings.horizon, "holidays": settings.holidays}
     made = [
         StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
         StudyModel("OD alone", make_gray_box(settings, "output"), "output disturbance persists as identified"),
@@ -95,8 +96,8 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
             "OD, no disturbance", _conventional(settings, "output", memory), "the paper's conventional approach"
         ),
         StudyModel("CONV alone", make_gray_box(settings, "conventional"), "identified and used without a disturbance"),
-        StudyModel("ARX", ARXRegressor(horizon=settings.horizon), "black box, fitted once"),
-        StudyModel("ARX re-fitted", ARXRegressor(horizon=settings.horizon, adapt="refit"), "fitted at every origin"),
+        StudyModel("ARX", ARXRegressor(**reading), "black box, fitted once"),
+        StudyModel("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
@@ -115,14 +116,18 @@ def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
     network = make_network(settings.network) if settings.network else None
     capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
-        network=network, known=capacities or None, horizon=settings.horizon, random_state=settings.random_state
+        network=network,
+        known=capacities or None,
+        horizon=settings.horizon,
+        holidays=settings.holidays,
+        random_state=settings.random_state,
     )
     return made, "network with learned schedules, blended with ARX, updated at every origin"
 
 
 def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> tuple[HybridPredictor, str]:
     """The two-stage scheme with the identification of the settings, and a note on it."""
-    common: dict[str, Any] = {"horizon": settings.horizon, "random_state": settings.random_state}
+    common = {name: getattr(settings, name) for name in ("horizon", "holidays", "random_state")}
     own = settings.estimator.get("name", "periodic")
     made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
     return made, f"{own} identification, {forecaster.model} disturbance forecast"

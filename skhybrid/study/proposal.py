@@ -158,6 +158,7 @@ def _log_lines(file: Path, index: pd.DatetimeIndex, source: pd.Timedelta, separa
         f"# Proposed for {file.name}; check every line.",
         f"name = {_quoted(file.stem)}",
         f'timezone = "{zone}"  # better the local zone, such as "Europe/Amsterdam"',
+        '# holidays = "NL"  # a country, a state or a list of dates: days on which the building is used as on a Sunday',
         *([f"# the stamp {twice[0]} occurs twice: a local clock with daylight saving?"] if len(twice) else []),
         f'label = "{label}"  # whether a stamp marks the start (left) or the end (right) of the means in its row',
         *([f"sep = {_quoted(separators[0])}"] if separators[0] != "," else []),

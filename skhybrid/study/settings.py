@@ -11,6 +11,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
+from .._holidays import read_holidays
 from .._table import ROLES, role_of
 from .._time import positive_duration
 
@@ -42,6 +45,9 @@ class Settings:
     step : str, sampling time to which the log is resampled
     horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
     random_state : int, seed of the random starts
+    holidays : str or list of dates, optional
+        A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or dates; for all models with a
+        calendar.
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.
     units : mapping of role to unit, units of columns, where they are not those of the data contract
@@ -73,6 +79,7 @@ class Settings:
     horizon: str = "1D"
     origin_step: str = "1D"
     random_state: int = 0
+    holidays: Any = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
@@ -181,6 +188,7 @@ def _check_plain(settings: Settings) -> None:
         raise ValueError(f"random_state = {seed!r} must be a whole number from 0 to 4294967295.")
     if not isinstance(settings.dayfirst, bool | None):
         raise ValueError(f"dayfirst = {settings.dayfirst!r} must be true or false.")
+    read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is no place and no dates
 
 
 def _check_tables(settings: Settings) -> None:
