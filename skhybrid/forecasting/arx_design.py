@@ -76,7 +76,7 @@ class Moments(NamedTuple):
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
         whole = self.gram + np.diag(penalty)
-        unit = 1.0 / np.sqrt(np.diag(whole))
+        unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
         return unit * solve(scaled, unit * self.cross, assume_a="pos")
 

@@ -74,22 +74,31 @@ class MultiStepProblem:
         return float(np.sum(weights * errors**2))
 
     def moments(self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]) -> Moments:
-        """The normal equations of the errors linearised at ``coef``, as of a regression for the coefficients."""
+        """The normal equations of the errors linearised at ``coef``; origins are hourly, without a gap."""
         p = len(coef)
         total = Moments(np.zeros((p, p)), np.zeros(p))
-        exogenous = np.vstack([view.exogenous, np.repeat(view.exogenous[-1:], int(self.leads[-1]), axis=0)])
-        ahead = sliding_window_view(exogenous, int(self.leads[-1]), axis=0).swapaxes(1, 2)
-        response = self._response(coef)
+        if not len(origins):
+            return total
+        ahead, response = self._ahead(view, origins), self._response(coef)
         for first in range(0, len(origins), _CHUNK):
-            chunk = origins[first : first + _CHUNK]
+            part = slice(first, first + _CHUNK)
+            chunk = origins[part]
             paths, errors, weights = self._errors(view, coef, chunk, span)
             slopes = np.concatenate(
-                [response @ self._past(view, chunk, paths), response @ ahead[chunk - view.first]], axis=2
+                [response @ self._past(view, chunk, paths), response @ ahead[part]], axis=2
             ).reshape(-1, p)
             root = np.sqrt(weights).ravel()
             slopes *= root[:, None]
             total = total.added(Moments(slopes.T @ slopes, slopes.T @ (root * errors.ravel() + slopes @ coef)))
         return total
+
+    def _ahead(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
+        """(O, H, n_exogenous) columns of the rows ahead of origins, as views."""
+        n_leads = int(self.leads[-1])
+        rows = view.exogenous[origins[0] - view.first : origins[-1] - view.first + n_leads]
+        missing = origins[-1] - origins[0] + n_leads - len(rows)  # after the last row it is held
+        held = np.vstack([rows, np.repeat(rows[-1:], missing, axis=0)]) if missing else rows
+        return sliding_window_view(held, n_leads, axis=0)[:: self.every].swapaxes(1, 2)
 
     def _response(self, coef: np.ndarray) -> np.ndarray:
         """(L, H) effect of a change of the temperature step in each row ahead on the temperature at each lead."""
