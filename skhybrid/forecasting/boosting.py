@@ -61,7 +61,8 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     ----------
     booster_ : HistGradientBoostingRegressor or None
         None where the training table has no pair of origin and lead.
-    n_trees_ : int
+    n_iter_ : int
+        Number of trees.
     arx_ : ARXRegressor or None
     sampling_time_ : Timedelta
     n_features_in_, feature_names_in_ : int, ndarray of str
@@ -139,13 +140,13 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         seen = np.isfinite(errors).ravel()
         later = (np.repeat(sample.origins, len(sample.leads)) >= 2 * known.n_rows // 3) & seen
         earlier = (rows.ravel() < 2 * known.n_rows // 3) & seen
-        self.n_trees_ = min(_FEW_TREES, self.max_iter)
+        self.n_iter_ = min(_FEW_TREES, self.max_iter)
         if min(earlier.sum(), later.sum()) >= _LEAST_PAIRS:
             trial = self._booster(self.max_iter).fit(features[earlier], errors.ravel()[earlier])
             stages = trial.staged_predict(features[later])
             squares = [np.sum((errors.ravel()[later] - stage) ** 2) for stage in stages]
-            self.n_trees_ = int(np.argmin(squares)) + 1
-        booster = self._booster(self.n_trees_)
+            self.n_iter_ = int(np.argmin(squares)) + 1
+        booster = self._booster(self.n_iter_)
         self.booster_ = booster.fit(features[seen], errors.ravel()[seen]) if seen.sum() > 1 else None
 
     def _booster(self, n_trees: int) -> HistGradientBoostingRegressor:
@@ -199,7 +200,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         )
 
     def _facts(self) -> dict[str, str]:
-        return {"inputs": ", ".join(self._roles), "trees": str(self.n_trees_)}
+        return {"inputs": ", ".join(self._roles), "trees": str(self.n_iter_)}
 
     def _cold_value(self, table: ZoneTable) -> float:
         return float(self._held(table)[0])
