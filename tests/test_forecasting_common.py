@@ -43,7 +43,6 @@ def _expected(estimator):
         ARXRegressor(sampling_time="15min"),
         ARXRegressor(adapt="refit", sampling_time="15min"),
         ARXRegressor(objective="multi_step", adapt="refit", sampling_time="15min"),
-        BoostedRegressor(max_iter=10, sampling_time="15min", random_state=0),
         BoostedRegressor(residual_of="arx", max_iter=10, sampling_time="15min", random_state=0),
     ],
     expected_failed_checks=_expected,
