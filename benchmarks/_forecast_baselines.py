@@ -1,4 +1,4 @@
-"""Baselines of the forecast benchmark that the package does not ship: rules, boosting, a plain gray box, an oracle.
+"""Baselines of the forecast benchmark that the package does not ship: rules, a plain gray box, an oracle.
 
 Each has ``fit(X, y)`` and ``predict_from(X, origins, horizon)`` and reads ``T_za`` of X up to an origin only.
 """
@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from _forecast_data import Truth
 from sklearn.base import BaseEstimator, RegressorMixin, clone
-from sklearn.ensemble import HistGradientBoostingRegressor
 
 from skhybrid._time import rows_of
 from skhybrid.datasets._office import true_system
@@ -80,61 +79,6 @@ class LeftAlone(RegressorMixin, BaseEstimator):
         """The load without unmeasured heat, from the states at the origins."""
         leads = int(np.diff(np.append(origins, len(X))).max())
         return self.gray_box_.required_heat(X, setpoint, origins, np.zeros((len(origins), leads)), limits=limits)
-
-
-class Boosted(_WithPast):
-    """Gradient boosting of the change of temperature since the origin, over (origin, lead) pairs.
-
-    The features that a data scientist would choose: lead, hour and day of the target, the change of temperature before
-    the origin, the temperature at the target's time a day earlier, and means of every input from origin to target.
-    """
-
-    def __init__(self, every: str = "1h", random_state: int | None = None) -> None:
-        self.every = every
-        self.random_state = random_state
-
-    def fit(self, X: pd.DataFrame, y: Any) -> Self:
-        """Train on one origin per ``every``, if its next day lies in X."""
-        super().fit(X, y)
-        self.inputs_ = [c for c in X if c != "T_za"]
-        rows = X.assign(T_za=np.asarray(y, dtype=np.float64))
-        origins = np.arange(self.day_, len(X) - self.day_, rows_of(self.every, self.step_))
-        features, origin_T = self._features(rows, origins, self.day_)
-        target = rows["T_za"].to_numpy()[origins[:, None] + np.arange(1, self.day_ + 1)] - origin_T[:, None]
-        seen = np.isfinite(target).ravel()
-        booster = HistGradientBoostingRegressor(max_iter=300, learning_rate=0.06, random_state=self.random_state)
-        self.booster_ = booster.fit(features[seen], target.ravel()[seen])
-        return self
-
-    def predict_from(self, X: pd.DataFrame, origins: np.ndarray, horizon: Any = "1D") -> np.ndarray:
-        """Forecast from each origin."""
-        joined, before = self._joined(X)
-        leads = rows_of(horizon, self.step_)
-        features, origin_T = self._features(joined, np.asarray(origins) + before, leads)
-        return origin_T[:, None] + self.booster_.predict(features).reshape(len(origins), leads)
-
-    def _features(self, rows: pd.DataFrame, origins: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """(n_origins * n_leads, n_features), and the temperature at each origin."""
-        T = rows["T_za"].ffill().to_numpy()
-        leads = np.arange(1, n_leads + 1)
-        targets = np.minimum(origins[:, None] + leads, len(rows) - 1)
-        hour = (rows.index.hour + rows.index.minute / 60.0).to_numpy()
-        here, hourly = T[origins][:, None], rows_of("1h", self.step_)
-
-        def at(back: np.ndarray) -> np.ndarray:
-            """(n_origins, n_leads) temperature ``back`` rows before each origin, relative to that of the origin."""
-            wanted = origins[:, None] - back
-            return np.where(wanted >= 0, T[np.maximum(wanted, 0)], np.nan) - here
-
-        columns = [np.broadcast_to(leads, targets.shape), hour[targets], rows.index.day_of_week.to_numpy()[targets]]
-        columns += [np.broadcast_to(here, targets.shape), at(np.broadcast_to(-leads % self.day_, targets.shape))]
-        columns += [at(np.full_like(targets, lag * hourly)) for lag in (1, 3, 6)]
-        for name in self.inputs_:
-            total = np.concatenate([[0.0], rows[name].to_numpy().cumsum()])
-            for span in (n_leads, 3 * hourly):  # an input acts over the step after its stamp
-                first = np.maximum(targets - span, origins[:, None])
-                columns.append((total[targets] - total[first]) / np.maximum(targets - first, 1))
-        return np.stack(columns, axis=-1).reshape(targets.size, -1), T[origins]
 
 
 class Oracle(RegressorMixin, BaseEstimator):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from _forecast_baselines import Boosted, Held, LeftAlone, Oracle, Yesterday
+from _forecast_baselines import Held, LeftAlone, Oracle, Yesterday
 from _forecast_data import BEAM_AND_SKY, DataSet
+from _n4sid import N4SID
 from sklearn.pipeline import make_pipeline
 
 from skhybrid import (
@@ -18,6 +19,7 @@ from skhybrid import (
     OutputDisturbanceID,
     PeriodicDisturbanceID,
 )
+from skhybrid.forecasting import BoostedRegressor
 
 Make = Callable[[DataSet, int], Any]
 ADAPTING = {None: "hybrid, static", "linear": "hybrid, linear", "full": "hybrid, full"}
@@ -105,13 +107,17 @@ MODELS: dict[str, Model] = {
     "last week's disturbance": Model(_two_stage("last_week")),
     "hour-of-week mean": Model(_two_stage("profile")),
     "ridge": Model(_two_stage("ridge")),
-    "gradient boosting": Model(lambda data, seed: Boosted(random_state=seed)),
+    "boosting, direct": Model(lambda data, seed: BoostedRegressor(random_state=seed)),
+    "boosting on ARX": Model(lambda data, seed: BoostedRegressor(residual_of="arx", random_state=seed)),
+    "N4SID": Model(lambda data, seed: N4SID()),
     ARX: Model(lambda data, seed: ARXRegressor()),
     "ARX, facades": Model(with_facades(lambda data, seed: ARXRegressor()), facades=True, applies=has_facades),
     REFITTED: Model(lambda data, seed: ARXRegressor(adapt="refit")),
     "ARX re-fitted, facades": Model(
         with_facades(lambda data, seed: ARXRegressor(adapt="refit")), facades=True, applies=has_facades
     ),
+    "ARX, multi-step": Model(lambda data, seed: ARXRegressor(objective="multi_step")),
+    "ARX, multi-step, re-fitted": Model(lambda data, seed: ARXRegressor(objective="multi_step", adapt="refit")),
     "MLP": Model(_two_stage("mlp", **NETWORK_CASE), "networks", random=True),
     "CNN": Model(_two_stage("cnn", **NETWORK_CASE), "networks", random=True),
     "RNN": Model(_two_stage("rnn", **NETWORK_CASE), "networks", random=True),

@@ -139,7 +139,7 @@ def by_lead(runs: Runs, keep: Callable[[str], bool]) -> pd.DataFrame:
     rows = {}
     for model in _in_order(list(dict.fromkeys(m for _, m in runs))):
         mine = [runs[data, model] for data in datas if (data, model) in runs]
-        if len(mine) == len(datas):
+        if mine and len(mine) == len(datas):
             logs = [
                 np.log([np.mean([rmse(r.temperature, slice(h - 1, h)) for r in some]) for h in LEADS]) for some in mine
             ]

@@ -16,11 +16,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import _forecast_tables
 import forecast
 import learning_curve
-from _forecast_baselines import Boosted, Held, LeftAlone, Oracle, Yesterday
+from _forecast_baselines import Held, LeftAlone, Oracle, Yesterday
 from _forecast_data import DataSet, Truth, data_sets, split
 from _forecast_models import MODELS, Model, bounds_for
 from _forecast_ratios import BLOCK, blocks_of, drawn_rows, paired, ratio
 from _forecast_store import Errors, Run, assess, by_hour, is_done, load_errors, read_run, write_run
+from _n4sid import N4SID
 
 from skhybrid import GrayBoxRC
 from skhybrid.datasets import make_office
@@ -178,7 +179,7 @@ RIVALS = {
     "yesterday": Yesterday(),
     "held": Held(),
     "alone": LeftAlone(GrayBoxRC(known={"Q_h": 6.0}, n_starts=1, random_state=0)),
-    "boosted": Boosted(every="6h", random_state=0),
+    "N4SID": N4SID(),
 }
 
 

@@ -14,7 +14,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.linear_model import Ridge
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster
+from skhybrid.forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
 
 ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"
 BASELINES = ("ridge", "profile", "last_week", "persistence", "none")
@@ -24,7 +24,8 @@ TINY = {"max_epochs": 2, "hidden_size": 4, "n_channels": 2, "random_state": 0}
 
 def _expected(estimator):
     # Without a measured past, baselines forecast each row by its time alone, and ARX learns nothing from 20 rows.
-    if isinstance(estimator, ARXRegressor) or estimator.model in BASELINES[1:]:
+    one_step = getattr(estimator, "objective", None) == "one_step"
+    if one_step or getattr(estimator, "model", None) in BASELINES[1:]:
         return {}
     return {
         "check_methods_sample_order_invariance": ROWS_ARE_TIME_STEPS,
@@ -41,6 +42,8 @@ def _expected(estimator):
         DisturbanceForecaster("cnn", residual_of=None, sampling_time="1h", **TINY),
         ARXRegressor(sampling_time="15min"),
         ARXRegressor(adapt="refit", sampling_time="15min"),
+        ARXRegressor(objective="multi_step", adapt="refit", sampling_time="15min"),
+        BoostedRegressor(residual_of="arx", max_iter=10, sampling_time="15min", random_state=0),
     ],
     expected_failed_checks=_expected,
 )
@@ -87,16 +90,25 @@ FORECASTERS = [
     DisturbanceForecaster("lstm", case="case09", **TINY),
     DisturbanceForecaster("mlp", case="case16", **TINY),
 ]
-MODELS = [*FORECASTERS, ARXRegressor(), ARXRegressor(adapt="refit")]
+MODELS = [
+    *FORECASTERS,
+    ARXRegressor(),
+    ARXRegressor(adapt="refit"),
+    ARXRegressor(adapt="refit", objective="multi_step"),
+]
+MODELS += [BoostedRegressor(residual_of=base, max_iter=30, random_state=0) for base in (None, "arx")]
 
 
 def _data(model):
-    return zone() if isinstance(model, ARXRegressor) else hourly()
+    return zone() if isinstance(model, ARXRegressor | BoostedRegressor) else hourly()
 
 
 def _name(model):
+    if isinstance(model, BoostedRegressor):
+        return f"boosting-{model.residual_of}"
     kind = "arx" if isinstance(model, ARXRegressor) else str(model.model).split("(")[0]
-    return f"{kind}-{getattr(model, 'adapt', None) or getattr(model, 'case', None) or ''}"
+    objective = "-multi_step" * (getattr(model, "objective", None) == "multi_step")
+    return f"{kind}-{getattr(model, 'adapt', None) or getattr(model, 'case', None) or ''}{objective}"
 
 
 @pytest.fixture(params=MODELS, ids=_name)

@@ -15,6 +15,7 @@ from skhybrid import (
     PeriodicDisturbanceID,
 )
 from skhybrid.datasets import make_office
+from skhybrid.forecasting import BoostedRegressor
 
 DAY = 96
 KNOWN = {"Q_h": 6.0}
@@ -34,6 +35,7 @@ def temperature_models():
         PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0, horizon="1D"),
         ARXRegressor(),
         ARXRegressor(adapt="refit"),
+        ARXRegressor(adapt="refit", objective="multi_step"),
         HybridPredictor(),
         HybridPredictor(PeriodicDisturbanceID(known=KNOWN, n_starts=1), random_state=0),
         HybridPredictor(OutputDisturbanceID(known=KNOWN, n_starts=1), disturbance="output", random_state=0),
@@ -42,6 +44,7 @@ def temperature_models():
             HybridPredictor(InputDisturbanceID(known=KNOWN, n_starts=1), DisturbanceForecaster(model=m), random_state=0)
             for m in ("profile", "last_week", "persistence")
         ],
+        BoostedRegressor(residual_of="arx", max_iter=30, random_state=0),
     ]
 
 
@@ -82,8 +85,10 @@ def test_temperature_after_an_origin_is_not_read(model, following, office):
             np.testing.assert_array_equal(fitted.predict(noisy)[:end], clean[:end])
 
 
-#: both of ARX, and the hybrid with an input disturbance, an output one and the profile
-QUANTILE_MODELS = {name: model for name, model in MODELS.items() if name[0] in "45679" and "ID" not in name}
+#: all of ARX, and the hybrid with an input disturbance, an output one and the profile
+QUANTILE_MODELS = {
+    name: model for name, model in MODELS.items() if name.split("-")[0] in ("4", "5", "6", "7", "8", "10")
+}
 
 
 @pytest.mark.parametrize("model", QUANTILE_MODELS.values(), ids=QUANTILE_MODELS)
@@ -103,7 +108,7 @@ def test_quantiles_do_not_read_the_temperature_after_an_origin(model, office):
         assert not np.array_equal(fitted.predict_quantiles(noisy)[origin + DAY :], clean[origin + DAY :])
 
 
-@pytest.mark.parametrize("model", temperature_models()[6:10], ids=["default", "input", "output", "lstm"])
+@pytest.mark.parametrize("model", temperature_models()[7:11], ids=["default", "input", "output", "lstm"])
 def test_load_does_not_read_the_temperature_after_its_origin(model, office):
     fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
     X = office.X[14 * DAY : 16 * DAY]

@@ -28,7 +28,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.datasets import make_office
-from skhybrid.forecasting import forecaster
+from skhybrid.forecasting import BoostedRegressor, forecaster
 from skhybrid.model_selection import DesignMatrixSearchCV, PatternExpressiveness, RobustnessComparison, design_matrix
 from skhybrid.model_selection.choice import pattern_expressiveness, robustness_comparison
 from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
@@ -46,6 +46,8 @@ CASES = {
     "output": OutputDisturbanceID(**ONE),
     "periodic": PeriodicDisturbanceID(**ONE, known={"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "Q_h": 6.0}),
     "ARX": ARXRegressor(adapt="refit", horizon="12h"),
+    "ARX, multi-step": ARXRegressor(adapt="refit", objective="multi_step", horizon="12h"),
+    "boosting": BoostedRegressor(residual_of="arx", horizon="12h", max_iter=20, random_state=0),
     "forecaster": DisturbanceForecaster("ridge"),
     "hybrid": HybridPredictor(),
     "schedule": SchedulePredictor(),
@@ -120,6 +122,7 @@ REFUSED = {name: {"column twice", "no table"} for name in ("units", "gaps", "fac
     "yesterday": set(),
 }
 REFUSED["network"] = REFUSED["forecaster"]
+REFUSED["ARX, multi-step"] = REFUSED["boosting"] = REFUSED["ARX"]
 CALLS = {
     "fit": lambda model, X, y: model.fit(X, y),
     "partial_fit": lambda model, X, y: model.partial_fit(X, y),

@@ -1,6 +1,7 @@
 """Forecasts of the disturbance (networks, ridge, baselines) and, for comparison, of the temperature itself."""
 
 from .arx import ARXRegressor
+from .boosting import BoostedRegressor
 from .cases import ModelCase, list_cases, list_sizes
 from .forecaster import DisturbanceForecaster
 from .joint_fit import fit_many
@@ -8,6 +9,7 @@ from .weather_error import WeatherError
 
 __all__ = [
     "ARXRegressor",
+    "BoostedRegressor",
     "DisturbanceForecaster",
     "ModelCase",
     "WeatherError",

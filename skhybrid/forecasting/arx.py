@@ -14,6 +14,7 @@ from .._table import ZoneTable, read_table, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
+from .arx_multi_step import RecursiveMultiStep, fit_multi_step
 from .features import rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
@@ -21,6 +22,7 @@ from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
 _MIN_BLOCKS, _MAX_BLOCKS = 3, 6  # left-out blocks of the choice of alpha
+_MOST_DAYS = 2  # longest lead of the multi-step objective [days]
 
 
 class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
@@ -31,14 +33,22 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         T[k+1] - T[k] = sum_i a_i T[k-i] + sum_j b_j' v[k-j] + c_h(k) + d + e[k]
 
     for i < ``n_lags`` and j < ``n_input_lags``.  It is the baseline that a gray box must beat; the strongest form
-    solves the regression again at each origin (``adapt="refit"``).
+    is fitted on errors at many leads (``objective="multi_step"``) and again as rows become known (``adapt="refit"``).
 
     Parameters
     ----------
     horizon : timedelta-like or None, default "1D"
         How far ahead ``predict`` looks; None simulates from the first row on.
     adapt : {None, "refit"}, default None
-        ``"refit"`` solves the regression again at each origin, on the training pairs and all pairs known at the origin.
+        ``"refit"`` solves the regression again at each origin, on the training pairs and all pairs known at the origin;
+        with ``objective="multi_step"`` once a day, where errors of the rows after the training count three times and
+        half as much after 30 days.
+    objective : {"one_step", "multi_step"}, default "one_step"
+        ``"one_step"`` minimises the squared error of e.  ``"multi_step"`` minimises squared errors of forecasts from
+        every hour, at 18 leads up to the horizon (two days at most), which count with lead^-0.3, plus those of one
+        step, by damped Gauss-Newton steps.  It has further columns: inputs filtered over 6 h and 24 h, irradiance
+        before and after noon, outdoor temperature by hour of day.  Its penalties, also a further one on calendar
+        columns, are those that forecast the last third of the training table best.
     n_lags, n_input_lags : int, default 24 and 8
         Rows of temperature, and of every input.
     calendar : bool, default True
@@ -46,6 +56,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     alpha : float, optional
         Penalty on standardised columns.  Default: of 0.1, 1, 10, 100 and 1000 the one with the lowest forecast error
         over the horizon in left-out blocks of the training table; 10 where the table is too short for three blocks.
+        With ``objective="multi_step"`` of 1 and 1000 the better one on the last third.
     columns : mapping of role to column, optional
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
@@ -63,6 +74,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     coef_ : ndarray of shape (n_columns,)
         Coefficients of the standardised columns: temperatures (newest first), inputs, calendar, constant.
     alpha_ : float
+    calendar_alpha_, one_step_weight_ : float
+        With ``objective="multi_step"``: the further penalty on calendar columns, and the weight of squared one-step
+        errors, in units of the ratio of the two sums of squares at the one-step solution.
     input_names_ : list of str
         Roles of the inputs, in the order of ``coef_``.
     intervals_ : LeadIntervals
@@ -76,6 +90,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         *,
         horizon: Any = "1D",
         adapt: Literal["refit"] | None = None,
+        objective: Literal["one_step", "multi_step"] = "one_step",
         n_lags: int = 24,
         n_input_lags: int = 8,
         calendar: bool = True,
@@ -88,6 +103,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     ) -> None:
         self.horizon = horizon
         self.adapt = adapt
+        self.objective = objective
         self.n_lags = n_lags
         self.n_input_lags = n_input_lags
         self.calendar = calendar
@@ -124,12 +140,23 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _solve(self, table: ZoneTable, T: np.ndarray) -> None:
         """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
-        self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar)
+        daily = self.objective == "multi_step"
+        self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar, daily)
         view = self.view(table, T)
+        if daily:
+            n_leads = min(self._leads_of_horizon(table.step), _MOST_DAYS * rows_per_day(table.step))
+            self._fit = fit_multi_step(self._design, table, view, n_leads, self.alpha, self.adapt is not None)
+            self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
+            return
         pairs = self._design.pairs(view)
         self._moments = Moments.of(pairs)
         self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(view, pairs)
         self.coef_ = self._moments.ridge(self.alpha_)
+
+    @property
+    def _has_multi_step(self) -> bool:
+        """Whether it was fitted on errors at many leads."""
+        return self._design.daily is not None
 
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
@@ -137,6 +164,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _check_parameters(self) -> None:
         if self.adapt not in (None, "refit"):
             raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
+        if self.objective not in ("one_step", "multi_step"):
+            raise ValueError(f"objective={self.objective!r} is not known; use 'one_step' or 'multi_step'.")
         for name in ("n_lags", "n_input_lags"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
@@ -180,10 +209,14 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         out = np.full((len(origins), n_leads), np.nan)
         for block in np.unique(blocks):
             mine = np.flatnonzero(blocks == block)
-            left_out = pairs.between(origins[mine[0]], origins[mine[-1]] + n_leads)
+            begin, end = int(origins[mine[0]]), int(origins[mine[-1]]) + n_leads
+            left_out = pairs.between(begin, end)
             if len(left_out.rows) == len(pairs.rows):
                 continue
-            coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_)
+            if self._has_multi_step:
+                coef = self._fit.without(view, begin, end)
+            else:
+                coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_)
             out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
@@ -250,17 +283,19 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """
         return self._design.iterate(view, origins, n_leads, coefs)
 
-    def recursive(self, begin: int = 0) -> RecursiveARX:
+    def recursive(self, begin: int = 0) -> RecursiveARX | RecursiveMultiStep:
         """The regression, ready to be updated by later rows.
 
         Parameters
         ----------
         begin : int; first row after the training table
         """
+        if self._has_multi_step:
+            return RecursiveMultiStep(self._fit, begin)
         return RecursiveARX(self._design, self._moments, self.alpha_, begin)
 
     def refitted(self, view: ARXData, origins: np.ndarray, begin: int = 0) -> np.ndarray:
-        """Coefficients (n_origins, n_columns) from the training pairs and those of ``view`` that end by each origin.
+        """Coefficients (n_origins, n_columns) from the training rows and those of ``view`` up to each origin.
 
         Parameters
         ----------

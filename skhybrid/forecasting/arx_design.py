@@ -7,16 +7,22 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import solve
+from scipy.signal import lfilter
 
 from .._table import ZoneTable
 from ..filtering import iterate_lags
-from .features import day_type_hour, one_hot
+from .features import day_type_hour, hour_of_day, irradiance_roles, one_hot, rows_per_day
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
 #: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
 #: an hour of heat would be a thousand times what was learned from
 _USUAL_SPREAD = {"u_": 0.4, "Q_": 2.5}
-_CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
+CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
+_ROUNDING = 1e-11  # relative penalty that keeps equations of parallel columns regular
+_FILTER_HOURS = (6.0, 24.0)  # time constants of the filtered inputs [h]
+_FILTER_DAYS = 6  # days before an origin from which the filters run
+_FROM_NOON = 4.0  # morning and afternoon irradiance count fully so long before and after noon [h], and fade in as long
+_K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
 
 
 class ARXData(NamedTuple):
@@ -59,14 +65,54 @@ class Moments(NamedTuple):
 
     def plus(self, pairs: Pairs, sign: int = 1) -> Moments:
         """The sums with further pairs or, with ``sign=-1``, without some of them."""
-        other = Moments.of(pairs)
-        return Moments(self.gram + sign * other.gram, self.cross + sign * other.cross)
+        return self.added(Moments.of(pairs), sign)
 
     def ridge(self, alpha: float) -> np.ndarray:
         """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free."""
         penalty = np.full(len(self.cross), alpha)
-        penalty[-1] = _CONSTANT_PENALTY
+        penalty[-1] = CONSTANT_PENALTY
         return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
+
+    def solution(self, penalty: np.ndarray) -> np.ndarray:
+        """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
+        whole = self.gram + np.diag(penalty)
+        unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
+        scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
+        return unit * solve(scaled, unit * self.cross, assume_a="pos")
+
+    def added(self, other: Moments, weight: float = 1.0) -> Moments:
+        """The sums plus ``weight`` times others."""
+        return Moments(self.gram + weight * other.gram, self.cross + weight * other.cross)
+
+
+@dataclass(frozen=True)
+class DailyColumns:
+    """Columns for errors up to a day ahead: filtered inputs, irradiance by side, outdoor temperature by hour."""
+
+    roles: list[str]  # of each column
+    decay: np.ndarray  # (n_filters,) of the filters over a step
+    noon: float  # hour at which the training irradiance has its mean [h]
+    T_oa_mean: float  # [degC]
+    memory: int  # rows from which the filters run
+
+    @classmethod
+    def of_training(cls, table: ZoneTable, roles: tuple[str, ...]) -> Self:
+        """Take the time constants in steps, noon and the mean outdoor temperature from the training table."""
+        sun = sum((table.inputs[role] for role in irradiance_roles(table.inputs)), np.zeros(table.n_rows))
+        noon = float(sun @ hour_of_day(table.time) / sun.sum()) if sun.sum() > 0.0 else 12.0
+        T_oa_mean = float(table.inputs["T_oa"].mean()) if "T_oa" in roles else 0.0
+        of_column = [role for role in roles for _ in _FILTER_HOURS]
+        of_column += [role for role in irradiance_roles(table.inputs) for _ in range(2)]
+        decay = np.exp(-table.step_hours / np.array(_FILTER_HOURS))
+        return cls(of_column, decay, noon, T_oa_mean, _FILTER_DAYS * rows_per_day(table.step))
+
+    def of(self, table: ZoneTable, roles: tuple[str, ...]) -> list[np.ndarray]:
+        """The columns but those of the calendar, each (n_rows,)."""
+        columns = [_filtered(table.inputs[role], decay) for role in roles for decay in self.decay]
+        from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
+        for role in irradiance_roles(dict.fromkeys(roles)):
+            columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
+        return columns
 
 
 @dataclass(frozen=True)
@@ -80,19 +126,28 @@ class ARXDesign:
     T_mean: float  # [degC]
     T_scale: float  # [K]
     T_range: tuple[float, float]  # lowest and highest temperature that is forecast [degC]
-    input_mean: np.ndarray  # (n_roles * n_input_lags,)
-    input_scale: np.ndarray  # (n_roles * n_input_lags,)
+    input_mean: np.ndarray  # (n_input_columns,)
+    input_scale: np.ndarray  # (n_input_columns,)
+    daily: DailyColumns | None = None  # further columns, for errors up to a day ahead
 
     @classmethod
-    def of_training(cls, table: ZoneTable, T: np.ndarray, n_lags: int, n_input_lags: int, calendar: bool) -> Self:
+    def of_training(
+        cls, table: ZoneTable, T: np.ndarray, n_lags: int, n_input_lags: int, calendar: bool, daily: bool = False
+    ) -> Self:
         """Take roles, means and scales from the training table and its temperature (n_rows,) [degC]."""
         known, roles = T[np.isfinite(T)], tuple(table.inputs)
         # A linear recursion can diverge where the data say little: nothing far outside what was seen is forecast.
         reach = 3.0 * max(float(np.ptp(known)), 1.0)
-        lagged = _lagged_inputs(table, roles, n_input_lags)
-        usual = [_USUAL_SPREAD[role[:2]] if table.hardly_ran(role) else 0.0 for role in roles]
+        further = DailyColumns.of_training(table, roles) if daily else None
+        lagged = _input_columns(table, roles, n_input_lags, further)
+        usual = {role: _USUAL_SPREAD[role[:2]] if table.hardly_ran(role) else 0.0 for role in roles}
+        of_column = [role for role in roles for _ in range(n_input_lags)]
         spread = lagged.std(axis=0)
-        scale = np.maximum(spread, np.repeat(usual, n_input_lags))
+        if further:  # in units of the input itself: what a filter leaves of a short table may be next to nothing
+            of_column += further.roles
+            of_role = {role: spread[n_input_lags * place] for place, role in enumerate(roles)}
+            spread[len(roles) * n_input_lags :] = [of_role[role] for role in further.roles]
+        scale = np.maximum(spread, [usual[role] for role in of_column])
         return cls(
             n_lags,
             n_input_lags,
@@ -103,19 +158,31 @@ class ARXDesign:
             T_range=(float(known.min()) - reach, float(known.max()) + reach),
             input_mean=lagged.mean(axis=0),
             input_scale=np.where(spread > 1e-9, scale, np.inf),  # a constant input has no effect
+            daily=further,
         )
 
     @property
     def warmup(self) -> int:
         """Rows before an origin that a forecast reads."""
-        return max(self.n_lags, self.n_input_lags) + 1
+        lags = max(self.n_lags, self.n_input_lags) + 1
+        return lags if self.daily is None else max(lags, self.daily.memory)
+
+    @property
+    def n_calendar(self) -> int:
+        """Columns of the calendar, which stand before the constant."""
+        return self.calendar * (48 + 24 * (self.daily is not None and "T_oa" in self.roles))
 
     def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        blocks = [(_lagged_inputs(table, self.roles, self.n_input_lags) - self.input_mean) / self.input_scale]
+        columns = _input_columns(table, self.roles, self.n_input_lags, self.daily)
+        blocks = [(columns - self.input_mean) / self.input_scale]
         if self.calendar:
-            blocks.append(one_hot(day_type_hour(table), 48))
-        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, _held(T), first)
+            slots = day_type_hour(table)
+            blocks.append(one_hot(slots, 48))
+            if self.daily is not None and "T_oa" in self.roles:
+                across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / _K_PER_COLUMN
+                blocks.append(one_hot(slots % 24, 24) * across[:, None])
+        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, held(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
         """Pairs whose row k lies in [begin, end); a missing lag is held as in a forecast, half must be known."""
@@ -123,11 +190,18 @@ class ARXDesign:
         rows = np.arange(max(begin, earliest), view.end - 1 if end is None else min(end, view.end - 1))
         here = rows - view.first
         steps = view.T[here + 1] - view.T[here]
-        known = np.isfinite(self._windows(view, view.T, rows)).mean(axis=1)
-        windows = _causally_filled(self._windows(view, view.held, rows), self.T_mean)
-        use = (known >= _MIN_KNOWN) & np.isfinite(steps)
-        D = np.hstack([(windows[use] - self.T_mean) / self.T_scale, view.exogenous[here[use]]])
+        use = self.half_known(view, rows) & np.isfinite(steps)
+        D = np.hstack([self.windows(view, rows)[use], view.exogenous[here[use]]])
         return Pairs(D, steps[use], rows[use])
+
+    def half_known(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
+        """Whether at least half of the temperatures up to each row are known, (n_rows,)."""
+        return np.isfinite(self._windows(view, view.T, rows)).mean(axis=1) >= _MIN_KNOWN
+
+    def windows(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
+        """(n_rows, n_lags) standardised temperatures up to each row, newest first; a missing one is held."""
+        known = _causally_filled(self._windows(view, view.held, rows), self.T_mean)
+        return (known - self.T_mean) / self.T_scale
 
     def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(n_rows, n_lags) temperatures up to each row, newest first; row 0 stands for the rows before it."""
@@ -135,7 +209,6 @@ class ARXDesign:
 
     def iterate(self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
         """See :meth:`ARXRegressor.iterate`."""
-        known = _causally_filled(self._windows(view, view.held, origins), self.T_mean)
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
@@ -143,7 +216,7 @@ class ARXDesign:
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
         low, high = ((bound - self.T_mean) / self.T_scale for bound in self.T_range)
-        begin = np.ascontiguousarray((known[:, ::-1] - self.T_mean) / self.T_scale)
+        begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
         each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
         return iterate_lags(begin, each, driven / self.T_scale, low, high) * self.T_scale + self.T_mean
 
@@ -169,15 +242,21 @@ class RecursiveARX:
         return self._coef
 
 
-def _lagged_inputs(table: ZoneTable, roles: tuple[str, ...], n_lags: int) -> np.ndarray:
-    """(n_rows, n_roles * n_lags) inputs of each row and of those before it; the first row stands for earlier ones."""
+def _input_columns(table: ZoneTable, roles: tuple[str, ...], n_lags: int, daily: DailyColumns | None) -> np.ndarray:
+    """(n_rows, n_input_columns) inputs of each row and of those before it; the first row stands for earlier ones."""
     rows = np.arange(table.n_rows)
     lags = [np.maximum(rows - lag, 0) for lag in range(n_lags)]
     columns = [table.inputs[role][chosen] for role in roles for chosen in lags]
+    columns += daily.of(table, roles) if daily else []
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
 
-def _held(T: np.ndarray) -> np.ndarray:
+def _filtered(values: np.ndarray, decay: float) -> np.ndarray:
+    """A first-order filter of values (n_rows,), at rest before the first."""
+    return lfilter([1.0 - decay], [1.0, -decay], values, zi=decay * values[:1])[0]
+
+
+def held(T: np.ndarray) -> np.ndarray:
     """Missing values replaced by the last known one, NaN before the first."""
     last = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
     return np.where(last >= 0, T[np.maximum(last, 0)], np.nan)

@@ -1,0 +1,276 @@
+"""ARX fitted on errors at many leads: slopes of its forecasts, damped Gauss-Newton steps, and daily re-fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from .._table import ZoneTable
+from ..filtering import hourly_sample
+from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
+from .features import rows_per_day, target_rows
+
+_CHUNK = 256  # origins whose slopes are in memory at a time
+_LEAD_POWER = -0.3  # squared errors count with this power of their lead
+_QUARTER_HOUR = 0.25  # unit of that lead [h]
+_STEPS, _TRIES = 6, 4  # Gauss-Newton steps of a fit, and attempts with more damping at each
+_DAMPING = 1e-2
+_STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit
+_HISTORY_WEIGHT, _HALF_LIFE_DAYS = 3.0, 30.0  # of the rows after the training table
+
+
+class Knobs(NamedTuple):
+    """The penalties of a fit."""
+
+    alpha: float  # on every standardised column
+    calendar: float  # further, on columns of the calendar
+    one_step: float  # weight of squared one-step errors, relative to those at all leads at the start
+
+
+_USUAL = Knobs(alpha=1.0, calendar=1000.0, one_step=5.0)
+_CHOICES = {"one_step": (1.0, 25.0), "calendar": (100.0,), "alpha": (1000.0,)}  # compared in turn with the usual ones
+_HOURS_BETWEEN = 3  # origins of the comparison [h]
+
+
+@dataclass(frozen=True)
+class MultiStepProblem:
+    """The weighted squares of errors at many leads from hourly origins."""
+
+    design: ARXDesign
+    leads: np.ndarray  # (L,) int, increasing
+    weights: np.ndarray  # (L,)
+    every: int  # rows between origins
+    per_day: int  # rows
+
+    @classmethod
+    def of_training(cls, design: ARXDesign, table: ZoneTable, n_leads: int) -> Self:
+        """Leads up to ``n_leads`` rows, fewer for a short table."""
+        sample = hourly_sample(table.n_rows, n_leads, table.step_hours, 0)
+        weights = (sample.leads * table.step_hours / _QUARTER_HOUR) ** _LEAD_POWER
+        every = max(1, round(1.0 / table.step_hours))
+        return cls(design, sample.leads, weights, every, rows_per_day(table.step))
+
+    def origins(self, begin: int, end: int) -> np.ndarray:
+        """Hourly origins in [begin, end)."""
+        return np.arange(begin, end, self.every)
+
+    def _errors(
+        self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Paths (O, H) [degC], errors (O, L) [K] and weights (O, L), 0 for targets outside (span[0], span[1]]."""
+        paths = self.design.iterate(view, origins, int(self.leads[-1]), coef[None, :])
+        targets = origins[:, None] + self.leads
+        inside = (targets > span[0]) & (targets <= min(span[1], view.end - 1))
+        truth = view.T[np.minimum(targets, view.end - 1) - view.first]
+        counts = inside & np.isfinite(truth) & self.design.half_known(view, origins)[:, None]
+        return paths, np.where(counts, truth - paths[:, self.leads - 1], 0.0), counts * self.weights
+
+    def squares(self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]) -> float:
+        """Weighted sum of squared errors [K2] with targets in (span[0], span[1]]."""
+        _, errors, weights = self._errors(view, coef, origins, span)
+        return float(np.sum(weights * errors**2))
+
+    def moments(self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]) -> Moments:
+        """The normal equations of the errors linearised at ``coef``; origins are hourly, without a gap."""
+        p = len(coef)
+        total = Moments(np.zeros((p, p)), np.zeros(p))
+        if not len(origins):
+            return total
+        ahead, response = self._ahead(view, origins), self._response(coef)
+        for first in range(0, len(origins), _CHUNK):
+            part = slice(first, first + _CHUNK)
+            chunk = origins[part]
+            paths, errors, weights = self._errors(view, coef, chunk, span)
+            slopes = np.concatenate(
+                [response @ self._past(view, chunk, paths), response @ ahead[part]], axis=2
+            ).reshape(-1, p)
+            root = np.sqrt(weights).ravel()
+            slopes *= root[:, None]
+            total = total.added(Moments(slopes.T @ slopes, slopes.T @ (root * errors.ravel() + slopes @ coef)))
+        return total
+
+    def _ahead(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
+        """(O, H, n_exogenous) columns of the rows ahead of origins, as views."""
+        n_leads = int(self.leads[-1])
+        rows = view.exogenous[origins[0] - view.first : origins[-1] - view.first + n_leads]
+        missing = origins[-1] - origins[0] + n_leads - len(rows)  # after the last row it is held
+        held = np.vstack([rows, np.repeat(rows[-1:], missing, axis=0)]) if missing else rows
+        return sliding_window_view(held, n_leads, axis=0)[:: self.every].swapaxes(1, 2)
+
+    def _response(self, coef: np.ndarray) -> np.ndarray:
+        """(L, H) effect of a change of the temperature step in each row ahead on the temperature at each lead."""
+        lags, n_leads = coef[: self.design.n_lags] / self.design.T_scale, int(self.leads[-1])
+        impulse = np.zeros(self.design.n_lags + n_leads)
+        now = self.design.n_lags
+        impulse[now] = 1.0
+        for row in range(now + 1, len(impulse)):
+            impulse[row] = impulse[row - 1] + lags @ impulse[row - 1 : row - 1 - now : -1]
+        since = self.leads[:, None] - 1 - np.arange(n_leads)
+        return np.where(since >= 0, impulse[now + since], 0.0)
+
+    def _past(self, view: ARXData, origins: np.ndarray, paths: np.ndarray) -> np.ndarray:
+        """(O, H, n_lags) standardised temperatures before each row ahead, newest first, along the paths."""
+        ahead = (paths[:, :-1] - self.design.T_mean) / self.design.T_scale
+        whole = np.hstack([self.design.windows(view, origins)[:, ::-1], ahead])
+        return np.ascontiguousarray(sliding_window_view(whole, self.design.n_lags, axis=1)[:, :, ::-1])
+
+    def penalty(self, knobs: Knobs) -> np.ndarray:
+        """(p,) the penalty on each coefficient; none on the constant."""
+        p = self.design.n_lags + len(self.design.input_mean) + self.design.n_calendar + 1
+        penalty = np.full(p, knobs.alpha)
+        penalty[p - 1 - self.design.n_calendar :] += knobs.calendar
+        penalty[-1] = CONSTANT_PENALTY
+        return penalty
+
+
+class MultiStepFit(NamedTuple):
+    """A solution, with the sums at it to which later rows are added."""
+
+    problem: MultiStepProblem
+    coef: np.ndarray  # (p,)
+    moments: Moments  # of the errors at all leads, linearised at ``coef``
+    pairs: Moments  # of the one-step errors
+    knobs: Knobs
+    ratio: float  # squares at all leads per one-step square, at the start
+
+    @property
+    def one_step(self) -> float:
+        """Weight of the one-step sums."""
+        return self.knobs.one_step * self.ratio
+
+    def without(self, view: ARXData, begin: int, end: int) -> np.ndarray:
+        """Coefficients (p,) one step from the solution, without forecasts and pairs that meet rows [begin, end)."""
+        reach = int(self.problem.leads[-1])
+        origins = self.problem.origins(view.first, view.end)
+        meeting = origins[(origins >= begin - reach) & (origins < end)]
+        left = self.moments.added(self.problem.moments(view, self.coef, meeting, (view.first, view.end)), -1.0)
+        pairs = self.pairs.added(Moments.of(self.problem.design.pairs(view, begin, end)), -1.0)
+        return left.added(pairs, self.one_step).solution(self.problem.penalty(self.knobs))
+
+    def improved(self, view: ARXData, end: int, knobs: Knobs, n_steps: int = _STEPS) -> MultiStepFit:
+        """After damped Gauss-Newton steps with these penalties on errors with targets up to row ``end``."""
+        problem, coef, moments, damping = self.problem, self.coef, self.moments, _DAMPING
+        origins, span = problem.origins(view.first, end), (view.first, end)
+        penalty, weight = problem.penalty(knobs), knobs.one_step * self.ratio
+
+        def loss(at: np.ndarray) -> float:
+            return problem.squares(view, at, origins, span) + _quadratic(self.pairs, weight, penalty, at)
+
+        best = loss(coef)
+        for _ in range(n_steps):
+            whole, before = moments.added(self.pairs, weight), best
+            for _ in range(_TRIES):
+                held = damping * np.diag(whole.gram)
+                trial = Moments(whole.gram, whole.cross + held * coef).solution(penalty + held)
+                reached = loss(trial)
+                damping *= 0.1 if reached < best else 10.0
+                if reached < best:
+                    coef, best = trial, reached
+                    moments = problem.moments(view, coef, origins, span)
+                    break
+            if best > before * (1.0 - 1e-4):
+                break
+        return MultiStepFit(problem, coef, moments, self.pairs, knobs, self.ratio)
+
+
+def _quadratic(moments: Moments, weight: float, penalty: np.ndarray, coef: np.ndarray) -> float:
+    """Weighted squares of a regression and of its coefficients, less a constant."""
+    return float(weight * coef @ (moments.gram @ coef - 2.0 * moments.cross) + penalty @ coef**2)
+
+
+class RecursiveMultiStep:
+    """The fit as later rows become known: re-fitted once a day; row ``begin`` is the first after the training."""
+
+    def __init__(self, fit: MultiStepFit, begin: int) -> None:
+        self._fit, self._coef, self._done = fit, fit.coef, begin - 1
+        self._begin = max(begin - 1, 0)
+        self._known = fit.moments.added(fit.pairs, fit.one_step)
+        p = len(fit.coef)
+        self._history = Moments(np.zeros((p, p)), np.zeros(p))
+
+    def advance(self, view: ARXData, row: int) -> None:
+        """Re-fit at the end of each day up to ``row``."""
+        per_day = self._fit.problem.per_day
+        while self._done + per_day <= row:
+            self._learn(view, self._done + per_day)
+
+    def _learn(self, view: ARXData, mark: int) -> None:
+        """Add the errors that became known by row ``mark``."""
+        problem, fit = self._fit.problem, self._fit
+        fade = 0.5 ** (1.0 / _HALF_LIFE_DAYS)
+        self._history = Moments(fade * self._history.gram, fade * self._history.cross)
+        earliest = max(self._begin, self._done - int(problem.leads[-1]))
+        earliest += -(earliest - self._begin) % problem.every
+        origins, span = problem.origins(earliest, mark), (self._done, mark)
+        pairs = Moments.of(problem.design.pairs(view, max(self._done, 0), mark))
+        penalty, known = problem.penalty(fit.knobs), self._known.added(self._history)
+
+        def loss(at: np.ndarray) -> float:
+            new = problem.squares(view, at, origins, span) + _quadratic(pairs, fit.one_step, 0.0 * penalty, at)
+            return _HISTORY_WEIGHT * new + _quadratic(known, 1.0, penalty, at)
+
+        best = loss(self._coef)
+        for _ in range(_STEPS_PER_DAY):
+            new = problem.moments(view, self._coef, origins, span).added(pairs, fit.one_step)
+            trial = known.added(new, _HISTORY_WEIGHT).solution(penalty)
+            reached = loss(trial)
+            if reached >= best:
+                break
+            self._coef, best = trial, reached
+        self._history, self._done = self._history.added(new, _HISTORY_WEIGHT), mark
+
+    def coef(self) -> np.ndarray:
+        """Coefficients (n_columns,) of the last re-fit."""
+        return self._coef
+
+    def advanced(self, view: ARXData, row: int) -> np.ndarray:
+        """Coefficients (n_columns,) as known at ``row``."""
+        self.advance(view, row)
+        return self._coef
+
+
+def fit_multi_step(
+    design: ARXDesign, table: ZoneTable, view: ARXData, n_leads: int, alpha: float | None, refits: bool
+) -> MultiStepFit:
+    """Fit on errors at leads up to ``n_leads`` rows, with the penalties that forecast the last third best."""
+    problem = MultiStepProblem.of_training(design, table, n_leads)
+    usual = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
+    split = (2 * view.end) // 3
+    if view.end - split <= n_leads:  # no forecast from the last third ends within it
+        return _start(problem, view, view.end).improved(view, view.end - 1, usual)
+    first = _start(problem, view, split).improved(view, split - 1, usual)
+    best, least = usual, _later_squares(first, view, split, n_leads, refits)
+    for name, values in _CHOICES.items():
+        if name == "alpha" and alpha is not None:
+            continue
+        for value in values:
+            knobs = best._replace(**{name: value})
+            squares = _later_squares(first.improved(view, split - 1, knobs, 2), view, split, n_leads, refits)
+            if squares < least:
+                best, least = knobs, squares
+    return _start(problem, view, view.end).improved(view, view.end - 1, best)
+
+
+def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
+    """The one-step solution of the rows before ``end``."""
+    pairs = problem.design.pairs(view, 0, end - 1)
+    sums = Moments.of(pairs)
+    coef = sums.solution(problem.penalty(_USUAL))
+    origins, span = problem.origins(view.first, end), (view.first, end - 1)
+    one_step = float(np.sum((pairs.d - pairs.D @ coef) ** 2))
+    ratio = problem.squares(view, coef, origins, span) / one_step if one_step > 0.0 else 1.0
+    return MultiStepFit(problem, coef, problem.moments(view, coef, origins, span), sums, _USUAL, ratio)
+
+
+def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, refits: bool) -> float:
+    """Squared errors of forecasts from row ``begin`` on by a fit on the rows before it."""
+    origins = np.arange(begin, view.end - n_leads, _HOURS_BETWEEN * fit.problem.every)
+    coefs = fit.coef[None, :]
+    if refits:
+        recursive = RecursiveMultiStep(fit, begin)
+        coefs = np.array([recursive.advanced(view, int(origin)) for origin in origins])
+    paths = fit.problem.design.iterate(view, origins, n_leads, coefs)
+    return float(np.nansum((paths - view.T[target_rows(origins, n_leads) - view.first]) ** 2))
