@@ -183,6 +183,21 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     return np.array(v, dtype=np.float64)
 
 
+def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, int]:
+    """A frame with 0 where the columns ``names`` are absent or missing to the end, and the first row of that."""
+    n_known = len(X)
+    if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
+        return X, n_known
+    filled = X.copy(deep=False)
+    for name in names:
+        seen = X[name].notna().to_numpy() if name in X else np.zeros(len(X), dtype=bool)
+        known = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0
+        if known < len(X):
+            filled[name] = X[name].where(np.arange(len(X)) < known, 0.0) if known else 0.0
+            n_known = min(n_known, known)
+    return filled, n_known
+
+
 def listed(names: Iterable[object], most: int = 12) -> str:
     """Names as text; only the first ``most`` of them."""
     shown = [repr(str(n)) for n in names]

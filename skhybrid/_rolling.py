@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
+from ._columns import fill_ahead
 from ._summary import SummaryMixin
 from ._table import ZoneTable, append_tables, as_numbers, read_target, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
@@ -198,6 +199,18 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         table = self._read_X(X)
         refuse_gap(table)
         return self._after_tail(table)
+
+    def _load_rows(self, X: Any, plant: Iterable[str]) -> tuple[ZoneTable, int, np.ndarray]:
+        """X after its history, the number of rows of that, and the origins in X of a load.
+
+        No origin comes after the row from which heating or cooling (the roles ``plant``) is missing to the end.
+        """
+        fitted = getattr(getattr(self, "preprocess_", None) or self, "feature_names_in_", ())
+        names = [self._column_of(role) for role in plant]
+        filled, n_known = fill_ahead(X, [name for name in names if name in fitted])
+        table, n_tail = self._with_history(filled)
+        origins = origin_rows(table.time[n_tail:], self.horizon, getattr(self, "origin_step", None), table.step)
+        return table, n_tail, origins[origins <= n_known]
 
     def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         """A table after the end of the training table, where it continues it; and the number of rows before it."""

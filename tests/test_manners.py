@@ -300,6 +300,47 @@ def test_a_load_has_the_same_columns_whatever_ran(office, X, fitted):
         assert list(model.predict_load(quiet[-DAY:], 21.0)) == columns
 
 
+LOADS = ("conventional", "input", "output", "periodic", "schedule", "hybrid", "two-stage")
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_rows_ahead_of_a_load_need_no_plant_columns(fitted, X, name):
+    """Nobody knows tomorrow's stages: without them the load is the same to the bit."""
+    plant = ["u_heat", "u_cool"]
+    model, ahead = fitted(name), X[-DAY:].drop(columns=["T_za", "zeta"])
+    load = model.predict_load(ahead, 21.0)
+    pd.testing.assert_frame_equal(model.predict_load(ahead.drop(columns=plant), 21.0), load, check_exact=True)
+    pd.testing.assert_frame_equal(model.predict_load(ahead.drop(columns="u_heat"), 21.0), load, check_exact=True)
+    pd.testing.assert_frame_equal(model.predict_load(ahead.assign(u_heat=np.nan), 21.0), load, check_exact=True)
+    with pytest.raises(ValueError, match="X has no column 'u_heat', which the training table has"):
+        model.predict(ahead.drop(columns=plant))
+
+
+def test_a_load_after_the_last_known_stage_has_no_later_origin(fitted, X):
+    """Rows with known stages, then rows without: the last midnight with known stages before it is the last origin."""
+    model, log = fitted("input"), X[-DAY - 40 :]
+    known = model.predict_load(log, 21.0)
+    ends = log.copy()
+    ends.loc[ends.index[60:], ["u_heat", "T_za"]] = np.nan
+    pd.testing.assert_frame_equal(model.predict_load(ends, 21.0), known, check_exact=True)  # midnight is row 40
+    ends.loc[ends.index[20:], ["u_heat", "T_za"]] = np.nan
+    one_origin = deepcopy(model).set_params(horizon=None).predict_load(log, 21.0)
+    pd.testing.assert_frame_equal(model.predict_load(ends, 21.0), one_origin, check_exact=True)
+    assert not known.equals(one_origin)
+    ends.loc[ends.index[3], "u_cool"] = np.nan
+    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 rows"):
+        model.predict_load(ends, 21.0)
+
+
+def test_a_load_through_a_preprocess_needs_no_plant_columns_ahead(office, X):
+    X = X.drop(columns="zeta")
+    model = HybridPredictor(known=KNOWN, preprocess=GapFiller()).fit(X[:-DAY], office.y[:-DAY])
+    ahead = X[-DAY:].drop(columns="T_za")
+    load = model.predict_load(ahead, 21.0)
+    bare = ahead.drop(columns=["u_heat", "u_cool"])
+    pd.testing.assert_frame_equal(model.predict_load(bare, 21.0), load, check_exact=True)
+
+
 # --------------------------------------------------------------------------------------------- types and signatures
 SNIPPET = """
 import skhybrid as sk

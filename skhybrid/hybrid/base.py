@@ -13,8 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 from .._summary import TrainingRecord, network_tables
 from .._table import ZoneTable, append_tables, read_table, read_target, refuse_other_clock
 from .._threads import one_blas_thread
-from .._time import origin_rows, rows_of
+from .._time import rows_of
 from .._transaction import unchanged_on_failure
+from ..control import is_plant
 from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting.features import rows_per_day
 from ..forecasting.intervals import LEAST_ERRORS
@@ -271,7 +272,7 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Heating and cooling columns are read up to each origin only.
+            Heating and cooling columns are read up to each origin only; rows ahead need none.
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
@@ -294,10 +295,10 @@ class BaseHybrid(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             the higher.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
+        plant = filter(is_plant, self._scheme.rows.training.inputs)
+        table, n_tail, origins = self._load_rows(X, plant)
         here = table.rows(slice(n_tail, None))
         wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
-        origins = origin_rows(here.time, self.horizon, self.origin_step, here.step)
         return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
 
     @unchanged_on_failure

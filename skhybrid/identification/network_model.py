@@ -13,8 +13,7 @@ from .._ranges import check_range
 from .._rolling import RollingForecastMixin, checked_origins
 from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
-from .._time import origin_rows
-from ..control import Plant
+from ..control import Plant, is_plant
 from ..filtering import simulate_path
 from ..thermal import RCNetwork
 from .disturbance_models import checked_kind
@@ -237,7 +236,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
 
-        Heating and cooling columns of X are not read; states are taken at each origin, as in :meth:`predict`.
+        States are taken at each origin, as in :meth:`predict`; heating and cooling columns are read up to there, and
+        rows ahead need none.
 
         Parameters
         ----------
@@ -262,10 +262,8 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         swings.  There the load is sought as if held for the next few steps, and the temperature only comes near it.
         """
         check_is_fitted(self)
-        table, n_tail = self._with_history(X)
-        here = table.rows(slice(n_tail, None))
-        origins = origin_rows(here.time, self.horizon, getattr(self, "origin_step", None), here.step)
-        longest = int(np.diff(np.append(origins, here.n_rows)).max())
+        table, n_tail, origins = self._load_rows(X, filter(is_plant, self._tail.inputs))
+        longest = int(np.diff(np.append(origins, table.n_rows - n_tail)).max())
         start = self._forecast_start(table, origins + n_tail, longest)
         return self._load(table, origins + n_tail, start, setpoint, limits)
 
