@@ -20,6 +20,7 @@ ROLES: tuple[tuple[str, str, str], ...] = (
     ("q_sol_<name>", "kW/m2", "a further irradiance input, such as a facade"),
     ("u_heat, u_cool, u_<name>", "-", "mean stage or runtime fraction over the step; its capacity [kW] is a parameter"),
     ("Q_hvac, Q_<name>", "kW", "measured heat into the zone (+ heats)"),
+    ("T_heat_set, T_cool_set", "degC", "a thermostat's set-points over the step, known in advance; never a boundary"),
     ("T_<name>", "degC", "a further boundary temperature that the network names"),
     ("T_za", "degC", "the measured zone temperature itself, as history"),
     ("zeta", "kW or degC", "the estimated disturbance, as history"),
@@ -27,6 +28,8 @@ ROLES: tuple[tuple[str, str, str], ...] = (
 _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 #: roles that are read only up to a forecast origin; values may be missing
 HISTORY_ROLES = ("T_za", "zeta")
+#: roles of a thermostat's heating and cooling set-point
+SETPOINT_ROLES = ("T_heat_set", "T_cool_set")
 
 
 def role_of(name: object) -> str | None:

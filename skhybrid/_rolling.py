@@ -12,9 +12,8 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
-from ._columns import fill_ahead
 from ._summary import SummaryMixin
-from ._table import ZoneTable, append_tables, as_numbers, read_target, refuse_gap, refuse_other_clock
+from ._table import ZoneTable, append_tables, as_numbers, fill_ahead, read_target, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 

@@ -27,7 +27,9 @@ from ._columns import (
     roles_as_fitted,
 )
 from ._columns import ROLES as ROLES
+from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import fill_ahead as fill_ahead
 from ._columns import numeric as numeric
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
