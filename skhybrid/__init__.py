@@ -7,8 +7,6 @@ Names are loaded on first use, so that ``import skhybrid`` loads neither torch n
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as _version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -29,10 +27,7 @@ if TYPE_CHECKING:
     from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
     from .thermal import RCNetwork
 
-try:
-    __version__ = _version("skhybrid")
-except PackageNotFoundError:  # a source tree that is not installed
-    __version__ = "0+unknown"
+    __version__: str
 
 _NAMES_OF = {
     "forecasting": ("ARXRegressor", "DisturbanceForecaster"),
@@ -69,6 +64,9 @@ _SUBMODULES = {*__all__} - {*_MODULE_OF, "__version__"}
 
 def __getattr__(name: str) -> Any:
     """Load a public name on first use (PEP 562)."""
+    if name == "__version__":
+        globals()[name] = _installed_version()
+        return globals()[name]
     if name in _SUBMODULES:
         return import_module(f"{__name__}.{name}")
     if name in _MODULE_OF:
@@ -76,6 +74,16 @@ def __getattr__(name: str) -> Any:
         globals()[name] = value
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _installed_version() -> str:
+    # imported here, since it takes most of the time until the command line listens to signals
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("skhybrid")
+    except PackageNotFoundError:  # a source tree that is not installed
+        return "0+unknown"
 
 
 def __dir__() -> list[str]:

@@ -163,13 +163,35 @@ def refuse_shape(X: pd.DataFrame, min_rows: int) -> None:
         raise ValueError(f"Found array with {len(X)} sample(s) (n_samples={len(X)}) while {min_rows} are required.")
 
 
+def refuse_infinite(v: np.ndarray, label: str, index: Any) -> None:
+    """Refuse infinite values (n,), of which ``index`` names the rows."""
+    bad = np.isinf(v)
+    if bad.any():
+        raise ValueError(
+            f"{label} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            "set it to NaN where the sensor failed."
+        )
+
+
+def refuse_infinite_columns(X: pd.DataFrame | np.ndarray) -> None:
+    """Refuse infinite values in the columns of a frame, or of an array, that hold numbers."""
+    if not isinstance(X, pd.DataFrame):
+        X = pd.DataFrame(X)
+    for name, column in X.items():
+        if pd.api.types.is_numeric_dtype(column):
+            refuse_infinite(numeric(column), f"column {name!r}", X.index)
+        elif column.dtype == object:
+            floats = np.array([x if isinstance(x, float) else 0.0 for x in column], dtype=np.float64)
+            refuse_infinite(floats, f"column {name!r}", X.index)
+
+
 def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that an input is finite."""
-    bad = ~np.isfinite(v)
+    refuse_infinite(v, f"column {name}", index)
+    bad = np.isnan(v)
     if bad.any():
-        kind = " or ".join(k for k, there in (("NaN", np.isnan(v)), ("inf", np.isinf(v))) if there.any())
         raise ValueError(
-            f"column {name} contains {kind} in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            f"column {name} contains NaN in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
     return np.ascontiguousarray(v, dtype=np.float64)
@@ -177,21 +199,15 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
 
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that history, which may be missing, is not infinite; return a copy."""
-    bad = np.isinf(v)
-    if bad.any():
-        raise ValueError(
-            f"column {name} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
-            "set it to NaN where the sensor failed."
-        )
+    refuse_infinite(v, f"column {name}", index)
     return np.array(v, dtype=np.float64)
 
 
-def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, int]:
+def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
     """A frame with 0 where the columns ``names`` are absent or missing to the end, and the first row of that."""
-    n_known = len(X)
     if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
-        return X, n_known
-    filled = X.copy(deep=False)
+        return X, np.inf
+    filled, n_known = X.copy(deep=False), np.inf
     for name in names:
         seen = X[name].notna().to_numpy() if name in X else np.zeros(len(X), dtype=bool)
         known = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0

@@ -31,6 +31,8 @@ from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import fill_ahead as fill_ahead
 from ._columns import numeric as numeric
+from ._columns import refuse_infinite as refuse_infinite
+from ._columns import refuse_infinite_columns as refuse_infinite_columns
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
@@ -332,12 +334,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
         )
     if isinstance(y, pd.Series | pd.DataFrame):
         refuse_order(y.index, table.index)
-    if np.isinf(target).any():
-        row = int(np.flatnonzero(np.isinf(target))[0])
-        raise ValueError(
-            f"Input y contains infinity or a value too large for dtype('float64') "
-            f"(first at {table.index[row]}); set it to NaN where the sensor failed."
-        )
+    refuse_infinite(target, "y", table.index)
     missing = float(np.isnan(target).mean()) if len(target) else 1.0
     if missing > max_missing:
         raise ValueError(

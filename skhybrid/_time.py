@@ -146,18 +146,37 @@ def _refuse_disorder(index: pd.Index) -> None:
         )
 
 
-def _duration(value: Any, name: str) -> pd.Timedelta:
-    if isinstance(value, int | float | np.number) and not isinstance(value, np.timedelta64):  # pandas means nanoseconds
+def read_duration(value: Any, name: str) -> pd.Timedelta:
+    """A duration; a ValueError names the argument, also where a number has no unit."""
+    if _is_number(value):  # pandas means nanoseconds
         raise ValueError(f"{name}={value!r} has no unit; give a duration such as '15min' or '1D'.")
     try:
-        return pd.Timedelta(value)
+        span: pd.Timedelta | None = pd.Timedelta(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.") from None
+        span = None
+    if span is None or pd.isna(span):
+        raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.")
+    return span
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number, or the text of one."""
+    if isinstance(value, str):
+        return value.strip().lstrip("+-").replace(".", "", 1).isdigit()
+    return isinstance(value, int | float | np.number) and not isinstance(value, np.timedelta64)
+
+
+def duration_from_zero(value: Any, name: str) -> pd.Timedelta:
+    """A duration that is not negative; a ValueError names the argument."""
+    span = read_duration(value, name)
+    if span < pd.Timedelta(0):
+        raise ValueError(f"{name}={value!r} must not be negative; give a duration such as '15min' or '1D'.")
+    return span
 
 
 def positive_duration(value: Any, name: str) -> pd.Timedelta:
     """A duration above zero; a ValueError names the argument."""
-    span = _duration(value, name)
+    span = read_duration(value, name)
     if not span > pd.Timedelta(0):
         raise ValueError(f"{name}={value!r} is not a positive duration such as '15min' or '1D'.")
     return span
@@ -165,7 +184,7 @@ def positive_duration(value: Any, name: str) -> pd.Timedelta:
 
 def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
     """Number of steps in a duration such as "1D", which must be a positive multiple of the step."""
-    rows = _duration(duration, name) / step
+    rows = read_duration(duration, name) / step
     if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
         raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {spell(step)}.")
     return round(rows)

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import sys
 import warnings
-from pathlib import Path
 from types import FrameType
 
 from .exceptions import SkhybridWarning
 
-_PACKAGE = str(Path(__file__).parent)
+_PACKAGE = __name__.partition(".")[0]
+#: packages between the user and this one: what fits an estimator, and what runs jobs
+_BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
 
 def warn_user(message: str, category: type[SkhybridWarning]) -> None:
-    """Warn at the user's line that called this package, however deep in the package the cause was found."""
-    level, frame = 1, sys._getframe()
-    while frame.f_code.co_filename.startswith(_PACKAGE):
+    """Warn at the user's line that led to this package, however deep in the package the cause was found.
+
+    In another process or thread there is none: there it is the first line outside of the package.
+    """
+    first, level, frame = 0, 1, sys._getframe()
+    while _package_of(frame) in _BETWEEN or _package_of(frame) == _PACKAGE:
+        if not first and _package_of(frame) != _PACKAGE:
+            first = level
         outer: FrameType | None = frame.f_back
         if outer is None:
+            level = first or level
             break
         level, frame = level + 1, outer
     warnings.warn(message, category, stacklevel=level)
+
+
+def _package_of(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]

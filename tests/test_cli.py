@@ -547,6 +547,15 @@ def test_a_stop_while_it_starts_ends_with_its_code(files):
     assert (running.returncode, err) == (130, "skhybrid: stopped\n")
 
 
+def test_little_is_imported_before_signals_are_handled():
+    """A signal in the time until then ends the process as the system says, not with the documented code."""
+    program = (
+        "import sys; before = set(sys.modules); import skhybrid.cli; "
+        "sys.exit(bool({'argparse', 'email', 'importlib.metadata', 'numpy'} & (set(sys.modules) - before)))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=60).returncode == 0
+
+
 # ------------------------------------------------------------------------------------------------------ configurations
 @pytest.mark.parametrize(
     ("sep", "decimal", "dates"),

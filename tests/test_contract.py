@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.impute import SimpleImputer
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, SchedulePredictor, _table
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
-from skhybrid.datasets import make_office
+from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import RoleWarning, UnitWarning
+from skhybrid.identification import frequency_response, make_state_space
+from skhybrid.model_selection import RollingOriginSplit, backtest
+from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
+from skhybrid.study import Settings, split_log
 
 QUARTER = pd.Timedelta("15min")
 START = [21.0, 22.0]
@@ -162,6 +168,23 @@ def test_positions_that_cannot_be(columns, message):
         read(np.zeros((5, 2)), columns=columns)
 
 
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_a_warning_points_at_the_user_through_joblib_and_scikit_learn(office, n_jobs):
+    """In a thread of joblib's there is no line of the user; then it is the line that called the package."""
+    X = pd.DataFrame(np.zeros((5, 2)), columns=["a", "b"])
+    job = delayed(read_table)(BaseEstimator(), X, reset=True, sampling_time="15min")
+    with pytest.warns(RoleWarning) as caught:
+        Parallel(n_jobs=n_jobs, backend="threading")([job, job])
+    files = {w.filename for w in caught if w.category is RoleWarning}
+    assert files == {__file__} if n_jobs == 1 else not any("skhybrid" in Path(name).parts for name in files)
+    zone = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
+    with pytest.warns(RoleWarning) as caught:  # scikit-learn is between
+        make_pipeline(FunctionTransformer(), GrayBoxRC(known=BY_POSITION, sampling_time="15min")).fit(
+            zone, office.y.to_numpy()
+        )
+    assert {w.filename for w in caught if w.category is RoleWarning} == {__file__}
+
+
 def test_frame_without_roles_is_taken_by_position(office):
     X = office.X[INPUTS].set_axis(["a", "b", "c", "d"], axis=1).reset_index(drop=True)
     with pytest.warns(RoleWarning, match="taken by position .'a' as T_oa") as caught:
@@ -207,17 +230,17 @@ def test_the_callers_table_is_not_written_to(office):
 
 # --------------------------------------------------------------------------------------------------------- bad values
 @pytest.mark.parametrize(
-    ("values", "found"),
+    ("values", "found", "remedy"),
     [
-        ([np.nan, np.nan], "NaN in 2 rows"),
-        ([np.inf, -np.inf], "inf in 2 rows"),
-        ([np.inf, np.nan], "NaN or inf in 2 rows"),
+        ([np.nan, np.nan], "NaN in 2 rows", "fill short gaps"),
+        ([np.inf, -np.inf], "inf in 2 rows", "set it to NaN"),
+        ([np.inf, np.nan], "inf in 1 rows", "set it to NaN"),
     ],
 )
-def test_bad_input_names_column_count_and_first_stamp(office, values, found):
+def test_bad_input_names_column_count_and_first_stamp(office, values, found, remedy):
     X = office.X.copy()
     X.iloc[[7, 9], X.columns.get_loc("u_heat")] = values
-    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found} .first at 2023-07-08 01:45:00.; fill"):
+    with pytest.raises(ValueError, match=f"column 'u_heat' contains {found} .first at 2023-07-08 01:45:00.; {remedy}"):
         gray_box(office, X)
     model = gray_box(office)
     with pytest.raises(ValueError, match=f"column 'u_heat' contains {found}"):
@@ -253,7 +276,7 @@ def test_target_may_be_missing_up_to_a_share(office):
 def test_bad_targets(office):
     y = office.y.copy()
     y.iloc[96] = np.inf
-    with pytest.raises(ValueError, match=r"y contains infinity.*first at 2023-07-09 00:00:00"):
+    with pytest.raises(ValueError, match=r"y contains inf in 1 rows .first at 2023-07-09 00:00:00.; set it to NaN"):
         gray_box(office, y=y)
     with pytest.raises(ValueError, match="the target y is None"):
         GrayBoxRC().fit(office.X, None)
@@ -679,6 +702,34 @@ def test_sampling_time_must_agree_with_the_stamps(office):
         read(np.zeros((4, 2)), sampling_time="quarter")
 
 
+def mended(X, y):
+    return X.assign(T_oa=X["T_oa"] + np.sin(np.arange(len(X)))).replace(np.inf, np.nan).fillna(20.0).assign(
+        q_sol=0.1
+    ), y.replace(np.inf, 20.0)
+
+
+@pytest.mark.parametrize(
+    "call",
+    {
+        "input": lambda X, y: read(X.drop(columns="T_za").rename(columns={"q_sol": "u_heat"})),
+        "history": lambda X, y: read(X),
+        "y": lambda X, y: read_target(y, read(mended(X, y)[0])),
+        "backtest": lambda X, y: backtest(ARXRegressor().fit(*mended(X, y)), mended(X, y)[0], y),
+        "log": lambda X, y: split_log(X.assign(T_za=20.0), Settings()),
+        "gap filler": lambda X, y: GapFiller().fit(X),
+        "array": lambda X, y: GapFiller(sampling_time="15min").fit(X.to_numpy()),
+        "units": lambda X, y: UnitConverter().fit(mended(X, y)[0]).transform(X.astype(object)),
+        "facades": lambda X, y: FacadeIrradiance(50.0, 5.0, timezone="UTC").fit(X),
+    }.values(),
+)
+def test_infinite_values_are_refused_in_one_sentence_everywhere(call):
+    X = stamped(96, q_sol=0.1, T_za=np.r_[20.0, np.nan, np.full(94, 20.0)])
+    y = pd.Series(20.0, X.index)
+    X.iloc[[7, 9], 1:], y.iloc[[7, 9]] = np.inf, np.inf
+    with pytest.raises(ValueError, match=r"^(column ('[a-zA-Z_]*'|[0-9])|y) contains inf in 2 rows .first at .*; set"):
+        call(X, y)
+
+
 # --------------------------------------------------------------------------------------------------------- durations
 def test_rows_of():
     assert rows_of("1D", QUARTER) == 96
@@ -689,8 +740,33 @@ def test_rows_of():
             rows_of(odd, QUARTER, "span")
     with pytest.raises(ValueError, match="horizon=24 has no unit; give a duration such as '15min'"):
         rows_of(24, QUARTER)
+    with pytest.raises(ValueError, match="horizon='24' has no unit; give a duration such as '15min'"):
+        rows_of("24", QUARTER)
     with pytest.raises(ValueError, match="horizon='a day' is not a duration such as"):
         rows_of("a day", QUARTER)
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    {
+        "max_gap": lambda office: GapFiller(max_gap=3).fit(office.X),
+        "max_gap of a log": lambda office: regularize(office.X, max_gap=3),
+        "step": lambda office: make_weather(step=5),
+        "step of a plan": lambda office: make_prbs(3, scale="1h", step=15),
+        "gap": lambda office: list(RollingOriginSplit("2D", "1D", gap=0.5).split(office.X)),
+        "sampling_time of a split": lambda office: list(RollingOriginSplit(8, 4, sampling_time=15).split(range(99))),
+        "sampling_time": lambda office: make_state_space(
+            "1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"], sampling_time=15
+        ),
+        "periods": lambda office: frequency_response(gray_box(office), [24]),
+        "step of a study": lambda office: Settings(step="15"),
+    }.items(),
+)
+def test_a_duration_without_a_unit_is_refused_everywhere(office, name, call):
+    """Pandas reads a number as nanoseconds."""
+    said = "is not a duration" if name == "step of a study" else "has no unit; give a duration such as"
+    with pytest.raises(ValueError, match=f"^{name.split(' ')[0]} ?=.*{said}"):
+        call(office)
 
 
 def test_rows_covering():
@@ -878,7 +954,7 @@ def _infinite_target(X, y):
 def test_a_failed_refit_leaves_the_fitted_estimator(office, broken):
     model = ARXRegressor().fit(office.X[:288], office.y[:288])
     before, expected = dict(vars(model)), model.predict(office.X[288:])
-    with pytest.raises(ValueError, match=r"NaN|infinity"):
+    with pytest.raises(ValueError, match=r"NaN|inf"):
         model.fit(*broken(office.X[["T_oa", "u_heat"]][:200], office.y[:200]))
     assert vars(model).keys() == before.keys()
     assert all(value is before[name] for name, value in vars(model).items())

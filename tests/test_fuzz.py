@@ -52,8 +52,8 @@ FOUND = {
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("diagnose", arguments=(("level", "word"),)): "no probability",
     Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
-    Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' of the log contains inf",
-    Call("FacadeIrradiance.transform", Table(spoilt=(Spoilt("q_sol", "inf", "all"),))): "contains inf; set it to NaN",
+    Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' contains inf in 1 rows",
+    Call("FacadeIrradiance.transform", Table(spoilt=(Spoilt("q_sol", "inf", "all"),))): "'q_sol' contains inf in",
     Call("split_log", Table(names="twice the same")): "appears twice in X",
     Call("split_log", Table(index="two levels")): "no time stamps as its index",
     Call("HybridPredictor.drift", Table(spoilt=(Spoilt("q_sol", "complex"),), container="masked array")): (
@@ -62,9 +62,9 @@ FOUND = {
     Call("Pipeline.fit", Table(spoilt=(Spoilt(change="words", where="every seventh"),), container="series")): (
         "X is not numeric"
     ),
-    Call("backtest", target="some inf"): "y is infinite in row",
+    Call("backtest", target="some inf"): "y contains inf in",
     Call("backtest", arguments=(("start", "word"),)): "is no time stamp",
-    Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' of the log contains inf",
+    Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' contains inf in",
     Call("backtest", arguments=(("start", "row"),)): "is a number, but X has time stamps",
     Call("HybridPredictor.score", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
     Call("ARXRegressor.fit", Table(spoilt=(Spoilt("q_sol", "boolean NA", "last"),), container="masked array")): (

@@ -548,6 +548,11 @@ def test_a_search_may_start_where_another_fit_ended(kind, fitted, office):
     pd.testing.assert_series_equal(again.theta_, model.theta_, rtol=0.02)
 
 
-def test_a_start_of_an_unknown_parameter_is_refused(office):
+def test_a_start_of_an_unknown_parameter_is_refused(office, monkeypatch):
+    with monkeypatch.context() as patch:  # before the search
+        patch.setattr("skhybrid.identification.base.NetworkIdentifier._search", None)
+        for each in (InputDisturbanceID(), OutputDisturbanceID(), PeriodicDisturbanceID()):
+            with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
+                each.fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
     with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
         GrayBoxRC().fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})

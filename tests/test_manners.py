@@ -314,6 +314,10 @@ def test_rows_ahead_of_a_load_need_no_plant_columns(fitted, X, name):
     pd.testing.assert_frame_equal(model.predict_load(ahead.assign(u_heat=np.nan), 21.0), load, check_exact=True)
     with pytest.raises(ValueError, match="X has no column 'u_heat', which the training table has"):
         model.predict(ahead.drop(columns=plant))
+    table = read_table(BaseEstimator(), ahead, reset=True)
+    pd.testing.assert_frame_equal(model.predict_load(table, 21.0), load, check_exact=True)
+    with pytest.raises(ValueError, match="Expected 2D array, got scalar array"):
+        model.predict_load(None, 21.0)
 
 
 def test_a_load_after_the_last_known_stage_has_no_later_origin(fitted, X):

@@ -155,7 +155,7 @@ def test_text_columns_pass_the_gap_filler(log):
     assert (GapFiller().fit_transform(log)["note"] == "ok").all()
 
 
-@pytest.mark.parametrize("max_gap", ["soon", "-1h"])
+@pytest.mark.parametrize("max_gap", ["soon", "-1h", 3, "3", pd.NaT])
 def test_refused_max_gap(log, max_gap):
     with pytest.raises(ValueError, match="max_gap="):
         GapFiller(max_gap=max_gap).fit(log)

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import lsq_linear
+from sklearn.base import BaseEstimator
 
-from skhybrid._table import ZoneTable
+from skhybrid._table import ZoneTable, read_table
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample, hourly_sample, lead_rows
 from skhybrid.schedule import NumberedSegment, RollingNetwork, ScheduledNetwork, fit_leads, make_segment
@@ -683,3 +684,18 @@ def test_full_adaptation_is_a_fit_on_the_window(fit, later):
         ),
     )
     assert window.evaluate(psi).loss < window.evaluate(fit.psi).loss
+
+
+def test_no_point_is_evaluated_twice(monkeypatch):
+    """The search for undetermined sources knows the loss of the fit."""
+    office, seen, evaluate = make_office(n_days=4, sampling_time="1h", random_state=0), [], LeadProblem.evaluate
+
+    def recorded(problem, psi):
+        seen.append((problem, psi.tobytes()))
+        return evaluate(problem, psi)
+
+    monkeypatch.setattr(LeadProblem, "evaluate", recorded)
+    table = read_table(BaseEstimator(), office.X, reset=True)
+    fit_leads(get_network("2R2C"), table, office.y.to_numpy(), 24, {"Q_h": 6.0})
+    points = [(id(problem), psi) for problem, psi in seen]
+    assert len(points) == len(set(points)) > 20

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,12 +15,15 @@ from sklearn.base import clone
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office
 from skhybrid.identification import profile_likelihood, sample_posterior
+from skhybrid.identification.base import NetworkIdentifier
+from skhybrid.identification.fitting.prediction_errors import PredictionErrorProblem
 from skhybrid.identification.fitting.priors import normal_priors
 from skhybrid.identification.uncertainty import periodic_errors, posterior
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem, free_point
-from skhybrid.identification.uncertainty.identifiability import assess
+from skhybrid.identification.uncertainty.identifiability import Identifiability, assess
 from skhybrid.identification.uncertainty.least_squares_errors import least_squares_uncertainty
 from skhybrid.identification.uncertainty.periodic_errors import periodic_uncertainty
+from skhybrid.identification.uncertainty.profile_likelihood import _standard_error
 from skhybrid.identification.uncertainty.standard_errors import ParameterUncertainty, jackknife_covariance
 from skhybrid.thermal import Parameter
 
@@ -360,3 +364,41 @@ def test_bad_chains_are_errors(office, output):
         posterior.refuse_bad_chains(good.assign(r_hat=[1.0, np.nan]), "or give a prior")
     with pytest.raises(ValueError, match="chains=1 is less than 2"):
         sample_posterior(output, office.X, office.y, chains=1)
+
+
+# ------------------------------------------------------------------------------------------- numbers without a warning
+@pytest.mark.filterwarnings("error")
+def test_a_flat_direction_of_exact_data_has_an_infinite_condition_number():
+    found = Identifiability(pd.Series([1e9, 0.0]), (), (), ())
+    assert found.condition_number == np.inf
+    assert "condition number of the sensitivity: inf" in str(found)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_variance_that_rounding_left_below_zero_is_none():
+    found = ParameterUncertainty((A,), np.ones((3, 1)), np.array([[-1e-30]]), np.zeros((1, 1)), 5)
+    model = SimpleNamespace(parameters_=(A,), theta_=pd.Series({"A": 1.0}))
+    NetworkIdentifier._store_uncertainty(model, found, (), ())
+    assert model.theta_std_["A"] == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_search_of_a_profile_begins_with_a_finite_step_at_zero():
+    model = SimpleNamespace(theta_std_={"A": 0.1}, theta_={"A": 0.0})
+    low, high = A.free_bounds
+    assert _standard_error(model, A) == pytest.approx(0.1 * (high - low))
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
+    exact = SimpleNamespace(residuals=lambda _: np.zeros(3), n_counted=3)
+    exact.drop = partial(PredictionErrorProblem.drop, exact)
+    assert np.isfinite(PredictionErrorProblem.minimum_near(exact, np.zeros(0))[1])
+    problem = SimpleNamespace(
+        searched=(A,),
+        experiment=SimpleNamespace(y=np.zeros(96), hours=1.0),
+        linearised=lambda _: (np.zeros(96), np.full((96, 1), 1e5)),
+    )
+    found = least_squares_uncertainty(problem, np.zeros(1), 0.0, ["A"])
+    assert np.isfinite(found.covariance).all()
+    assert np.isfinite(found.sensitivity).all()

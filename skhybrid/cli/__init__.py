@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import threading
 from collections.abc import Sequence
+from typing import Any
 
-from .. import __version__
-from . import demo, run
 from ._output import DONE, FAILED, end_on_signals, is_stopped, one_line, report_error, report_stop, stop_on_signals
 
 __all__ = ["main"]
-
-_COMMANDS = (demo, run)  # one module per command, each with ``add_parser(commands)`` and ``execute(arguments)``
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,13 +47,20 @@ def _run(argv: Sequence[str] | None) -> int:
         return FAILED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Any:
+    # imported here, since signals are handled by now; a command has ``add_parser(commands)`` and ``execute(arguments)``
+    import argparse
+
+    from .. import __version__
+    from . import demo, run
+
+    modules = (demo, run)
     parser = argparse.ArgumentParser(
         prog="skhybrid", description="Day-ahead forecast of room temperature and heating/cooling load from a log."
     )
     parser.add_argument("--version", action="version", version=f"skhybrid {__version__}")
-    names = ",".join(command.__name__.rpartition(".")[2] for command in _COMMANDS)
+    names = ",".join(command.__name__.rpartition(".")[2] for command in modules)
     commands = parser.add_subparsers(dest="command", required=True, metavar=f"{{{names}}}")
-    for command in _COMMANDS:
+    for command in modules:
         command.add_parser(commands)
     return parser

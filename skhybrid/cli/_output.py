@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import sys
@@ -31,7 +30,7 @@ class Progress:
             print(text, file=sys.stderr, flush=True)
 
 
-def add_quiet(parser: argparse.ArgumentParser) -> None:
+def add_quiet(parser: Any) -> None:
     """Add the option ``--quiet``."""
     parser.add_argument("-q", "--quiet", action="store_true", help="write no progress to stderr")
 

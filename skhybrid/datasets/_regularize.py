@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES
-from .._time import positive_duration, spell
+from .._time import duration_from_zero, positive_duration, spell
 from ..preprocessing._frames import numeric
-from ..preprocessing._gaps import duration, fill_gaps, stamp_hours
+from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
@@ -92,7 +92,7 @@ def regularize(
     is never filled, so no later measurement leaks into it.
     """
     _check_frame(frame)
-    span = duration(max_gap, "max_gap")
+    span = duration_from_zero(max_gap, "max_gap")
     ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
     names = list(ordered.columns)
     stamps = pd.DatetimeIndex(ordered.index)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._time import rows_of
+from .._time import positive_duration, rows_of
 from ._random import spawn_generators
 
 OCCUPIED_HOURS = (6, 19)  # occupied hours of a weekday (paper 2.1)
@@ -52,7 +52,7 @@ def make_prbs(
 
     if not isinstance(order, int | np.integer) or not 2 <= order <= 32:
         raise ValueError(f"order={order!r} must be an integer from 2 to 32.")
-    delta = pd.Timedelta(step)
+    delta = positive_duration(step, "step")
     hold = rows_of(scale, delta, "scale")
     n_rows = hold * (2**order - 1) if duration is None else rows_of(duration, delta, "duration")
     (rng,) = spawn_generators(random_state, 1)

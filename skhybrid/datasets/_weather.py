@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit
 
+from .._time import positive_duration
 from ._random import ar1, spawn_generators
 
 MAX_CLEARNESS = 1.1  # largest fraction of the clear-sky irradiance; above 1, as thin broken cloud reflects more light
@@ -57,7 +58,7 @@ def make_weather(
     if not n_days > 0:
         raise ValueError(f"n_days={n_days!r} must be positive.")
     site = known[climate]
-    delta = pd.Timedelta(step)
+    delta = positive_duration(step, "step")
     first = pd.Timestamp(start).normalize()
     time = pd.date_range(first, first + pd.Timedelta(days=n_days), freq=delta, inclusive="left")
     day_rng, cloud_rng, air_rng, anomaly_rng = spawn_generators(random_state, 4)

@@ -126,8 +126,8 @@ class FramesForecastMixin(QuantileForecastMixin):
         # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
         found = self._law.paths(scheme, table, origin, n_ahead + 1, levels)
         heat, temperature, zeta = found.paths
-        frame = scheme.heat_frame(future.index, LoadPaths(heat[:, 1:], temperature[:, :-1], zeta[:, 1:]))
-        out = frame[["T_za", *(name for name in frame if name != "T_za" and not name.endswith("_unclipped"))]]
+        path = LoadPaths(heat[:, 1:], temperature[:, :-1], zeta[:, 1:])
+        out = _delivered(scheme.heat_frame(future.index, path))
         if levels is None:
             return out
         return out.assign(**_bands(levels, found, slice(None, -1), slice(1, None)))
@@ -140,8 +140,7 @@ class FramesForecastMixin(QuantileForecastMixin):
             )
         free = Limits(*(np.full(table.n_rows - origin, limit) for limit in (-np.inf, np.inf)))
         band = Band(*(side[origin:] for side in band_of(table)))
-        load = scheme.required_heat(table, np.array([origin]), band, free).iloc[1:]
-        return load[["T_za", *(name for name in load if name != "T_za" and not name.endswith("_unclipped"))]]
+        return _delivered(scheme.required_heat(table, np.array([origin]), band, free).iloc[1:])
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
@@ -312,8 +311,8 @@ class FramesForecastMixin(QuantileForecastMixin):
         at_origin, before = lead == 0, np.maximum(lead - 1, 0)
         T = np.where(at_origin, load["T_za"], found.paths.temperature[of, before])
         path = LoadPaths(found.paths.heat[of, lead][None], T[None], load["zeta"].to_numpy()[None])
-        frame = scheme.heat_frame(load.index, path)
-        load = load.assign(**{name: frame[name] for name in frame if not name.endswith("_unclipped")})
+        frame = _delivered(scheme.heat_frame(load.index, path))
+        load = load.assign(**{str(name): frame[name] for name in frame})
         if levels is None:
             return load
         assert found.heat_bands is not None
@@ -322,6 +321,12 @@ class FramesForecastMixin(QuantileForecastMixin):
         names = quantile_columns(levels)
         of_T = dict(zip(names, bands.T, strict=True))
         return load.assign(**of_T, **dict(zip(_of_load(names), found.heat_bands[of, lead].T, strict=True)))
+
+
+def _delivered(load: pd.DataFrame) -> pd.DataFrame:
+    """The columns of a load without what would be needed, the temperature first."""
+    names = [str(name) for name in load if name != "T_za" and not str(name).endswith("_unclipped")]
+    return load[["T_za", *names]]
 
 
 def _of_load(names: Sequence[str]) -> list[str]:

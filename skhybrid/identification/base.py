@@ -20,7 +20,7 @@ from .experiment import Experiment, make_experiment
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
-from .fitting.starts import Minimise, search
+from .fitting.starts import Minimise, check_start, search
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
 from .network_model import NetworkModel
@@ -100,6 +100,10 @@ class NetworkIdentifier(NetworkModel):
         """Parameters of the disturbance model."""
         return ()
 
+    def _own_names(self) -> set[str]:
+        """Names that ``disturbance_`` may have."""
+        return {p.name for p in self._own_parameters()}
+
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
         return smooth.nodes[0].copy()
@@ -134,13 +138,12 @@ class NetworkIdentifier(NetworkModel):
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
+        if theta_init is not None:
+            known = {p.name for p in (*parameters, *problem.searched)} | self._own_names()
+            check_start(theta_init, known | set(self.known or {}))
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
-        names = {*self.theta_.index, *self.disturbance_.index, *(p.name for p in problem.searched)}
-        unknown = [name for name in theta_init or () if name not in names]
-        if unknown:
-            raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
@@ -226,7 +229,8 @@ class NetworkIdentifier(NetworkModel):
     def _store_uncertainty(self, found: ParameterUncertainty, at_bound: tuple[str, ...], idle: tuple[str, ...]) -> None:
         names = [p.name for p in self.parameters_]
         self.theta_cov_ = theta_covariance(found, self.theta_, names, idle)
-        self.theta_std_ = pd.Series(np.sqrt(np.diag(self.theta_cov_)), index=names, name="std")
+        variances = np.maximum(np.diag(self.theta_cov_), 0.0)  # rounding may leave one below zero
+        self.theta_std_ = pd.Series(np.sqrt(variances), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
         self.identifiability_ = assess(found, at_bound, idle)

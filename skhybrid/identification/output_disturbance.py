@@ -65,6 +65,9 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return OutputARMA((), (), self.rho_box == "paper").own
 
+    def _own_names(self) -> set[str]:
+        return super()._own_names() | {"rho_2"}
+
     def _store(self, found: SearchResult) -> GainFilter:
         kalman = super()._store(found)
         own = self.disturbance_

@@ -10,8 +10,8 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._table import ZoneTable, as_numbers, refuse_order
-from .._time import ASSUMED_START, even_step, rows_of
+from .._table import ZoneTable, as_numbers, refuse_infinite, refuse_order
+from .._time import ASSUMED_START, even_step, positive_duration, rows_of
 from ..forecasting.quantiles import quantile_columns
 from .single_reading import read_once, reading_of, takes_tables
 
@@ -175,8 +175,7 @@ def _truth(X: Any, y: Any) -> np.ndarray:
         raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
     if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
         refuse_order(y.index, X.index)
-    if np.isinf(truth).any():
-        raise ValueError(f"y is infinite in row {int(np.argmax(np.isinf(truth)))}; set it to NaN where it is missing.")
+    refuse_infinite(truth, "y", X.index if isinstance(X, pd.DataFrame | ZoneTable) else np.arange(n_rows))
     return truth
 
 
@@ -203,7 +202,7 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")
-    sampling = pd.Timedelta(given)
+    sampling = positive_duration(given, "sampling_time")
     n_rows = _n_rows(X)
     return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
 

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._time import even_step, rows_of
+from .._time import even_step, positive_duration, read_duration, rows_of
 
 
 class RollingOriginSplit(BaseCrossValidator):
@@ -127,7 +127,7 @@ def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
         return even_step(index, index)
-    return None if given is None else pd.Timedelta(given)
+    return None if given is None else positive_duration(given, "sampling_time")
 
 
 def _rows(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> int:
@@ -136,7 +136,7 @@ def _rows(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1)
         if length < least:
             raise ValueError(f"{name}={length!r} must be at least {least} row(s).")
         return int(length)
-    if least == 0 and pd.Timedelta(length) == pd.Timedelta(0):
+    if least == 0 and read_duration(length, name) == pd.Timedelta(0):
         return 0
     if sampling is None:
         raise ValueError(

@@ -115,8 +115,6 @@ class FacadeIrradiance(TableTransformer):
         stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
         for kind, j in self.positions_.items():
             name = table.columns[j] if isinstance(table, pd.DataFrame) else j
-            if np.isinf(light[kind]).any():
-                raise ValueError(f"column {name!r} contains inf; set it to NaN where the sensor failed.")
             check_range(light[kind], "q_sol", f"column {name!r}", utc, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._table import HISTORY_ROLES, read_array, refuse_shape, role_of
+from .._table import HISTORY_ROLES, read_array, refuse_infinite_columns, refuse_shape, role_of
 from .._table import numeric as numeric
 from .._transaction import unchanged_on_failure
 
@@ -55,13 +55,16 @@ class TableTransformer(TransformerMixin, BaseEstimator):
 
 
 def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
-    """Return a frame as it is, its names checked, and anything else as a float64 array without inf; NaN is allowed."""
+    """Return a frame as it is, its names checked, and anything else as a float64 array; NaN is allowed, inf is not."""
     if not isinstance(X, pd.DataFrame):
-        return read_array(estimator, X, reset=reset, ensure_all_finite="allow-nan", copy=True)
+        values = read_array(estimator, X, reset=reset, ensure_all_finite=False, copy=True)
+        refuse_infinite_columns(values)
+        return values
     refuse_shape(X, 1)
     if not reset:
         X = _in_fitted_order(estimator, X)
     validate_data(estimator, X, reset=reset, skip_check_array=True)
+    refuse_infinite_columns(X)
     return X
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
 from .._table import HISTORY_ROLES
-from .._time import read_index
+from .._time import duration_from_zero, read_index
 from ._frames import TableTransformer, numeric
 
 
@@ -49,7 +49,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
         self.sampling_time = sampling_time
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
-        self.max_gap_ = duration(self.max_gap, "max_gap")
+        self.max_gap_ = duration_from_zero(self.max_gap, "max_gap")
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         if not isinstance(table, pd.DataFrame):
@@ -90,14 +90,3 @@ def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> n
     short = missing[length <= max_gap / pd.Timedelta("1h") + 1e-9]
     filled[short] = np.interp(hours[short], hours[known], values[known])
     return filled
-
-
-def duration(value: Any, name: str) -> pd.Timedelta:
-    """A duration that is not negative."""
-    try:
-        span = pd.Timedelta(value)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{name}={value!r} is not a duration such as '1h'.") from error
-    if not span >= pd.Timedelta(0):
-        raise ValueError(f"{name}={value!r} must not be negative; give a duration such as '1h'.")
-    return span

@@ -115,22 +115,22 @@ def fit_leads(
     heat = scored.segment.heat
     # a plant that hardly ran does not make the building small
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
-    fit = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES)
-    undetermined = _undetermined(fit, table, T)
+    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES)
+    undetermined = _undetermined(fit, loss, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
-        fit = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,))
+        fit, _ = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,))
     return replace(fit, undetermined=undetermined)
 
 
-def _undetermined(fit: LeadFit, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
-    """Plant roles without which the rows are explained about as well."""
-    best, out = fit.problem.evaluate(fit.psi).loss, []
+def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
+    """Plant roles without which the rows are explained about as well as by the fit, whose ``loss`` is given."""
+    out = []
     for role in (*dict(fit.plan.known), *dict(fit.plan.stages)):
         idle = table.replace(inputs={**table.inputs, role: np.zeros(table.n_rows)})
         without = fit.with_rows(fit.make_segment(idle, T)).problem.evaluate(fit.psi).loss
-        if without - best < _LEAST_EVIDENCE:
+        if without - loss < _LEAST_EVIDENCE:
             out.append(role)
     return tuple(out)
 
@@ -143,8 +143,8 @@ def _fit_at_scale(
     reference: float,
     heat_scale: float,
     scales: Sequence[float],
-) -> LeadFit:
-    """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]."""
+) -> tuple[LeadFit, float]:
+    """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]; its loss."""
     step = table.step / pd.Timedelta("1h")
     problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales)
     best = minimise(problem, problem.centre, max_steps=10)
@@ -155,7 +155,7 @@ def _fit_at_scale(
     problem = replace(problem, forecasts=(scored._replace(segment=make_segment(plan, table, T, reference)),))
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
-    return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference)
+    return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
 
 
 def _initial_problem(model: FilterModel, scored: ScoredForecasts, scales: Sequence[float]) -> LeadProblem:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, numeric, refuse_shape
+from .._table import HISTORY_ROLES, numeric, refuse_infinite_columns, refuse_shape
 from .._time import even_step, spell
 from ..datasets import RegularizeReport, read_zone_csv, regularize
 from ..preprocessing import FacadeIrradiance
@@ -157,9 +157,7 @@ def _checked(frame: Any) -> pd.DataFrame:
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)
     frame = frame.assign(T_za=numeric(frame["T_za"]))
-    infinite = [name for name in frame.select_dtypes("number") if np.isinf(numeric(frame[name])).any()]
-    if infinite:
-        raise ValueError(f"column {infinite[0]!r} of the log contains inf; set it to NaN where it is missing.")
+    refuse_infinite_columns(frame)
     return frame
 
 

@@ -11,9 +11,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from .._table import ROLES, role_of
+from .._time import positive_duration
 
 SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification
@@ -228,7 +227,7 @@ def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, 
 
 def _check_duration(name: str, value: Any) -> None:
     try:
-        positive = isinstance(value, str) and pd.Timedelta(value) > pd.Timedelta(0)
+        positive = isinstance(value, str) and bool(positive_duration(value, name))
     except ValueError:
         positive = False
     if not positive:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._time import rows_covering, spell
+from ..._time import positive_duration, read_duration, rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
 from ..state_space import StateSpace, state_space_of
@@ -43,7 +43,8 @@ def make_state_space(
     >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
     0.632
     """
-    network, roles, step = get_network(network), tuple(roles), pd.Timedelta(sampling_time)
+    network, roles = get_network(network), tuple(roles)
+    step = positive_duration(sampling_time, "sampling_time")
     absent = [p.name for p in network.parameters(roles) if p.name not in theta]
     if absent:
         raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
@@ -95,7 +96,7 @@ def default_periods(model: StateSpace) -> pd.TimedeltaIndex:
 
 
 def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
-    chosen = pd.TimedeltaIndex([pd.Timedelta(p) for p in periods], name="period").as_unit("ns")
+    chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in periods], name="period").as_unit("ns")
     if len(chosen) and chosen.min() < 2 * step:
         raise ValueError(
             f"the period {chosen.min()} is shorter than two steps of the model ({spell(2 * step)}), which says nothing "

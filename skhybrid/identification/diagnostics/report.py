@@ -12,7 +12,7 @@ import pandas as pd
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
-from ..._time import rows_covering
+from ..._time import positive_duration, rows_covering
 from .findings import ErrorPattern
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box
 
@@ -172,7 +172,7 @@ def diagnose_residuals(
 
 def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
     if given is not None:
-        return pd.Timedelta(given)
+        return positive_duration(given, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
         raise ValueError("the rows have no time stamps: say how far apart they are, such as sampling_time='15min'.")
     return pd.Timedelta(index[1] - index[0])

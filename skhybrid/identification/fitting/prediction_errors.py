@@ -208,9 +208,9 @@ class PredictionErrorProblem:
     def minimum_near(self, start: np.ndarray) -> tuple[np.ndarray, float]:
         """The minimum that one start leads to, and minus twice the log-likelihood there, up to a constant."""
         if not len(start):
-            return start, self.n_counted * float(np.log(np.sum(self.residuals(start) ** 2)))
+            return start, 2.0 * self.drop(float(np.sum(self.residuals(start) ** 2)), 1.0)
         (least,) = self.minimise(start[None])
-        return least.free, self.n_counted * float(np.log(least.loss))
+        return least.free, 2.0 * self.drop(least.loss, 1.0)
 
     def drop(self, loss: float, best: float) -> float:
         """By how much the log-likelihood of one loss lies below that of the best."""

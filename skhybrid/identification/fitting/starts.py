@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from numbers import Real
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,10 +25,17 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
     return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
 
 
-def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
-    """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
+def check_start(begin: Any, names: Collection[str]) -> None:
+    """Refuse a start that is no mapping of some of the names to values."""
     if not isinstance(begin, Mapping):
         raise ValueError(f"theta_init={begin!r} is not a mapping of parameters to values.")
+    unknown = [name for name in begin if name not in names]
+    if unknown:
+        raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
+
+
+def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:
+    """(1, p) the start at given values, within the bounds; (p,) ``others`` where none is given."""
     for p in searched:
         value = begin.get(p.name, p.default)
         if not isinstance(value, Real) or not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0):

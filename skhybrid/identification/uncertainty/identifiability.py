@@ -58,8 +58,8 @@ class Identifiability:
     @property
     def condition_number(self) -> float:
         """Largest over smallest singular value [-]; 1 where nothing was searched."""
-        values = self.singular_values.to_numpy()
-        return float(values[0] / max(values[-1], 1e-300)) if len(values) else 1.0
+        values = self.singular_values.to_list()  # infinite without a warning, as numbers of Python
+        return values[0] / max(values[-1], 1e-300) if values else 1.0
 
     @property
     def _sections(self) -> list[tuple[str, tuple[str, ...]]]:

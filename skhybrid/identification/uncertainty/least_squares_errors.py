@@ -33,7 +33,7 @@ def least_squares_uncertainty(
     if not p:
         none = np.zeros((0, 0))
         return ParameterUncertainty((), none, none, none, n_days)
-    noise = max(noise, 1e-300)
+    noise = max(noise, 1e-200)  # of an exact fit; information in units of it stays finite
     errors, jacobian = problem.linearised(free)
     share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
     day = day_of_rows(len(errors), hours * share) if days is None else days

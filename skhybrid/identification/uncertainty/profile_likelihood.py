@@ -162,7 +162,8 @@ def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[f
 
 def _standard_error(fitted: Any, p: Parameter) -> float:
     """On the searched scale, within reason: the first step of the search for an end."""
-    error = float(fitted.theta_std_[p.name]) / (abs(float(fitted.theta_[p.name])) if p.transform == "log" else 1.0)
+    value = max(abs(float(fitted.theta_[p.name])), 1e-300) if p.transform == "log" else 1.0  # a sign may hold it at 0
+    error = float(fitted.theta_std_[p.name]) / value
     low, high = p.free_bounds
     return float(np.clip(np.nan_to_num(error, nan=np.inf), 1e-5 * (high - low), 0.1 * (high - low)))
 
