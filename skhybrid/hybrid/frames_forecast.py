@@ -114,13 +114,7 @@ class FramesForecastMixin(QuantileForecastMixin):
             self._refuse_unlearned()
             check_setpoints(ahead)
         else:
-            band = [
-                np.append(known, side)
-                for known, side in zip(
-                    band_of(table.rows(slice(0, int(origin[0]) + 1))), read_setpoint(setpoint, ahead), strict=True
-                )
-            ]
-            table = with_band(table, Band(*band))
+            table = with_band(table, read_setpoint(setpoint, ahead))
         if self._law is None:
             return self._ideal(scheme, table, int(origin[0]), levels).set_axis(future.index)
         # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
