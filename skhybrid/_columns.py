@@ -20,6 +20,7 @@ ROLES: tuple[tuple[str, str, str], ...] = (
     ("q_sol_<name>", "kW/m2", "a further irradiance input, such as a facade"),
     ("u_heat, u_cool, u_<name>", "-", "mean stage or runtime fraction over the step; its capacity [kW] is a parameter"),
     ("Q_hvac, Q_<name>", "kW", "measured heat into the zone (+ heats)"),
+    ("T_heat_set, T_cool_set", "degC", "a thermostat's set-points over the step, known in advance; never a boundary"),
     ("T_<name>", "degC", "a further boundary temperature that the network names"),
     ("T_za", "degC", "the measured zone temperature itself, as history"),
     ("zeta", "kW or degC", "the estimated disturbance, as history"),
@@ -29,6 +30,8 @@ _ROLE = re.compile(r"(T_\w+|q_sol(_\w+)?|u_\w+|Q_\w+|zeta)\Z")
 HISTORY_ROLES = ("T_za", "zeta")
 _LONGEST_NAME = 40  # characters of a column's name that a message shows
 _HUGE = 1e100  # nothing measured is larger; squares of larger numbers overflow
+#: roles of a thermostat's heating and cooling set-point
+SETPOINT_ROLES = ("T_heat_set", "T_cool_set")
 
 
 def role_of(name: object) -> str | None:

@@ -42,6 +42,8 @@ _PERCENT = (OtherUnit("percent rather than a fraction or stage", -5.0, 105.0),)
 #: beginning of a role -> its range; the first that fits holds
 RANGES: dict[str, PhysicalRange] = {
     "T_za": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
+    "T_heat_set": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
+    "T_cool_set": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
     "T_oa": PhysicalRange("degC", -90.0, 60.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),
     "T_": PhysicalRange("degC", -90.0, 200.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),  # hot water and steam too
     "q_sol": PhysicalRange("kW/m2", -0.05, 1.6, -0.05, 1.6, _PER_AREA),

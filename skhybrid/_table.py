@@ -26,6 +26,7 @@ from ._columns import (
     roles_as_fitted,
 )
 from ._columns import ROLES as ROLES
+from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns

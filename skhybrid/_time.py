@@ -151,10 +151,10 @@ def read_duration(value: Any, name: str) -> pd.Timedelta:
     if _is_number(value):  # pandas means nanoseconds
         raise ValueError(f"{name}={value!r} has no unit; give a duration such as '15min' or '1D'.")
     try:
-        span = pd.Timedelta(value)
+        span: pd.Timedelta | None = pd.Timedelta(value)
     except (TypeError, ValueError):
         span = None
-    if span is None or span is pd.NaT:
+    if span is None or pd.isna(span):
         raise ValueError(f"{name}={value!r} is not a duration such as '15min' or '1D'.")
     return span
 

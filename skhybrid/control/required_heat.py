@@ -24,6 +24,23 @@ class HeatedZone(NamedTuple):
     output: np.ndarray  # (n,) output row of the measured node
 
 
+class LoadPaths(NamedTuple):
+    """Heat of the rows ``origin``, ``origin + 1``, ... from some origins, and the temperature at the end of each."""
+
+    heat: np.ndarray  # (O, L) [kW]
+    temperature: np.ndarray  # (O, L) [degC]
+    zeta: np.ndarray  # (O, L) unmeasured heat [kW, or K for an output disturbance]
+
+    def rows(self, chosen: np.ndarray) -> LoadPaths:
+        """The paths of some of the origins."""
+        return LoadPaths(*(part[chosen] for part in self))
+
+    def at(self, lead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Heat and temperature (O,) at one lead of each path, counted from 0."""
+        row = np.arange(len(lead))
+        return self.heat[row, lead], self.temperature[row, lead]
+
+
 def required_heat(
     zone: HeatedZone,
     band: Band,

@@ -10,6 +10,7 @@ from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .simulation import iterate_lags, simulate_path
+from .tree_sums import sum_of_leaves
 
 __all__ = [
     "ChannelAdjoint",
@@ -39,4 +40,5 @@ __all__ = [
     "simulate_path",
     "smooth_states",
     "solve_lq_path",
+    "sum_of_leaves",
 ]

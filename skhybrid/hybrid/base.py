@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -11,18 +11,25 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._summary import TrainingRecord, network_tables
-from .._table import ZoneTable, append_tables, read_table, read_target, refuse_other_clock
+from .._table import (
+    HISTORY_ROLES,
+    SETPOINT_ROLES,
+    ZoneTable,
+    append_tables,
+    read_table,
+    read_target,
+    refuse_other_clock,
+)
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
-from ..control import is_plant
-from ..control.setpoints import read_limits, read_setpoint
-from ..forecasting.quantiles import quantile_columns, read_quantiles
-from ..forecasting.weather_error import read_weather_error
+from ..forecasting.features import rows_per_day
 from ..thermal import RCNetwork
+from .closed_loop import ClosedLoop
+from .frames_forecast import FramesForecastMixin
 from .preprocess import fit_preprocess, preprocessed
 from .scheme import Scheme
 from .scheme_intervals import HybridQuantilesMixin
-from .tables import join_frames, join_tables, refuse_absent, unmeasured
+from .setpoint_columns import check_setpoints, setpoints_in
 
 #: what a forecast takes in from the history up to its origin
 Adapt = Literal["linear", "full"] | None
@@ -38,7 +45,7 @@ def _of_scheme(name: str, doc: str) -> Any:
     return property(read, doc=doc)
 
 
-class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
+class BaseHybrid(FramesForecastMixin, HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
     adapt: Adapt
@@ -50,6 +57,7 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     origin_step: Any
     max_missing: float
     intervals: bool  # whether fit learns them
+    _law: ClosedLoop | None  # of thermostat and plant; None where the training had no set-points
 
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
@@ -90,7 +98,8 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
-        self._take(scheme.fit(table.replace(history={"T_za": target})), intervals=self.intervals)
+        check_setpoints(table)
+        self._take(scheme.fit(_measured(table, target)), intervals=self.intervals)
         return self
 
     def _take(self, scheme: Scheme, *, intervals: bool) -> None:
@@ -101,7 +110,12 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
+        self._law = ClosedLoop.fit(scheme, self._law_leads(training.step))
         self._learn_intervals(intervals)
+
+    def _law_leads(self, step: pd.Timedelta) -> int:
+        """Leads of a day, or of a longer horizon."""
+        return max(rows_per_day(step), rows_of(self.horizon or "1D", step))
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
@@ -123,6 +137,7 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
             required=network.required_roles,
             # weather and plant, and of further boundary temperatures those that the network names
             needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
+            history_roles=(*HISTORY_ROLES, *SETPOINT_ROLES),
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
@@ -132,7 +147,7 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     def _read_X(self, X: Any) -> ZoneTable:
         table = self._read(X, self._scheme.network, reset=False)
         # a measured disturbance is not read
-        return table.replace(history={k: v for k, v in table.history.items() if k == "T_za"})
+        return table.replace(history={k: v for k, v in table.history.items() if k in ("T_za", *SETPOINT_ROLES)})
 
     def _read_following(self, X: Any) -> ZoneTable:
         """X in the time zone of the known rows, which it continues."""
@@ -153,131 +168,8 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
-    @one_blas_thread
-    def forecast(
-        self,
-        history: pd.DataFrame | ZoneTable | None,
-        future: pd.DataFrame | ZoneTable,
-        quantiles: Sequence[float] | None = None,
-        *,
-        weather_error: Any = None,
-    ) -> pd.DataFrame:
-        """Forecast from the last row of a history.
-
-        Parameters
-        ----------
-        history : DataFrame or None
-            Rows up to the origin, with ``T_za``; where it continues the known rows, those come before it.  None: all
-            that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
-        future : DataFrame
-            The rows to forecast, with the known future inputs; it begins one step after the history.
-        quantiles : sequence of float, optional
-            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
-        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
-            As in :meth:`predict_quantiles`.
-
-        Returns
-        -------
-        DataFrame with the index of ``future``
-            ``T_za`` [degC] at each stamp; ``zeta`` [kW, or K for an output disturbance] over the step that begins
-            there, of the schedule model's network; a column such as ``q_0.1`` [degC] for each quantile.
-
-        Raises
-        ------
-        ValueError
-            If the two do not join evenly or a column is missing.
-        """
-        check_is_fitted(self)
-        for name, rows in (("history", history), ("future", future)):
-            if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
-                raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
-        n_ahead = len(future.index)
-        if (history is not None and not len(history.index)) or not n_ahead:
-            raise ValueError("history and future need at least one row each.")
-        levels = None if quantiles is None else read_quantiles(quantiles)
-        scheme = self._present_scheme()
-        if history is None:
-            ahead = self._read_future(future)
-            paths = scheme.forecast_ahead(ahead)
-        else:
-            table, origin = self._read_both(history, future)
-            paths = scheme.forecast(table, origin, n_ahead)
-        found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
-        if levels is not None:
-            if history is None:
-                table = append_tables(scheme.rows.end(), ahead)
-                origin = np.array([table.n_rows - n_ahead - 1])
-            bands = self._quantile_paths(table, origin, n_ahead, levels, read_weather_error(weather_error))[0]
-            found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
-        return pd.DataFrame(found, index=future.index)
-
-    def _read_future(self, future: pd.DataFrame | ZoneTable) -> ZoneTable:
-        if isinstance(future, ZoneTable):
-            table = self._read_following(unmeasured(future, self._scheme.rows.training))
-        else:
-            refuse_absent(self._input_columns(future), future, "the training table")
-            table = self._read_following(future)
-        self._scheme.rows.refuse_unless_following(table)
-        return table
-
-    def _read_both(self, history: Any, future: Any) -> tuple[ZoneTable, np.ndarray]:
-        """History and future as one table, after the known rows where it follows them, and the row of the origin."""
-        if isinstance(history, ZoneTable):
-            whole: Any = join_tables(history, future, self._scheme.rows.training)
-        else:
-            whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
-        table, n_tail = self._with_history(whole)
-        return table, np.array([n_tail + len(history.index) - 1])
-
     def _column_of(self, role: str) -> Any:
         return (self._reading()["columns"] or {}).get(role, role)
-
-    def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
-        """Columns of a frame that are read and known in advance."""
-        names = list(getattr(self, "feature_names_in_", frame.columns))
-        if self.preprocess_ is not None:
-            past = self._column_of("T_za")
-            return [name for name in getattr(self.preprocess_, "feature_names_in_", frame.columns) if name != past]
-        by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
-        return by_role if set(by_role) <= set(names) else names
-
-    def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
-        """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
-
-        The schedule model asks its network alone, for ARX knows no plant.  Of a set-point that does not move smoothly,
-        such as a measured temperature, it follows what is not noise (see the user guide).
-
-        Parameters
-        ----------
-        X : DataFrame or array-like of shape (n_samples, n_features)
-            Heating and cooling columns are read up to each origin only; rows ahead need none.
-        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
-            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
-            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
-            there is no load, and None as one of a pair leaves that side free.
-        limits : tuple of (lowest, highest), optional
-            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
-            the plant is off.  The capacity of its stages is a limit too.
-
-        Returns
-        -------
-        DataFrame of length n_samples
-            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
-            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
-            (paper Eq. inverseQ2), and ``zeta`` as forecast.
-
-        Raises
-        ------
-        ValueError
-            If a set-point or limit has another length or other stamps than X or a NaN, or if the lower of two is above
-            the higher.
-        """
-        check_is_fitted(self)
-        plant = filter(is_plant, self._scheme.rows.training.inputs)
-        table, n_tail, origins = self._load_rows(X, plant)
-        here = table.rows(slice(n_tail, None))
-        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
-        return self._present_scheme().required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
 
     @unchanged_on_failure
     @one_blas_thread
@@ -309,7 +201,8 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
                 f"X has no column {self._column_of('T_za')!r}; give what was measured there or as y, with NaN where "
                 "missing (rows ahead are for predict and forecast)."
             )
-        self._scheme = self._scheme.advanced(table.replace(history={"T_za": target}))
+        check_setpoints(table)
+        self._scheme = self._scheme.advanced(_measured(table, target))
         return self
 
     @unchanged_on_failure
@@ -338,11 +231,13 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
             return self.fit(X, y)
         table, rows = self._read_following(X), self._scheme.rows
         target = read_target(rows.in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
-        new = rows.without_known(table.replace(history={"T_za": target}))
+        check_setpoints(table)
+        new = rows.without_known(_measured(table, target))
         if new.n_rows:
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
         self._learned_to = self._scheme.rows.last_stamp
+        self._law = ClosedLoop.fit(self._scheme, self._law_leads(table.step))
         self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self
 
@@ -375,3 +270,8 @@ class BaseHybrid(HybridQuantilesMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return self._scheme.drift(None if X is None else self._with_history(X)[0])
+
+
+def _measured(table: ZoneTable, target: np.ndarray) -> ZoneTable:
+    """A table with what a scheme learns from as history: temperature and set-points."""
+    return table.replace(history={**setpoints_in(table), "T_za": target})

@@ -12,12 +12,12 @@ import pandas as pd
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
-from ..control.setpoints import Band, Limits
+from ..control import Band, Limits, LoadPaths
 from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
-from ..schedule import ScheduledNetwork, loads
+from ..schedule import NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, PULL, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
@@ -33,6 +33,7 @@ _LAGS = 24  # temperatures that the black box regresses on
 _UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
+_FREE = (-np.inf, np.inf)  # set-points of rows that have none
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
 
 
@@ -176,13 +177,33 @@ class ScheduleScheme(Scheme):
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points, under its schedules and the heat that its filter sees."""
         rows, moved = self._numbered(table)
-        rolling, view = self._physics.start(rows, self._record.sample, self.adapt), self._physics.view(rows)
-        states = []
-        for origin in origins + moved:
-            rolling.advance(view, int(origin))
-            states.append(rolling.state())
+        view, states = self._states(rows, origins + moved)
         load = loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
         return self._clipped_load(load, table, origins, setpoint)
+
+    def _states(self, rows: NumberedTable, origins: np.ndarray) -> tuple[NumberedSegment, list[OriginState]]:
+        """Rows as the network takes them, and its state at each of increasing origins."""
+        rolling, view = self._physics.start(rows, self._record.sample, self.adapt), self._physics.view(rows)
+        states = []
+        for origin in origins:
+            rolling.advance(view, int(origin))
+            states.append(rolling.state())
+        return view, states
+
+    def load_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, setpoint: Band, limits: tuple[float, float]
+    ) -> LoadPaths:
+        """As of every scheme, from increasing origins, in one pass through the rows."""
+        rows, moved = self._numbered(table)
+        view, states = self._states(rows, origins + moved)
+        held = Band(*(np.append(np.full(moved, free), side) for side, free in zip(setpoint, _FREE, strict=True)))
+        return load_paths(self._physics.fit_, view.segment, origins + moved, states, held, limits, n_leads)
+
+    def plant_heat(self, table: ZoneTable) -> np.ndarray:
+        return plant_heat(self._physics.fit_, table)
+
+    def heat_frame(self, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
+        return heat_frame(self._physics.fit_, index, paths)
 
     def left_out_errors(self, n_leads: int, every: int = _EVERY) -> LeftOut:
         """Errors of the blend on left-out blocks, interpolated between leads."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from ..control.setpoints import Band, Limits
+from ..control import Band, Limits, LoadPaths
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
@@ -68,6 +68,46 @@ class Scheme(ABC):
         ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
+    def load_paths(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, setpoint: Band, limits: tuple[float, float]
+    ) -> LoadPaths:
+        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
+        out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
+        in_history = origins < table.n_history  # rows that are kept: forecast as in a table of their own
+        for chosen, rows in ((in_history, table.replace(n_history=0)), (~in_history, table)):
+            for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
+                self._fill(out, group, rows, origins, setpoint, limits)
+        return out
+
+    def _fill(
+        self,
+        out: LoadPaths,
+        group: np.ndarray,
+        table: ZoneTable,
+        origins: np.ndarray,
+        setpoint: Band,
+        limits: tuple[float, float],
+    ) -> None:
+        """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
+        n_leads, n, begin = out.heat.shape[1], table.n_rows, table.n_history
+        between = np.setdiff1d(np.arange(begin, n, n_leads + 1), origins[group])
+        starts = np.unique(np.concatenate([[begin], between, origins[group]]))
+        band = Band(*(side[begin:] for side in setpoint))
+        within = Limits(*(np.full(n - begin, limit) for limit in limits))
+        load = self.required_heat(table, starts, band, within)[["Q_hvac", "T_za", "zeta"]].to_numpy().T
+        for i in group:
+            rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
+            out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]
+            out.temperature[i] = load[1, np.minimum(rows + 1, n - begin - 1)]
+
+    @abstractmethod
+    def plant_heat(self, table: ZoneTable) -> np.ndarray:
+        """(n_rows,) heat [kW] of the plant in a table."""
+
+    @abstractmethod
+    def heat_frame(self, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
+        """Stages, heat, temperature and zeta of one path by rows."""
+
     @abstractmethod
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors of forecasts of parts of the training table, each by what has not learned from that part."""
@@ -89,6 +129,11 @@ class Scheme(ABC):
         T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
         return self.rows.plausible.at(T, origins)
 
+    @staticmethod
+    def plausible_range(lowest: np.ndarray, highest: np.ndarray, held: Band) -> PlausibleRange:
+        """A range with the set-points that hold in it."""
+        return PlausibleRange(lowest, highest).around(Band(*(side[np.isfinite(side)] for side in held)))
+
     def _clipped_load(self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band) -> pd.DataFrame:
         """A load whose temperature is plausible, or one between the set-points."""
         of_row = np.repeat(origins, np.diff(np.append(origins, table.n_rows)))
@@ -104,3 +149,15 @@ class Scheme(ABC):
         made = object.__new__(type(self))
         made.__dict__.update(self.__dict__, **changes)
         return made
+
+
+def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:
+    """Groups of the ``chosen`` among origins; in each of them they lie at least so many rows apart."""
+    groups: list[list[int]] = []
+    for i in sorted(chosen, key=lambda i: origins[i]):
+        place = next((group for group in groups if origins[i] - origins[group[-1]] >= least), None)
+        if place is None:
+            groups.append([i])
+        else:
+            place.append(i)
+    return [np.array(group) for group in groups]

@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, concatenate_tables
+from .._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
 _HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
@@ -73,7 +73,7 @@ def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
     absent = [role for role in training.inputs if role not in future.inputs]
     if absent:
         raise ValueError(f"future has no role {absent[0]!r}, which the training table has.")
-    return future.replace(history={})
+    return future.replace(history={k: v for k, v in future.history.items() if k in SETPOINT_ROLES})
 
 
 def utc_of(table: ZoneTable) -> pd.DatetimeIndex:

@@ -15,7 +15,7 @@ from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
-from ..control.setpoints import Band, Limits
+from ..control import Band, Limits, LoadPaths, load_frame
 from ..forecasting.features import rows_per_day
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
@@ -62,7 +62,7 @@ class TwoStageScheme(Scheme):
 
     def fit(self, measured: ZoneTable) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
-        stamped = with_stamps(measured, ASSUMED_START)
+        stamped = with_stamps(measured.replace(history={"T_za": measured.history["T_za"]}), ASSUMED_START)
         self.gray_box_ = self._identified(stamped, measured.history["T_za"])
         self.disturbance_step_ = disturbance_step(measured.step)
         # the rows in between are wanted again only where the network is identified again
@@ -211,6 +211,16 @@ class TwoStageScheme(Scheme):
         rows = origins - table.n_history
         load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
         return self._clipped_load(load, table, origins, setpoint)
+
+    def plant_heat(self, table: ZoneTable) -> np.ndarray:
+        plant = self.gray_box_.plant
+        heat = np.sum([table.inputs[role] for role in table.inputs if role.startswith("Q_")], axis=0)
+        stages = [capacity * table.inputs[role] for role, capacity in (*plant.heating, *plant.cooling)]
+        return np.zeros(table.n_rows) + heat + np.sum(stages, axis=0)
+
+    def heat_frame(self, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
+        heat, temperature, zeta = (part[0] for part in paths)
+        return load_frame(self.gray_box_.plant, index, heat, heat, temperature, zeta)
 
     def left_out_errors(self, n_leads: int) -> LeftOut:
         """Errors in weeks (or the last quarter, where fits are slow) that the forecaster was not fitted on."""

@@ -294,6 +294,12 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             raise ValueError(f"disturbance has {given} leads, but {needed} rows lie up to the next origin or the end.")
         return self._load(table, rows, start, setpoint, limits)
 
+    @property
+    def plant(self) -> Plant:
+        """Stages of the training table and their capacities."""
+        check_is_fitted(self)
+        return self._plant
+
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
         return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
 

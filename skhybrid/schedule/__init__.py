@@ -7,8 +7,9 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
+from .online_network import OriginState
 from .rolling_network import ErrorHistory, RollingNetwork
-from .schedule_loads import loads
+from .schedule_loads import heat_frame, load_paths, loads, plant_heat
 from .scheduled_network import ScheduledNetwork
 from .segment import NumberedSegment, Segment, make_segment
 
@@ -16,10 +17,14 @@ __all__ = [
     "ErrorHistory",
     "LeadFit",
     "NumberedSegment",
+    "OriginState",
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
     "fit_leads",
+    "heat_frame",
+    "load_paths",
     "loads",
     "make_segment",
+    "plant_heat",
 ]

@@ -156,7 +156,7 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
 
 
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
-    makers = (_solar_channels, _equipment_channels, _schedule_channels, _swapped_day_channels)
+    makers = (_solar_channels, equipment, _schedule_channels, _swapped_day_channels)
     names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
     return Channels(
         names,
@@ -182,7 +182,7 @@ def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
             yield Channel(f"{role}->{node}", light, i, True, "free")
 
 
-def _equipment_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+def equipment(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
     """Stages whose capacity is fitted, and the part-load curves of those whose capacity is known."""
     for role, sign in plan.stages:
         yield Channel(role, sign * table.inputs[role], plan.heated, True, "free")

@@ -10,9 +10,9 @@ import pandas as pd
 from sklearn.isotonic import isotonic_regression
 
 from .._table import ZoneTable
-from ..control import MOST_AHEAD, Band, Limits, Plant, load_frame, make_plant, steps_ahead
+from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
-from .channels import ChannelPlan, deviation, knot_name
+from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
@@ -49,6 +49,49 @@ def loads(
         ahead = segment.between(int(origin), int(end))
         frames.append(_load_from(fit, ahead, state, table.index[origin:end], band, within, variation))
     return pd.concat(frames) if len(frames) > 1 else frames[0]
+
+
+def load_paths(
+    fit: LeadFit,
+    segment: Segment,
+    origins: np.ndarray,
+    states: Sequence[OriginState],
+    setpoint: Band,
+    limits: tuple[float, float],
+    n_leads: int,
+) -> LoadPaths:
+    """Least heat that keeps the network within the set-points (N,) of its rows, from each origin on.
+
+    After the last row the values are those of the last one.
+    """
+    out = LoadPaths(*np.empty((3, len(origins), n_leads)))
+    for i, (origin, state) in enumerate(zip(origins, states, strict=True)):
+        rows = slice(int(origin), min(int(origin) + n_leads, segment.n_rows))
+        ahead, n = segment.between(rows.start, rows.stop), rows.stop - rows.start
+        zeta = _zeta(ahead, state)
+        A, forcing, effect = _with_emitter(fit, state, ahead, zeta)
+        c, begin = np.eye(len(A))[fit.model.zone], np.append(state.nodes, state.emitter)
+        band = [side[rows] - fit.reference for side in setpoint]
+        within = [np.full(n, limit) for limit in limits]
+        load, path = simulate_inverse(A, forcing, effect, c, *band, *within, begin, steps_ahead(A, effect, c))
+        for part, values in zip(out, (load, path + fit.reference, zeta), strict=True):
+            part[i, :n], part[i, n:] = values, values[-1]
+    return out
+
+
+def plant_heat(fit: LeadFit, table: ZoneTable) -> np.ndarray:
+    """(N,) heat [kW] of the plant in the rows of a table, by its fitted capacities."""
+    channels = equipment(fit.plan, table)
+    return known_heat(fit.plan, table) + sum(
+        fit.coef[fit.channel_names.index(one.name)] * one.series for one in channels
+    )
+
+
+def heat_frame(fit: LeadFit, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
+    """Stages by role and heat of a path, temperature and ``zeta`` of its rows."""
+    plant = _plant(fit.plan, fit.coef, fit.channel_names)
+    frame = load_frame(plant, index, paths.heat[0], paths.heat[0], paths.temperature[0], paths.zeta[0])
+    return _at_part_load(frame, fit, plant, fit.coef)
 
 
 class _Variation(NamedTuple):
@@ -88,9 +131,9 @@ def _load_from(
     variation: _Variation | None,
 ) -> pd.DataFrame:
     """Load of the rows from an origin on."""
-    M, coef, n = state.matrices, state.coef, segment.n_rows
+    coef, n = state.coef, segment.n_rows
     plant = _plant(segment.plan, coef, fit.channel_names)
-    zeta = segment.channels.scheduled_heat(coef) + state.gain * M.F[-1, -1] ** np.arange(n)
+    zeta = _zeta(segment, state)
     A, forcing, effect = _with_emitter(fit, state, segment, zeta)
     c, begin = np.eye(len(A))[fit.model.zone], np.append(state.nodes, state.emitter)
     band = [side - fit.reference for side in setpoint]
@@ -107,6 +150,12 @@ def _load_from(
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(at_origin, path[:-1]) + fit.reference
     return _at_part_load(load_frame(plant, index, clipped, unclipped, temperature, zeta), fit, plant, coef)
+
+
+def _zeta(segment: Segment, state: OriginState) -> np.ndarray:
+    """(N,) unmeasured heat of the rows from an origin on [kW]."""
+    fading = state.matrices.F[-1, -1] ** np.arange(segment.n_rows)
+    return segment.channels.scheduled_heat(state.coef) + state.gain * fading
 
 
 def _at_part_load(out: pd.DataFrame, fit: LeadFit, plant: Plant, coef: np.ndarray) -> pd.DataFrame:

@@ -95,6 +95,8 @@ def _end_problems(network: Declaration, name: str, end: str) -> Iterator[str]:
         yield f"{name} ends at {end!r}, which has no capacitance and is no boundary temperature (T_...)."
     if end[2:] in network.capacitances:
         yield f"{name} ends at {end!r}, the temperature of the node {end[2:]!r}; write {end[2:]!r}."
+    if end in ("T_heat_set", "T_cool_set"):
+        yield f"{name} ends at {end!r}, the role of a thermostat's set-point; rename the boundary."
     if end == "T_za":
         yield f"{name} ends at 'T_za', the role of the measured temperature; rename the boundary."
 

@@ -1,0 +1,62 @@
+"""Boosted regression trees as plain arrays, so that a model file can hold them and a short path costs little."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from ..filtering import sum_of_leaves
+
+_DEPTH = 7
+SETTINGS = {
+    "max_iter": 90,
+    "learning_rate": 0.12,
+    "max_leaf_nodes": 24,
+    "max_depth": _DEPTH,
+    "min_samples_leaf": 20,
+    "max_bins": 63,
+    "l2_regularization": 1.0,
+    "early_stopping": False,
+    "random_state": 0,
+}
+_FIELDS = ("feature_idx", "num_threshold", "left", "right", "missing_go_to_left", "value")
+
+
+class BoostedTrees(NamedTuple):
+    """Sum of trees; a leaf has itself as both its children."""
+
+    level: float  # of the target
+    feature: np.ndarray  # (n_trees, n_nodes) int
+    threshold: np.ndarray  # (n_trees, n_nodes); NaN goes where ``missing_left`` says
+    left: np.ndarray  # (n_trees, n_nodes) int
+    right: np.ndarray  # (n_trees, n_nodes) int
+    missing_left: np.ndarray  # (n_trees, n_nodes) bool
+    value: np.ndarray  # (n_trees, n_nodes)
+
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """(n,) values of rows (n, n_features), NaN where unknown."""
+        n_nodes = self.feature.shape[1]
+        for places, most in ((self.feature, X.shape[1]), (self.left, n_nodes), (self.right, n_nodes)):
+            if places.min(initial=0) < 0 or places.max(initial=0) >= most:  # compiled code would read other memory
+                raise ValueError("the trees do not fit the features; fit the model again.")
+        nodes = (self.feature, self.threshold, self.left, self.right, self.missing_left, self.value)
+        return np.asarray(self.level + sum_of_leaves(np.ascontiguousarray(X), *nodes, _DEPTH))
+
+
+def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> BoostedTrees:
+    """Boosted trees of a target (n,) by features (n, n_features), NaN where unknown; the same for the same rows."""
+    booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
+    nodes = [tree.nodes for (tree,) in booster._predictors]
+    n_nodes = max(len(tree) for tree in nodes)
+    found = {name: np.zeros((len(nodes), n_nodes), dtype=nodes[0].dtype[name]) for name in _FIELDS}
+    for i, tree in enumerate(nodes):
+        leaf = tree["is_leaf"].astype(bool)
+        for name in _FIELDS:
+            own = np.arange(len(tree)) if name in ("left", "right") else tree[name]
+            found[name][i, : len(tree)] = np.where(leaf, own, tree[name])
+    level = float(np.ravel(booster._baseline_prediction)[0])
+    feature, threshold, left, right, missing, value = found.values()
+    whole = (feature.astype(np.int64), threshold, left.astype(np.int64), right.astype(np.int64))
+    return BoostedTrees(level, *whole, missing.astype(bool), value)

@@ -1,0 +1,257 @@
+"""Forecast of temperature and load where only set-points are known: the thermostat acts inside it.
+
+Members are the network under an ideal thermostat, what a learned law makes of that, a direct regression, and last
+week; the blend has the weights of their errors so far, and its intervals are learned from what it missed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable
+from ..control import Band, LoadPaths
+from ..forecasting.features import rows_per_hour
+from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
+from ..forecasting.quantiles import path_clock
+from .blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from .law_features import LawRows
+from .plant_law import MEMBERS, PRIOR, Law, Pairs, learn, make_pairs, member_errors, member_paths
+from .scheme import Scheme
+from .setpoint_columns import band_of
+
+_LEAST_DAYS = 7  # days of training that a law is learned from, at least
+_EVERY = 3  # hours between the origins that are learned from
+_HISTORY_WEIGHT = 2.0  # of a pair of the history, relative to one of the training
+_REFIT_DAYS = 7  # days between refits of the law
+_TAIL = 2.0 / 3.0  # share of the training after which it is forecast by what has not seen it
+_DAYS_BACK = 21  # days whose errors count
+_WIDER = 1.1  # loads may be so much larger than the largest known
+_MOST_REFITS = 12  # refits that are kept
+_LEADS = 18  # leads at which errors are evaluated
+
+
+class ClosedLoopPaths(NamedTuple):
+    """Forecasts from some origins, with quantiles where they were wanted."""
+
+    paths: LoadPaths
+    heat_bands: np.ndarray | None = None  # (O, L, n_levels) [kW]
+    temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
+
+
+class _Errors(NamedTuple):
+    """Errors of the members from origins of a table."""
+
+    origins: np.ndarray  # (O,) int
+    leads: np.ndarray  # (K,) int, counted from 0
+    values: np.ndarray  # (O, K, 2, M) of load [kW] and temperature [K]
+
+    @property
+    def ends(self) -> np.ndarray:
+        """(O, K) row at which each was known."""
+        return self.origins[:, None] + self.leads + 1
+
+    def until(self, row: int, oldest: int) -> _Errors:
+        """Those of forecasts from ``oldest`` on that were known at a row; the others are NaN."""
+        chosen = (self.origins >= oldest) & (self.origins < row)
+        own = _Errors(self.origins[chosen], self.leads, self.values[chosen])
+        return own._replace(values=np.where((own.ends <= row)[..., None, None], own.values, np.nan))
+
+
+class _Tail(NamedTuple):
+    """What the last part of the training tells of the members."""
+
+    products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
+    intervals: tuple[LeadIntervals, ...]  # of load and temperature; empty after a short training
+
+
+class ClosedLoop:
+    """A learned thermostat and plant; it never changes, but for what it caches."""
+
+    def __init__(
+        self, law: Law, pairs: Pairs, tail: _Tail, n_leads: int, training: ZoneTable, heat: np.ndarray
+    ) -> None:
+        self.law, self._pairs, self._tail, self.n_leads = law, pairs, tail, n_leads
+        self._heat_range = _range_of(heat)
+        self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
+        self._refits: dict[bytes, Law] = {}
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_refits": {}}
+
+    @classmethod
+    def fit(cls, scheme: Scheme, n_leads: int) -> Self | None:
+        """Learn from the training of a fitted scheme; None where it has no set-points, no heat or too few days."""
+        training = scheme.rows.training
+        band, heat = band_of(training), scheme.plant_heat(training)
+        rows = LawRows.of(training, heat, band)
+        if not np.isfinite(band).any() or np.ptp(heat) == 0.0 or training.n_rows < _LEAST_DAYS * rows.per_day:
+            return None
+        origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
+        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, _range_of(heat))
+        pairs = make_pairs(rows, origins, ideal, training.n_rows)
+        begin = int(_TAIL * training.n_rows)
+        later = origins >= begin
+        leads, before = _leads(n_leads), learn(rows, pairs.before(begin))
+        values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
+        tail = _learn_tail(training, _Errors(origins[later], leads, values), n_leads)
+        return cls(learn(rows, pairs), pairs, tail, n_leads, training, heat)
+
+    def paths(
+        self, scheme: Scheme, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray | None = None
+    ) -> ClosedLoopPaths:
+        """Forecast load and temperature from increasing origins, with quantiles of the given levels.
+
+        The set-points come as history of the table, which begins with the end of the known rows where it follows them.
+        Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
+        of the temperature the end of that row.
+        """
+        if levels is not None and not self._tail.intervals:
+            raise ValueError("no intervals of a load were learned: the training was too short; fit on more days.")
+        rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
+        begin, spacing = self._first_new(table), _EVERY * rows_per_hour(table.step)
+        adapts = scheme.adapt is not None
+        past = np.arange(begin, int(origins[-1]), spacing) if adapts else np.empty(0, dtype=np.int64)
+        every = np.union1d(past, origins)
+        span = max(n_leads, self.n_leads)
+        ideal = scheme.load_paths(table, every, span, rows.band, self._heat_range)
+        members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
+        values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
+        seen = _Seen(rows, past, ideal.rows(np.searchsorted(every, past)))
+        wanted = _Seen(rows, origins, ideal.rows(np.searchsorted(every, origins)))
+        for number in range(int(_weeks(origins[-1:], begin, rows)[0]) + 1):
+            law = self.law
+            if number and scheme.adapt == "full":
+                law = self._refitted(seen, begin + number * _REFIT_DAYS * rows.per_day)
+            own = _weeks(past, begin, rows) == number
+            values[own] = member_errors(*seen.of(own), law, _leads(self.n_leads))
+            own = _weeks(origins, begin, rows) == number
+            members[own] = member_paths(*wanted.of(own), law, np.arange(n_leads))
+        errors = _Errors(past, _leads(self.n_leads), values)
+        return self._blended(scheme, table, wanted, members, errors, begin, levels)
+
+    def _first_new(self, table: ZoneTable) -> int:
+        """The first row of a table that the training has not seen."""
+        if table.utc is None or self._learned_to is None or not table.n_history:
+            return table.n_history
+        return int((table.utc <= self._learned_to).sum())
+
+    def _refitted(self, seen: _Seen, end: int) -> Law:
+        """The law by the training and what was known at row ``end``."""
+        own = seen.origins < end
+        new = make_pairs(*seen.of(own), end + 1)
+        name = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in new)).digest()
+        if name not in self._refits:
+            weight = np.repeat([1.0, _HISTORY_WEIGHT], [len(self._pairs.ends), len(new.ends)])
+            found = learn(seen.rows, self._pairs.and_those(new), weight)
+            kept = list(self._refits.items())[1 - _MOST_REFITS :]
+            self._refits = {**dict(kept), name: found}
+            return found
+        return self._refits[name]
+
+    def _blended(
+        self,
+        scheme: Scheme,
+        table: ZoneTable,
+        wanted: _Seen,
+        members: np.ndarray,
+        errors: _Errors,
+        begin: int,
+        levels: np.ndarray | None,
+    ) -> ClosedLoopPaths:
+        """The members (O, L, 2, M) blended by what was known of their errors at each origin."""
+        rows, n_leads = wanted.rows, members.shape[1]
+        lowest, highest = scheme.plausible(table, wanted.origins)
+        n_levels = 0 if levels is None else len(levels)
+        out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
+        for i, origin in enumerate(wanted.origins):
+            known = errors.until(int(origin), int(origin) - (_DAYS_BACK + 1) * rows.per_day)
+            shares = self._shares(known, (origin - begin) / rows.per_day, (origin - known.ends) / rows.per_day)
+            for quantity in range(2):
+                weights = by_lead(shares[quantity], self.n_leads, n_leads)
+                path = np.sum(members[i, :, quantity] * weights, axis=-1)
+                out[quantity, i] = path[:, None]
+                if levels is not None:
+                    missed = self._missed(known, shares, quantity)
+                    out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
+            held = Band(*(side[origin : origin + n_leads] for side in rows.band))
+            plausible = scheme.plausible_range(lowest[i], highest[i], held)
+            out[0, i] = np.clip(out[0, i], *_range_of(rows.heat[:origin], self._heat_range))
+            out[1, i] = plausible.clip(out[1, i])
+        paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.ideal.zeta[:, :n_leads])
+        return ClosedLoopPaths(paths, *(() if levels is None else (out[0, ..., 1:], out[1, ..., 1:])))
+
+    def _shares(self, known: _Errors, days: float, age: np.ndarray) -> np.ndarray:
+        """(2, n_groups, M) weights for load and temperature, so many days after the training."""
+        groups, share = lead_groups(known.leads + 1, self.n_leads), faded(age)
+        found = []
+        for quantity, products in enumerate(self._tail.products):
+            since = moments(known.values[:, :, quantity], groups, share)
+            found.append(blend_weights(products * faded(np.array(days)) + since, PRIOR, PULL))
+        return np.array(found)
+
+    def _missed(self, known: _Errors, shares: np.ndarray, quantity: int) -> _Errors:
+        """What the blend of these shares missed, in forecasts whole days apart."""
+        daily = slice(None, None, -max(1, 24 // _EVERY))
+        weights = shares[quantity][lead_groups(known.leads + 1, self.n_leads)]
+        values = np.sum(known.values[daily, :, quantity] * weights, axis=-1)
+        return _Errors(known.origins[daily], known.leads, values)
+
+    def _offsets(
+        self, table: ZoneTable, origin: int, n_leads: int, quantity: int, missed: _Errors, levels: np.ndarray
+    ) -> np.ndarray:
+        """(n_leads, n_levels) quantiles of the error of one path."""
+        clock = path_clock(table, np.array([origin]), n_leads)
+        recent = (missed.values, _clock(table, missed.origins, missed.leads)) if len(missed.origins) else None
+        return self._tail.intervals[quantity].offsets(clock, levels, recent, origin * table.step_hours / 24.0)
+
+
+class _Seen(NamedTuple):
+    """Origins in rows, and the network's ideal paths from them."""
+
+    rows: LawRows
+    origins: np.ndarray
+    ideal: LoadPaths
+
+    def of(self, chosen: np.ndarray) -> tuple[LawRows, np.ndarray, LoadPaths]:
+        """The rows, and some of the origins and paths."""
+        return self.rows, self.origins[chosen], self.ideal.rows(chosen)
+
+
+def _weeks(origins: np.ndarray, begin: int, rows: LawRows) -> np.ndarray:
+    """How often the law has been refitted at some origins."""
+    return np.maximum(origins - begin, 0) // (_REFIT_DAYS * rows.per_day)
+
+
+def _range_of(heat: np.ndarray, known: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+    """The least and most heat of a plant [kW], by what it gave and what was known of it."""
+    return min(known[0], _WIDER * float(heat.min(initial=0.0))), max(known[1], _WIDER * float(heat.max(initial=0.0)))
+
+
+def _leads(n_leads: int) -> np.ndarray:
+    """Leads, counted from 0, at which errors are evaluated."""
+    return np.unique(np.round(np.linspace(0, n_leads - 1, min(n_leads, _LEADS))).astype(np.int64))
+
+
+def _clock(table: ZoneTable, origins: np.ndarray, leads: np.ndarray) -> PathClock:
+    """Lead, hour and day of the ends of the rows at some leads."""
+    lead, slot, day, _ = path_clock(table, origins, int(leads[-1]) + 1)
+    return PathClock(lead[:, leads], slot[:, leads], day[:, leads])
+
+
+def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Tail:
+    """Moments and intervals from errors of the last part of the training."""
+    groups, per_day = lead_groups(errors.leads + 1, n_leads), 24.0 / training.step_hours
+    share = faded((training.n_rows - 1 - errors.ends) / per_day)
+    products = np.stack([moments(errors.values[:, :, q], groups, share) for q in range(2)])
+    clock, intervals = _clock(training, errors.origins, errors.leads), []
+    for quantity in range(2):
+        shares = blend_weights(products[quantity], PRIOR, PULL)[groups]
+        missed = np.sum(errors.values[:, :, quantity] * shares, axis=-1)
+        if np.isfinite(missed).sum() < LEAST_ERRORS:
+            return _Tail(products, ())
+        intervals.append(LeadIntervals().fit(missed, clock))
+    return _Tail(products, tuple(intervals))

@@ -1,0 +1,347 @@
+"""Forecasts from a history and rows ahead, and loads: the heat is given, or a thermostat acts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted
+
+from .._rolling import checked_origins
+from .._table import SETPOINT_ROLES, ZoneTable, append_tables
+from .._threads import one_blas_thread
+from .._time import rows_of
+from ..control import Band, Limits, LoadPaths, is_plant
+from ..control.setpoints import read_limits, read_setpoint
+from ..forecasting.quantiles import QuantileForecastMixin, quantile_columns, read_quantiles
+from ..forecasting.weather_error import WeatherError, read_weather_error
+from .closed_loop import ClosedLoop, ClosedLoopPaths
+from .scheme import Scheme
+from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
+from .tables import join_frames, join_tables, refuse_absent, unmeasured
+
+
+class FramesForecastMixin(QuantileForecastMixin):
+    """``forecast`` and ``predict_load`` of the hybrid predictors."""
+
+    preprocess_: Any
+    _scheme: Scheme
+    _law: ClosedLoop | None
+
+    def _present_scheme(self) -> Scheme:
+        raise NotImplementedError
+
+    def _read_following(self, X: Any) -> ZoneTable:
+        raise NotImplementedError
+
+    @one_blas_thread
+    def forecast(
+        self,
+        history: pd.DataFrame | ZoneTable | None,
+        future: pd.DataFrame | ZoneTable,
+        quantiles: Sequence[float] | None = None,
+        setpoint: Any = None,
+        *,
+        weather_error: Any = None,
+    ) -> pd.DataFrame:
+        """Forecast from the last row of a history, under given heat or under a thermostat.
+
+        The thermostat acts where ``setpoint`` is given, or where ``future`` has set-points (``T_heat_set``,
+        ``T_cool_set``) and none of the columns of the plant; otherwise the heat in ``future`` is taken as it is.
+
+        Parameters
+        ----------
+        history : DataFrame or None
+            Rows up to the origin, with ``T_za``; where it continues the known rows, those come before it.  None: all
+            that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
+        future : DataFrame
+            The rows to forecast, with the known future inputs; it begins one step after the history.
+        quantiles : sequence of float, optional
+            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
+        setpoint : float, array-like of shape (n_future,), pair or DataFrame of two columns, optional
+            As in :meth:`predict_load`, of the rows of ``future``.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`predict_quantiles`; for given heat only.
+
+        Returns
+        -------
+        DataFrame with the index of ``future``
+            ``T_za`` [degC] at each stamp; ``zeta`` [kW, or K for an output disturbance] over the step that begins
+            there, of the schedule model's network; a column such as ``q_0.1`` [degC] for each quantile.  Under a
+            thermostat also ``Q_hvac`` [kW] and stages [-] by role over each row's step, and ``Q_hvac_0.1`` [kW] for
+            each quantile of the load.
+
+        Raises
+        ------
+        ValueError
+            If the two do not join evenly or a column is missing; under a thermostat, if set-points are missing or
+            crossed, or if quantiles are wanted and the training had no set-points.
+        """
+        check_is_fitted(self)
+        for name, rows in (("history", history), ("future", future)):
+            if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
+                raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
+        if (history is not None and not len(history.index)) or not len(future.index):
+            raise ValueError("history and future need at least one row each.")
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        weather = read_weather_error(weather_error)
+        if setpoint is None and not self._has_setpoints_only(future):
+            return self._under_heat(history, future, levels, weather)
+        if weather is not None:
+            raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
+        return self._under_thermostat(history, future, levels, setpoint)
+
+    def _under_heat(
+        self, history: Any, future: Any, levels: np.ndarray | None, weather: WeatherError | None
+    ) -> pd.DataFrame:
+        """The forecast with the heat of ``future``."""
+        n_ahead, scheme = len(future.index), self._present_scheme()
+        if history is None:
+            ahead = self._read_future(future)
+            paths = scheme.forecast_ahead(ahead)
+        else:
+            table, origin = self._read_both(history, future)
+            paths = scheme.forecast(table, origin, n_ahead)
+        found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
+        if levels is not None:
+            if history is None:
+                table, origin = self._after_known(ahead)
+            bands = self._quantile_paths(table, origin, n_ahead, levels, weather)[0]
+            found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
+        return pd.DataFrame(found, index=future.index)
+
+    def _under_thermostat(self, history: Any, future: Any, levels: np.ndarray | None, setpoint: Any) -> pd.DataFrame:
+        """The forecast in which the plant answers to set-points."""
+        n_ahead, scheme = len(future.index), self._present_scheme()
+        idle = self._idle(future)
+        table, origin = (
+            self._after_known(self._read_future(idle)) if history is None else self._read_both(history, idle)
+        )
+        ahead = table.rows(slice(int(origin[0]) + 1, None))
+        if setpoint is None:
+            self._refuse_unlearned()
+            check_setpoints(ahead)
+        else:
+            table = with_band(table, read_setpoint(setpoint, ahead))
+        if self._law is None:
+            return self._ideal(scheme, table, int(origin[0]), levels).set_axis(future.index)
+        # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
+        found = self._law.paths(scheme, table, origin, n_ahead + 1, levels)
+        heat, temperature, zeta = found.paths
+        path = LoadPaths(heat[:, 1:], temperature[:, :-1], zeta[:, 1:])
+        out = _delivered(scheme.heat_frame(future.index, path))
+        if levels is None:
+            return out
+        return out.assign(**_bands(levels, found, slice(None, -1), slice(1, None)))
+
+    def _ideal(self, scheme: Scheme, table: ZoneTable, origin: int, levels: np.ndarray | None) -> pd.DataFrame:
+        """The least heat that keeps the set-points, where no law was learned."""
+        if levels is not None:
+            raise ValueError(
+                "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
+            )
+        free = Limits(*(np.full(table.n_rows - origin, limit) for limit in (-np.inf, np.inf)))
+        band = Band(*(side[origin:] for side in band_of(table)))
+        return _delivered(scheme.required_heat(table, np.array([origin]), band, free).iloc[1:])
+
+    def _has_setpoints_only(self, future: Any) -> bool:
+        """Whether rows ahead have set-points and no column of the plant."""
+        names = future.roles if isinstance(future, ZoneTable) else list(future.columns)
+        of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
+        plant = [of(role) for role in self._scheme.rows.training.inputs if is_plant(role)]
+        return any(of(role) in names for role in SETPOINT_ROLES) and not any(name in names for name in plant)
+
+    def _refuse_unlearned(self) -> None:
+        if self._law is None:
+            raise ValueError(
+                "future has set-points and no heat, but no thermostat was learned: fit on a week or more with "
+                "T_heat_set or T_cool_set and the heat, or pass setpoint= for an ideal plant."
+            )
+
+    def _idle(self, future: Any) -> Any:
+        """Rows ahead with a plant that is off, whatever they say of it; set-points that are absent are missing."""
+        plant = [role for role in self._scheme.rows.training.inputs if is_plant(role)]
+        if isinstance(future, ZoneTable):
+            return future.replace(inputs={**future.inputs, **{role: np.zeros(future.n_rows) for role in plant}})
+        off = {self._column_of(role): 0.0 for role in plant}
+        given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
+        return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
+
+    def _after_known(self, ahead: ZoneTable) -> tuple[ZoneTable, np.ndarray]:
+        """Rows ahead after the end of the known ones, and the row of the origin."""
+        table = append_tables(self._scheme.rows.end(), ahead)
+        return table, np.array([table.n_rows - ahead.n_rows - 1])
+
+    def _read_future(self, future: pd.DataFrame | ZoneTable) -> ZoneTable:
+        if isinstance(future, ZoneTable):
+            table = self._read_following(unmeasured(future, self._scheme.rows.training))
+        else:
+            refuse_absent(self._input_columns(future), future, "the training table")
+            table = self._read_following(future)
+        self._scheme.rows.refuse_unless_following(table)
+        return table
+
+    def _read_both(self, history: Any, future: Any) -> tuple[ZoneTable, np.ndarray]:
+        """History and future as one table, after the known rows where it follows them, and the row of the origin."""
+        if isinstance(history, ZoneTable):
+            whole: Any = join_tables(history, future, self._scheme.rows.training)
+        else:
+            whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
+        table, n_tail = self._with_history(whole)
+        return table, np.array([n_tail + len(history.index) - 1])
+
+    def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
+        """Columns of a frame that are read and known in advance."""
+        names = list(getattr(self, "feature_names_in_", frame.columns))
+        if self.preprocess_ is not None:
+            past = self._column_of("T_za")
+            return [name for name in getattr(self.preprocess_, "feature_names_in_", frame.columns) if name != past]
+        by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
+        return by_role if set(by_role) <= set(names) else names
+
+    def predict_load(
+        self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None
+    ) -> pd.DataFrame:
+        """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
+
+        An ideal plant: the network's least heat, for ARX knows no plant.  Where the training had set-points,
+        ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned instead.  Of a set-point
+        that does not move smoothly, such as a measured temperature, it follows what is not noise (see the user guide).
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Heating and cooling columns are read up to each origin only; rows ahead need none.
+        setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
+            Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
+            row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
+            there is no load, and None as one of a pair leaves that side free.
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
+            the plant is off.  The capacity of its stages is a limit too.
+        quantiles : sequence of float, optional
+            Of temperature and load, by a learned thermostat.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
+            [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
+            (paper Eq. inverseQ2), and ``zeta`` as forecast.  For quantiles ``q_0.1`` [degC] and ``Q_hvac_0.1`` [kW].
+
+        Raises
+        ------
+        ValueError
+            If a set-point or limit has another length or other stamps than X or a NaN, if the lower of two is above
+            the higher, or if quantiles are wanted and no learned thermostat acts.
+        """
+        check_is_fitted(self)
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        plant = filter(is_plant, self._scheme.rows.training.inputs)
+        table, n_tail, origins = self._load_rows(X, plant)
+        here = table.rows(slice(n_tail, None))
+        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
+        scheme = self._present_scheme()
+        load = scheme.required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
+        if self._law is not None and limits is None and not np.array_equal(*wanted):
+            return self._learned_load(scheme, table, origins + n_tail, wanted, load, levels)
+        if levels is not None:
+            raise ValueError(
+                "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set, "
+                "give setpoint as a pair, and no limits."
+            )
+        return load
+
+    @one_blas_thread
+    def closed_loop_from(
+        self,
+        X: Any,
+        origins: Sequence[int] | np.ndarray,
+        horizon: Any = None,
+        quantiles: Sequence[float] | None = None,
+    ) -> ClosedLoopPaths:
+        """Forecast temperature and load from given rows, under the set-points of X and a learned thermostat.
+
+        Parameters
+        ----------
+        X : DataFrame of n_samples rows
+            Weather and set-points are known in advance; heat is read before each origin, ``T_za`` up to it.
+        origins : sequence of int; increasing row numbers of X
+        horizon : timedelta-like, optional
+        quantiles : sequence of float, optional
+
+        Returns
+        -------
+        ClosedLoopPaths
+            ``paths.heat`` [kW] (n_origins, n_leads) over the rows ``origin``, ``origin + 1`` ..., ``paths.temperature``
+            [degC] at the end of each, and ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
+
+        Raises
+        ------
+        ValueError
+            If no thermostat was learned, or set-points are missing or crossed.
+        """
+        check_is_fitted(self)
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        table, n_tail = self._with_history(X)
+        rows = checked_origins(origins, table.n_rows - n_tail)
+        here = table.rows(slice(n_tail, None))
+        if self._law is None or not setpoints_in(here):
+            raise ValueError(
+                "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
+                "T_cool_set and the heat, and give the same columns here."
+            )
+        check_setpoints(here)
+        n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
+        return self._law.paths(self._present_scheme(), table, rows + n_tail, n_leads, levels)
+
+    def _learned_load(
+        self,
+        scheme: Scheme,
+        table: ZoneTable,
+        origins: np.ndarray,
+        wanted: Band,
+        load: pd.DataFrame,
+        levels: np.ndarray | None,
+    ) -> pd.DataFrame:
+        """An ideal ``load`` with what the learned plant does in its place, each origin up to the next one."""
+        assert self._law is not None
+        spans = np.diff(np.append(origins, table.n_rows))
+        found = self._law.paths(scheme, with_band(table, wanted), origins, int(spans.max()), levels)
+        lead = np.concatenate([np.arange(n) for n in spans])
+        of = np.repeat(np.arange(len(origins)), spans)
+        at_origin, before = lead == 0, np.maximum(lead - 1, 0)
+        T = np.where(at_origin, load["T_za"], found.paths.temperature[of, before])
+        path = LoadPaths(found.paths.heat[of, lead][None], T[None], load["zeta"].to_numpy()[None])
+        frame = _delivered(scheme.heat_frame(load.index, path))
+        load = load.assign(**{str(name): frame[name] for name in frame})
+        if levels is None:
+            return load
+        assert found.heat_bands is not None
+        assert found.temperature_bands is not None
+        bands = np.where(at_origin[:, None], T[:, None], found.temperature_bands[of, before])
+        names = quantile_columns(levels)
+        of_T = dict(zip(names, bands.T, strict=True))
+        return load.assign(**of_T, **dict(zip(_of_load(names), found.heat_bands[of, lead].T, strict=True)))
+
+
+def _delivered(load: pd.DataFrame) -> pd.DataFrame:
+    """The columns of a load without what would be needed, the temperature first."""
+    names = [str(name) for name in load if name != "T_za" and not str(name).endswith("_unclipped")]
+    return load[["T_za", *names]]
+
+
+def _of_load(names: Sequence[str]) -> list[str]:
+    """Names of the load's quantiles: ``Q_hvac_0.1`` for ``q_0.1``."""
+    return [name.replace("q_", "Q_hvac_", 1) for name in names]
+
+
+def _bands(levels: np.ndarray, found: ClosedLoopPaths, of_T: slice, of_heat: slice) -> dict[str, np.ndarray]:
+    """Columns of the quantiles of one path."""
+    assert found.heat_bands is not None
+    assert found.temperature_bands is not None
+    names = quantile_columns(levels)
+    columns = dict(zip(names, found.temperature_bands[0, of_T].T, strict=True))
+    return columns | dict(zip(_of_load(names), found.heat_bands[0, of_heat].T, strict=True))

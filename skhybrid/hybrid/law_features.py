@@ -1,0 +1,122 @@
+"""Rows, paths and features by which the behaviour of a thermostat and its plant is learned."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from .._table import ZoneTable
+from ..control import Band, LoadPaths
+from ..forecasting.features import hour_of_day, is_weekend, rows_per_day
+
+_WEEK = 7  # days
+#: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
+_MEANS, _BACK, _AHEAD = (6.0, 24.0), (0.25, 1.0, 4.0), 1.0
+_OTHER_PLAN, _PLAN_HOURS = 0.3, 4.0  # mean difference of set-points [K] over hours, at which a plan is another one
+
+
+class LawRows(NamedTuple):
+    """Consecutive rows; of the heat and the temperature only what is known at an origin is read."""
+
+    T: np.ndarray  # (N,) measured temperature [degC], NaN where missing
+    heat: np.ndarray  # (N,) delivered heat [kW]
+    band: Band  # set-points (N,); infinite where a side has none or it is not known
+    weather: np.ndarray  # (N, m) outdoor temperature and irradiance
+    clock: np.ndarray  # (N, 3) hour, day of the week, whether it is a weekend
+    per_day: int
+
+    @classmethod
+    def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
+        T = table.history.get("T_za", np.full(table.n_rows, np.nan))
+        chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
+        weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
+        day = table.time.day_of_week.to_numpy()
+        clock = np.column_stack([hour_of_day(table.time), day, is_weekend(table.time)])
+        return cls(T, heat, band, weather, clock, rows_per_day(table.step))
+
+    def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+        """(n,) last measured temperature at each origin [degC], or another one where there is none."""
+        at = np.maximum.accumulate(np.where(np.isfinite(self.T), np.arange(len(self.T)), -1))[origins]
+        return np.where(at >= 0, self.T[np.maximum(at, 0)], otherwise)
+
+
+def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Heat, and temperature at the end, of the same row a week before; a day, or any full days, before without one.
+
+    Only rows before the origin are read; NaN where there is none.
+    """
+    week = _WEEK * rows.per_day
+    back = week * -(-(targets - origins + 1) // week)
+    days = rows.per_day * -(-(targets - origins + 1) // rows.per_day)
+    at = targets - np.where(targets >= back, back, days)
+    known, at = at >= 0, np.maximum(at, 0)
+    return np.where(known, rows.heat[at], np.nan), np.where(known, rows.T[at + 1], np.nan)
+
+
+def same_plan(rows: LawRows, targets: np.ndarray) -> np.ndarray:
+    """(n,) bool, whether the set-points of the last hours are those of the same hours a week before."""
+    week, change = _WEEK * rows.per_day, np.zeros(len(rows.T))
+    for side in _finite(rows.band):
+        change[week:] += np.abs(side[week:] - side[:-week])
+    total = np.append(0.0, np.cumsum(change))
+    first = np.maximum(targets + 1 - _hours(rows, _PLAN_HOURS), 0)
+    return np.asarray((total[targets + 1] - total[first]) / (targets + 1 - first) < _OTHER_PLAN)
+
+
+def n_network_features(rows: LawRows) -> int:
+    """How many features :func:`network_features` has."""
+    return 17 + rows.weather.shape[1]
+
+
+def network_features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
+    """(n, k) features that a new plan of set-points leaves meaningful; ``lead`` (n,) counts from 0 at the origin's row.
+
+    ``paths`` hold the network's ideal thermostat, a path per row of the features.
+    """
+    at = np.arange(len(lead))
+    rows_at = np.minimum(origins + lead, len(rows.T) - 1)
+    T, before = paths.temperature[at, lead], paths.temperature[at, np.maximum(lead - 1, 0)]
+    heating, cooling = _finite(rows.band)
+    last = np.minimum(origins + paths.heat.shape[1], len(rows.T)) - 1  # nothing is read after the horizon
+    ahead = np.minimum(rows_at + _hours(rows, _AHEAD), last)
+    columns = [paths.heat[at, lead], paths.heat[at, np.maximum(lead - 1, 0)], paths.zeta[at, lead]]
+    columns += [T - heating[rows_at], T - cooling[rows_at], before - heating[rows_at], cooling[rows_at] - before]
+    for side in (heating, cooling):
+        columns += [side[rows_at] - side[np.maximum(rows_at - _hours(rows, h), 0)] for h in _BACK]
+        columns.append(side[ahead] - side[rows_at])
+    return np.column_stack([*columns, rows.clock[rows_at][:, [0, 2]], rows.weather[rows_at]])
+
+
+def direct_features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
+    """(n, k) features of a direct regression: those of the network, levels, means, and what was seen before."""
+    n_rows = len(rows.T)
+    at = np.minimum(origins + lead, n_rows - 1)
+    heating, cooling = _finite(rows.band)
+    series = np.column_stack([rows.weather, heating, cooling])
+    total = np.concatenate([np.zeros((1, series.shape[1])), np.cumsum(series, axis=0)])
+    means = []
+    for hours in _MEANS:
+        first = np.maximum(at + 1 - _hours(rows, hours), 0)
+        means.append((total[at + 1] - total[first]) / (at + 1 - first)[:, None])
+    day, week = rows.per_day, _WEEK * rows.per_day
+    T = rows.last_measured(origins, np.full(len(origins), np.nan))
+    heat_before, T_before = same_clock(rows, origins, at)
+    yesterday = at - day * -(-(lead + 1) // day)
+    columns = [lead, rows.clock[at][:, 1], heating[at], cooling[at], T, T - heating[at], T - cooling[at]]
+    columns += [np.where(origins > 0, rows.heat[np.maximum(origins - 1, 0)], np.nan), heat_before, T_before]
+    columns += [np.where(yesterday >= 0, rows.heat[np.maximum(yesterday, 0)], np.nan)]
+    for back in (day, week):
+        earlier = np.maximum(at - back, 0)
+        columns += [np.where(at >= back, v[at] - v[earlier], np.nan) for v in (heating, cooling, *rows.weather.T[:1])]
+    return np.column_stack([network_features(rows, paths, origins, lead), *columns, *means])
+
+
+def _finite(band: Band) -> tuple[np.ndarray, np.ndarray]:
+    """Set-points, 0 where a side has none."""
+    heating, cooling = (np.where(np.isfinite(side), side, 0.0) for side in band)
+    return heating, cooling
+
+
+def _hours(rows: LawRows, hours: float) -> int:
+    return max(1, round(hours / 24.0 * rows.per_day))

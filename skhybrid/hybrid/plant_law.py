@@ -1,0 +1,99 @@
+"""Law of a thermostat and its plant: what they make of the network's ideal load, learned by boosted trees."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..control import LoadPaths
+from ..forecasting.boosted_trees import BoostedTrees, fit_trees
+from .law_features import LawRows, direct_features, n_network_features, same_clock, same_plan
+
+#: ways to forecast load and temperature, and their shares where nothing is known of their errors
+MEMBERS = ("network", "network, corrected", "direct", "last week")
+PRIOR = np.array([0.25, 0.30, 0.35, 0.10])
+_PAIRS, _PER_ORIGIN = 8000, 24  # pairs of origin and lead that the trees see, in all and of one origin, at most
+_GOLDEN = 0.6180339887498949  # its multiples spread the leads evenly
+
+
+class Law(NamedTuple):
+    """Trees by one state of knowledge."""
+
+    n_network: int  # how many of the features the corrections see
+    heat_correction: BoostedTrees  # of the network's ideal load [kW]
+    temperature_correction: BoostedTrees  # of the temperature under it [K]
+    heat: BoostedTrees  # the load [kW]
+    change: BoostedTrees  # the change of temperature since the origin [K]
+
+
+class Pairs(NamedTuple):
+    """Pairs of origin and lead: features, and what was measured."""
+
+    features: np.ndarray  # (n, k) float32
+    heat: np.ndarray  # (n, 2) measured, and the network's ideal [kW]
+    temperature: np.ndarray  # (n, 3) measured, the network's, and that of the origin [degC]
+    ends: np.ndarray  # (n,) int, the row at which a pair was known
+
+    def before(self, row: int) -> Pairs:
+        """Pairs that were known before a row."""
+        return Pairs(*(part[self.ends < row] for part in self))
+
+    def and_those(self, other: Pairs) -> Pairs:
+        """These pairs and others."""
+        return Pairs(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+
+
+def make_pairs(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, n_known: int) -> Pairs:
+    """Pairs whose target was measured within the first ``n_known`` rows."""
+    count = int(np.clip(_PAIRS // max(len(origins), 1), 1, _PER_ORIGIN))
+    at = np.repeat(np.arange(len(origins)), count)
+    lead = (np.arange(len(at)) * _GOLDEN % 1.0 * ideal.heat.shape[1]).astype(np.int64)
+    ends = origins[at] + lead + 1
+    known = ends < n_known
+    known[known] = np.isfinite(rows.T[ends[known]])
+    at, lead, ends = at[known], lead[known], ends[known]
+    own, begin = ideal.rows(at), origins[at]
+    heat, T = own.at(lead)
+    features = direct_features(rows, own, begin, lead).astype(np.float32)
+    measured = np.column_stack([rows.T[ends], T, rows.last_measured(begin, T)])
+    return Pairs(features, np.column_stack([rows.heat[ends - 1], heat]), measured, ends)
+
+
+def learn(rows: LawRows, pairs: Pairs, weight: np.ndarray | None = None) -> Law:
+    """Trees from pairs, as many as there are weights (n,)."""
+    n, (heat, ideal), (T, network, at_origin) = n_network_features(rows), pairs.heat.T, pairs.temperature.T
+    X = pairs.features.astype(np.float64)
+    return Law(
+        n,
+        fit_trees(X[:, :n], heat - ideal, weight),
+        fit_trees(X[:, :n], T - network, weight),
+        fit_trees(X, heat, weight),
+        fit_trees(X, T - at_origin, weight),
+    )
+
+
+def member_paths(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law, leads: np.ndarray) -> np.ndarray:
+    """(O, L, 2, M) load [kW] and temperature [degC] by each member at some leads, counted from 0."""
+    at, lead = np.repeat(np.arange(len(origins)), len(leads)), np.tile(leads, len(origins))
+    own, begin = ideal.rows(at), origins[at]
+    X = direct_features(rows, own, begin, lead).astype(np.float32).astype(np.float64)
+    heat, T = own.at(lead)
+    of_network = X[:, : law.n_network]
+    corrected = heat + law.heat_correction.predict(of_network), T + law.temperature_correction.predict(of_network)
+    direct = law.heat.predict(X), rows.last_measured(begin, T) + law.change.predict(X)
+    targets = np.minimum(begin + lead, len(rows.T) - 1)
+    holds = same_plan(rows, targets)
+    earlier = same_clock(rows, begin, targets)
+    week = [np.where(holds & np.isfinite(old), old, new) for old, new in zip(earlier, corrected, strict=True)]
+    found = np.stack([np.column_stack(pair) for pair in ((heat, T), corrected, direct, week)], axis=-1)
+    return found.reshape(len(origins), len(leads), 2, len(MEMBERS))
+
+
+def member_errors(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law, leads: np.ndarray) -> np.ndarray:
+    """(O, L, 2, M) errors, measured less forecast; NaN where nothing was measured."""
+    ends = origins[:, None] + leads + 1
+    at = np.minimum(ends, len(rows.T) - 1)
+    measured = np.stack([rows.heat[at - 1], rows.T[at]], axis=-1)
+    measured = np.where((ends < len(rows.T))[..., None], measured, np.nan)
+    return measured[..., None] - member_paths(rows, origins, ideal, law, leads)

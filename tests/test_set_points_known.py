@@ -1,0 +1,172 @@
+"""Forecasts in which only set-points are known: the thermostat acts, temperature and load are forecast."""
+
+import copy
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import InputDisturbanceID, SchedulePredictor, TwoStagePredictor
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import UnitWarning
+from skhybrid.forecasting.boosted_trees import fit_trees
+from skhybrid.persistence import load_model, save_model
+from skhybrid.thermal import RCNetwork
+
+DAY, TRAINED = 24, 21 * 24
+PLANT = ["u_heat", "u_cool"]
+
+
+@pytest.fixture(scope="module")
+def log():
+    office = make_office(25, "chicago", start="2023-10-02", random_state=3, sampling_time="1h", excitation=None)
+    return office.X.join(office.setpoints)
+
+
+@pytest.fixture(scope="module")
+def model(log):
+    train = log[:TRAINED]
+    return SchedulePredictor("2R2C", known={"Q_h": 6.0}).fit(train, train["T_za"])
+
+
+def ahead(log, first, n=DAY):
+    """Rows from one on, without what is not known in advance."""
+    return log[first : first + n].drop(columns=[*PLANT, "T_za"])
+
+
+def test_set_points_leave_a_forecast_under_given_heat_as_it_is(log, model):
+    train, later = log[:TRAINED], log[TRAINED:]
+    plain = ["T_oa", "q_sol", *PLANT, "T_za"]
+    without = SchedulePredictor("2R2C", known={"Q_h": 6.0}).fit(train[plain], train["T_za"])
+    assert np.array_equal(model.predict(later), without.predict(later[plain]))
+    assert np.array_equal(model.predict(later[plain]), without.predict(later[plain]))
+    both = later[:DAY].drop(columns="T_za")
+    assert "Q_hvac" not in model.forecast(None, both)  # the heat that is given wins
+    assert "Q_hvac" in model.forecast(None, both, setpoint=(20.0, 24.0))
+
+
+def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log, model):
+    origins = np.arange(0, 3 * DAY, 5)
+    later = log[TRAINED:]
+    found = model.closed_loop_from(later, origins, quantiles=(0.1, 0.9))
+    rows = origins[:, None] + np.arange(DAY)
+    known = rows + 1 < len(later)
+    rows = np.minimum(rows, len(later) - 2)
+    load = (6.0 * log["u_heat"] - 6.0 * log["u_cool"]).to_numpy()
+
+    def rmse(forecast, truth):
+        return float(np.sqrt(np.mean((forecast - truth)[known] ** 2)))
+
+    measured = load[TRAINED + rows]
+    assert rmse(found.paths.heat, measured) < 0.85 * rmse(load[TRAINED + rows - 7 * DAY], measured)
+    assert rmse(found.paths.temperature, later["T_za"].to_numpy()[rows + 1]) < 0.8
+    inside = (found.heat_bands[..., 0] <= measured) & (measured <= found.heat_bands[..., 1])
+    assert 0.6 < inside[known].mean() < 0.95
+
+
+def test_nothing_after_an_origin_changes_a_forecast(log, model):
+    later, origin = log[TRAINED:].copy(), 30
+    other = later.copy()
+    other.iloc[origin:, [other.columns.get_loc(name) for name in PLANT]] = 0.7
+    other.iloc[origin + 1 :, other.columns.get_loc("T_za")] = 15.0
+    other.loc[other.index[origin + DAY] :, ["T_heat_set", "T_cool_set"]] -= 3.0  # after the horizon
+    one, two = (model.closed_loop_from(table, [5, origin], "1D", (0.1, 0.9)) for table in (later, other))
+    for first, second in zip([*one.paths, *one[1:]], [*two.paths, *two[1:]], strict=True):
+        assert np.array_equal(first, second)
+    warmer = later.assign(T_heat_set=later["T_heat_set"].where(np.arange(len(later)) < origin + 3, 23.5))
+    warmer["T_cool_set"] = warmer["T_cool_set"].clip(lower=24.0)
+    changed = model.closed_loop_from(warmer, [origin]).paths
+    assert changed.heat[0].mean() > one.paths.heat[1].mean()
+
+
+def test_rows_taken_in_count_as_history(log, model):
+    history, future = log[TRAINED : TRAINED + 40], ahead(log, TRAINED + 40)
+    levels = (0.1, 0.9)
+    at_once = model.forecast(history, future, levels)
+    updated = copy.deepcopy(model)
+    updated.update(history[:17]).update(history[17:])
+    pd.testing.assert_frame_equal(updated.forecast(None, future, levels), at_once, rtol=1e-9, atol=1e-9)
+    assert {"T_za", "zeta", "Q_hvac", *PLANT, "q_0.1", "q_0.9", "Q_hvac_0.1", "Q_hvac_0.9"} == set(at_once)
+    assert (at_once["Q_hvac_0.1"] <= at_once["Q_hvac_0.9"]).all()
+    assert (at_once["q_0.1"] <= at_once["q_0.9"]).all()
+
+
+def test_a_load_of_a_thermostat_is_the_learned_one(log, model):
+    later = ahead(log, TRAINED)
+    sides = later[["T_heat_set", "T_cool_set"]]
+    load = model.predict_load(later, sides, quantiles=(0.1, 0.9))
+    ideal = model.predict_load(later, sides, limits=(-6.0, 6.0))
+    assert {"Q_hvac_0.1", "Q_hvac_0.9", "q_0.1", "Q_hvac_unclipped"} <= set(load)
+    assert not np.array_equal(load["Q_hvac"], ideal["Q_hvac"])
+    np.testing.assert_array_equal(load["Q_hvac_unclipped"], ideal["Q_hvac_unclipped"])
+    with pytest.raises(ValueError, match="no limits"):
+        model.predict_load(later, sides, limits=(-6.0, 6.0), quantiles=(0.1, 0.9))
+
+
+def test_what_cannot_be_right_is_refused(log, model):
+    train, future = log[:TRAINED], ahead(log, TRAINED)
+    broken = train.assign(T_heat_set=train["T_heat_set"].where(np.arange(TRAINED) != 40))
+    with pytest.raises(ValueError, match=r"T_heat_set is missing in 1 rows .first at 2023-10-03 16:00"):
+        SchedulePredictor().fit(broken, train["T_za"])
+    with pytest.raises(ValueError, match=r"T_heat_set is above T_cool_set .first at 2023-10-02"):
+        SchedulePredictor().fit(train.assign(T_heat_set=27.0, T_cool_set=24.0), train["T_za"])
+    before = model.forecast(None, future)
+    with pytest.raises(ValueError, match="T_cool_set is missing"):
+        model.forecast(None, future.assign(T_cool_set=np.nan))
+    crossed = log[TRAINED : TRAINED + 5].assign(T_heat_set=30.0)
+    with pytest.raises(ValueError, match="above T_cool_set"):
+        model.update(crossed)
+    pd.testing.assert_frame_equal(model.forecast(None, future), before)
+    with pytest.warns(UnitWarning, match="degF"), pytest.raises(ValueError, match="above"):
+        model.forecast(None, future.assign(T_heat_set=58.0))
+    with pytest.raises(ValueError, match="set-point"):
+        RCNetwork("odd", {"za": "C_za"}, {"R_zo": ("za", "T_heat_set")})
+
+
+def test_without_a_learned_thermostat_the_plant_is_ideal(log):
+    plain = log[: 8 * DAY].drop(columns=["T_heat_set", "T_cool_set"])
+    model = SchedulePredictor("2R2C", known={"Q_h": 6.0}, intervals=False).fit(plain, plain["T_za"])
+    future = ahead(log, 8 * DAY)
+    with pytest.raises(ValueError, match="no thermostat was learned"):
+        model.forecast(None, future)
+    with pytest.raises(ValueError, match="need a learned thermostat"):
+        model.forecast(None, future, (0.1, 0.9), setpoint=(20.0, 24.0))
+    found = model.forecast(None, future, setpoint=(20.0, 24.0))
+    assert (found["T_za"][2:] > 19.5).all()
+    assert {"T_za", "zeta", "Q_hvac", *PLANT} == set(found)
+
+
+def test_one_side_and_other_schemes(log):
+    heated = log.drop(columns=["T_cool_set", "u_cool"])
+    train = heated[: 8 * DAY]
+    gray_box = InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1)
+    model = TwoStagePredictor(gray_box, intervals=False, random_state=0).fit(train, train["T_za"])
+    future = heated[8 * DAY : 9 * DAY].drop(columns=["u_heat", "T_za"])
+    found = model.forecast(None, future)
+    assert np.isfinite(found.to_numpy()).all()
+    assert (found["u_heat"] >= 0).all()
+
+
+def test_a_saved_model_forecasts_the_same(log, model, tmp_path):
+    save_model(model, tmp_path / "model.skops")
+    future = ahead(log, TRAINED)
+    pd.testing.assert_frame_equal(
+        load_model(tmp_path / "model.skops").forecast(None, future), model.forecast(None, future)
+    )
+
+
+def test_trees_as_arrays_are_those_of_scikit_learn():
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    from skhybrid.forecasting import boosted_trees
+
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(400, 4))
+    X[rng.random(X.shape) < 0.1] = np.nan
+    y = np.nan_to_num(X[:, 0]) + np.nan_to_num(X[:, 1]) ** 2
+    weight = rng.uniform(0.5, 2.0, 400)
+    trees = fit_trees(X, y, weight)
+    booster = HistGradientBoostingRegressor(**boosted_trees.SETTINGS).fit(X, y, weight)
+    np.testing.assert_allclose(trees.predict(X), booster.predict(X), rtol=1e-12, atol=1e-12)
+    with pytest.raises(ValueError, match="do not fit"):
+        trees.predict(X[:, :1])
