@@ -22,7 +22,6 @@ from .._table import (
 )
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
-from ..forecasting.features import rows_per_day
 from ..thermal import RCNetwork
 from .closed_loop import ClosedLoop
 from .frames_forecast import FramesForecastMixin
@@ -110,12 +109,8 @@ class BaseHybrid(FramesForecastMixin, HybridQuantilesMixin, RegressorMixin, Base
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
-        self._law = ClosedLoop.fit(scheme, self._law_leads(training.step))
+        self._law = ClosedLoop.fit(scheme, self._most_leads(training.step))
         self._learn_intervals(intervals)
-
-    def _law_leads(self, step: pd.Timedelta) -> int:
-        """Leads of a day, or of a longer horizon."""
-        return max(rows_per_day(step), rows_of(self.horizon or "1D", step))
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")
@@ -237,7 +232,7 @@ class BaseHybrid(FramesForecastMixin, HybridQuantilesMixin, RegressorMixin, Base
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
         self._learned_to = self._scheme.rows.last_stamp
-        self._law = ClosedLoop.fit(self._scheme, self._law_leads(table.step))
+        self._law = ClosedLoop.fit(self._scheme, self._most_leads(table.step))
         self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._table import ZoneTable
 from ..control import Band, LoadPaths
-from ..forecasting.features import hour_of_day, is_weekend, rows_per_day
+from ..forecasting.features import hour_of_day, rows_per_day
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
@@ -31,8 +31,7 @@ class LawRows(NamedTuple):
         T = table.history.get("T_za", np.full(table.n_rows, np.nan))
         chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
-        day = table.time.day_of_week.to_numpy()
-        clock = np.column_stack([hour_of_day(table.time), day, is_weekend(table.time)])
+        clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
         return cls(T, heat, band, weather, clock, rows_per_day(table.step))
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:

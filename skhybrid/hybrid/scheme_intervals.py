@@ -29,13 +29,16 @@ class HybridQuantilesMixin(QuantileForecastMixin):
     def _present_scheme(self) -> Scheme:
         raise NotImplementedError
 
+    def _most_leads(self, step: pd.Timedelta) -> int:
+        """Leads of a day, or of a longer horizon."""
+        return max(rows_per_day(step), rows_of(self.horizon or "1D", step))
+
     def _learn_intervals(self, wanted: bool) -> None:
         self._intervals = None
         if not wanted:
             return
         training = self._scheme.rows.training
-        n_leads = max(rows_per_day(training.step), rows_of(self.horizon or "1D", training.step))
-        left_out = self._scheme.left_out_errors(n_leads)
+        left_out = self._scheme.left_out_errors(self._most_leads(training.step))
         if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
             self._intervals = intervals_from(left_out, training)
 
