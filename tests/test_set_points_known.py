@@ -161,6 +161,8 @@ def test_trees_as_arrays_are_those_of_scikit_learn():
     from skhybrid.forecasting import boosted_trees
 
     rng = np.random.default_rng(0)
+    unknown = fit_trees(np.full((60, 2), np.nan), np.arange(60.0))
+    assert np.ptp(unknown.predict(np.zeros((3, 2)))) == 0
     X = rng.normal(size=(400, 4))
     X[rng.random(X.shape) < 0.1] = np.nan
     y = np.nan_to_num(X[:, 0]) + np.nan_to_num(X[:, 1]) ** 2

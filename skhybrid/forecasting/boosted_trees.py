@@ -47,6 +47,7 @@ class BoostedTrees(NamedTuple):
 
 def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> BoostedTrees:
     """Boosted trees of a target (n,) by features (n, n_features), NaN where unknown; the same for the same rows."""
+    X = np.where(np.isfinite(X).any(axis=0), X, 0.0)  # a feature of which nothing is known splits no node
     booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
     nodes = [tree.nodes for (tree,) in booster._predictors]
     n_nodes = max(len(tree) for tree in nodes)

@@ -24,6 +24,7 @@ from .scheme import Scheme
 from .setpoint_columns import band_of
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
+_LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
 _EVERY = 3  # hours between the origins that are learned from
 _HISTORY_WEIGHT = 2.0  # of a pair of the history, relative to one of the training
 _REFIT_DAYS = 7  # days between refits of the law
@@ -94,6 +95,8 @@ class ClosedLoop:
         ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, _range_of(heat))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_TAIL * training.n_rows)
+        if len(pairs.before(begin).ends) < _LEAST_PAIRS:
+            return None
         later = origins >= begin
         leads, before = _leads(n_leads), learn(rows, pairs.before(begin))
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
