@@ -394,7 +394,7 @@ def test_a_frozen_gray_box_is_not_identified_again(frozen, office):
     with pytest.raises(ValueError, match="known= does nothing beside a frozen gray_box"):
         clone(model).set_params(known={"Q_h": 6.0}).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
     hourly = office.X[::4]
-    with pytest.raises(ValueError, match="step"):
+    with pytest.raises(ValueError, match="sampling time of 1 h"):
         clone(model).fit(hourly, hourly["T_za"])
 
 

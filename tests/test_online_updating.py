@@ -263,7 +263,7 @@ PLACES = {
     ),
     "two-stage": (
         ("two_stage_scheme.fit_forecaster", "fit"),
-        ("base.intervals_from", "fit"),
+        ("scheme_intervals.intervals_from", "fit"),
         ("known_rows.KnownRows.appended", "update"),
         ("hourly_aggregation.HourlyAggregation.added", "update"),
         ("weekly_refit.fit_forecaster", "partial_fit"),

@@ -43,12 +43,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         ``"refit"`` solves the regression again at each origin, on the training pairs and all pairs known at the origin;
         with ``objective="multi_step"`` once a day, where errors of the rows after the training count three times and
         half as much after 30 days.
-    objective : {"one_step", "multi_step"}, default "one_step"
-        ``"one_step"`` minimises the squared error of e.  ``"multi_step"`` minimises squared errors of forecasts from
-        every hour, at 18 leads up to the horizon (two days at most), which count with lead^-0.3, plus those of one
-        step, by damped Gauss-Newton steps.  It has further columns: inputs filtered over 6 h and 24 h, irradiance
-        before and after noon, outdoor temperature by hour of day.  Its penalties, also a further one on calendar
-        columns, are those that forecast the last third of the training table best.
     n_lags, n_input_lags : int, default 24 and 8
         Rows of temperature, and of every input.
     calendar : bool, default True
@@ -68,6 +62,12 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         Distance of origins in ``predict``; default ``horizon``.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
+    objective : {"one_step", "multi_step"}, default "one_step"
+        ``"one_step"`` minimises the squared error of e.  ``"multi_step"`` minimises squared errors of forecasts from
+        every hour, at 18 leads up to the horizon (two days at most), which count with lead^-0.3, plus those of one
+        step, by damped Gauss-Newton steps.  It has further columns: inputs filtered over 6 h and 24 h, irradiance
+        before and after noon, outdoor temperature by hour of day.  Its penalties, also a further one on calendar
+        columns, are those that forecast the last third of the training table best.
 
     Attributes
     ----------
@@ -90,7 +90,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         *,
         horizon: Any = "1D",
         adapt: Literal["refit"] | None = None,
-        objective: Literal["one_step", "multi_step"] = "one_step",
         n_lags: int = 24,
         n_input_lags: int = 8,
         calendar: bool = True,
@@ -100,10 +99,10 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         holidays: Any = None,
         origin_step: Any = None,
         max_missing: float = 0.5,
+        objective: Literal["one_step", "multi_step"] = "one_step",
     ) -> None:
         self.horizon = horizon
         self.adapt = adapt
-        self.objective = objective
         self.n_lags = n_lags
         self.n_input_lags = n_input_lags
         self.calendar = calendar
@@ -113,6 +112,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.sampling_time = sampling_time
         self.holidays = holidays
         self.max_missing = max_missing
+        self.objective = objective
 
     @unchanged_on_failure
     @one_blas_thread

@@ -46,18 +46,18 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         How far ahead ``predict`` looks; None simulates from the first row on.
     max_iter : int, default 400
         Largest number of trees.
-    learning_rate : float, default 0.06
     columns : mapping of role to column, optional
         Overrides the names of the columns of X.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps, which is refused without it.
     holidays : str or sequence of dates, optional
         A country or state as the ``holidays`` package names it, or local dates, which count as Sundays.
+    random_state : int, RandomState or None, default None
+    learning_rate : float, default 0.06
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``; default ``horizon``.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
-    random_state : int, RandomState or None, default None
 
     Attributes
     ----------
@@ -80,13 +80,13 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         residual_of: Literal["arx"] | None = None,
         horizon: Any = "1D",
         max_iter: int = 400,
-        learning_rate: float = 0.06,
         columns: Mapping[str, Any] | None = None,
         sampling_time: Any = None,
         holidays: Any = None,
+        random_state: Any = None,
+        learning_rate: float = 0.06,
         origin_step: Any = None,
         max_missing: float = 0.5,
-        random_state: Any = None,
     ) -> None:
         self.residual_of = residual_of
         self.horizon = horizon

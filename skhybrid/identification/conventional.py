@@ -29,6 +29,7 @@ class GrayBoxRC(LeastSquaresIdentifier):
     %(network)s
     %(search)s
     %(data)s
+    %(runs)s
     %(objective)s
 
     Attributes

@@ -27,6 +27,7 @@ class InputDisturbanceID(LeastSquaresIdentifier):
     %(network)s
     %(search)s
     %(data)s
+    %(runs)s
     measurement_sd : float, optional
         Standard deviation of the thermometer [K]; default ``0.25 / sqrt(T_s)`` with ``T_s`` in seconds, as the paper.
     %(objective)s

@@ -32,6 +32,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     %(network)s
     %(search)s
     %(data)s
+    %(runs)s
     rho_box : {"stable", "paper"}, default="stable"
         Search ``(rho_1, rho_1 - rho_2)``, each within (-0.999, 0.999) at a step of 15 minutes, where the predictor is
         stable; or the paper's box for ``(rho_1, rho_2)``, which also holds unstable predictors.

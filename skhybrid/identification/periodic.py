@@ -43,12 +43,13 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     n_starts : int, default=4
         Most starts: the middle of the prior, then draws from it, until two reach the same best minimum.
     %(data)s
-    variance : {"day_night", "3h"}, default="day_night"
-        Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a day,
-        which find solar shares better but may mistake the errors of too simple a network for unmeasured heat.
     holidays : str or sequence of dates, optional
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
         weekend days.
+    %(runs)s
+    variance : {"day_night", "3h"}, default="day_night"
+        Hours that share a standard deviation: weekdays by day, weekdays by night, weekends; or three hours of a day,
+        which find solar shares better but may mistake the errors of too simple a network for unmeasured heat.
 
     Attributes
     ----------
@@ -82,8 +83,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=4, horizon=None, warmup="1D", columns=None,
-        sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
-        variance: Literal["day_night", "3h"] = "day_night", holidays=None,
+        sampling_time=None, holidays=None, n_jobs=None, random_state=None, verbose=0, origin_step=None,
+        max_missing=0.5, priors=None, variance: Literal["day_night", "3h"] = "day_night",
     ):  # fmt: skip
         store_arguments(self, locals())
 

@@ -25,7 +25,9 @@ _BLOCKS = {
     columns : dict of role to column, optional
         Columns whose names are not their roles.
     sampling_time : timedelta-like, optional
-        Step of tables without time stamps; 15 minutes by default.
+        Step of tables without time stamps, which are refused without it.
+    """,
+    "runs": """
     n_jobs : int, optional
         Starts run in parallel.
     random_state : int, RandomState or None

@@ -21,6 +21,7 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
+from skhybrid.forecasting import BoostedRegressor
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit
 from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
 
@@ -36,6 +37,8 @@ ESTIMATORS: dict[str, Any] = {
     "PeriodicDisturbanceID": PeriodicDisturbanceID("1R1C", **ONE_NODE),
     "ARXRegressor": ARXRegressor(n_lags=3, n_input_lags=2, calendar=False),
     "ARXRegressor, refit": ARXRegressor(n_lags=2, n_input_lags=1, adapt="refit"),
+    "ARXRegressor, multi-step": ARXRegressor(n_lags=2, n_input_lags=1, calendar=False, objective="multi_step"),
+    "BoostedRegressor": BoostedRegressor(max_iter=3),
     "DisturbanceForecaster, profile": DisturbanceForecaster("profile"),
     "DisturbanceForecaster, last week": DisturbanceForecaster("last_week"),
     "DisturbanceForecaster, persistence": DisturbanceForecaster("persistence"),
@@ -49,7 +52,7 @@ ESTIMATORS: dict[str, Any] = {
     "DesignMatrixSearchCV, ARXRegressor": DesignMatrixSearchCV(
         ARXRegressor(n_lags=3, n_input_lags=2, calendar=False, horizon="6h"),
         {"alpha": [0.1, 10.0]},
-        cv=RollingOriginSplit(train="2D", test="12h", n_splits=2),
+        cv=RollingOriginSplit(train="1D", test="12h", n_splits=2),
         verbose=0,
     ),
     "GapFiller": GapFiller("3h"),

@@ -185,7 +185,19 @@ _SAMPLES = "samples for seconds from the table of a search"
 NOT_CALLED = {
     **dict.fromkeys(("RegularizeReport", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
     **dict.fromkeys(("Identifiability", "StudyData", "StudyModel"), _MADE),
-    **dict.fromkeys(("load_small_office", "make_prbs", "make_weather", "ModelCase", "list_cases"), _NUMBERS),
+    **dict.fromkeys(
+        (
+            "load_small_office",
+            "load_dutch_home",
+            "load_benchmark",
+            "BenchmarkLog",
+            "make_prbs",
+            "make_weather",
+            "ModelCase",
+            "list_cases",
+        ),
+        _NUMBERS,
+    ),
     **dict.fromkeys(("list_sizes", "GainStatistics", "StateSpace", "make_state_space", "step_response"), _NUMBERS),
     **dict.fromkeys(("frequency_response", "BodeDisplay", "StepResponseDisplay", "ScheduleDisplay"), _NUMBERS),
     **dict.fromkeys(("DesignMatrix", "design_matrix", "CATALOGUE", "Parameter", "Source", "draw"), _NUMBERS),
