@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
+from _report import spread
 
 #: the paper's two approaches, and ours: all on the same log
 CONVENTIONAL = "OD, no disturbance"
@@ -182,12 +182,3 @@ def _spelled(claim: Claim, frames: list[pd.DataFrame], method: str) -> str:
         both = [spread([_pair(f, method)(who, quantity) for f in frames]) for who in "ch"]
         parts.append(f"{quantity} {both[0]} -> {both[1]}")
     return ", ".join(parts)
-
-
-def spread(values: list[float]) -> str:
-    """Median, with the lowest and highest if they differ."""
-    values = [v for v in values if np.isfinite(v)]
-    if not values:
-        return ""
-    middle, low, high = (f"{f(values):.3g}" for f in (np.median, min, max))
-    return middle if low == high else f"{middle} ({low} to {high})"

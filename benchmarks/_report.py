@@ -7,6 +7,7 @@ import os
 import platform
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 RESULTS = Path(__file__).parent / "results"
@@ -29,6 +30,15 @@ def write_table(
     part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     part.replace(path)
     return path
+
+
+def spread(values: list[float]) -> str:
+    """Median, with the lowest and highest if they differ."""
+    values = [v for v in values if np.isfinite(v)]
+    if not values:
+        return ""
+    middle, low, high = (f"{f(values):.3g}" for f in (np.median, min, max))
+    return middle if low == high else f"{middle} ({low} to {high})"
 
 
 def _markdown(table: pd.DataFrame) -> list[str]:

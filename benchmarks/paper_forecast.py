@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _paper_forecast_claims import CLAIMS, WHY, judge, spread
+from _paper_forecast_claims import CLAIMS, WHY, judge
 from _paper_forecast_data import LOGS, PER_DAY, SIMULATED, Log, methods, midnights
 from _paper_forecast_figures import DRAWN, draw_all
 from _paper_good_and_bad import draw_good_and_bad, forecast_days
-from _report import RESULTS, write_table
+from _report import RESULTS, spread, write_table
 from _single_networks import chosen_network, single_networks
 
 from skhybrid.exceptions import SkhybridWarning

@@ -16,7 +16,7 @@ import pandas as pd
 from _paper_claims import CLAIMS, FREE, PAPER_NOISE, PAPER_TABLE, PARAMETERS, judge, off, rescale
 from _paper_figures import draw_all, weeks
 from _reference_data import EPW, reference
-from _report import write_table
+from _report import spread, write_table
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.datasets import make_office, read_epw
@@ -175,15 +175,6 @@ def run(case: Case, seed: int, n_starts: int) -> tuple[pd.DataFrame, dict[str, A
 
 
 # --------------------------------------------------------------------------------------------------------------- tables
-def spread(values: list[float]) -> str:
-    """Median, with the lowest and highest if they differ."""
-    values = [v for v in values if np.isfinite(v)]
-    if not values:
-        return ""
-    middle, low, high = (f"{f(values):.3g}" for f in (np.median, min, max))
-    return middle if low == high else f"{middle} ({low} to {high})"
-
-
 def table_1(runs: list[pd.DataFrame], truth: dict[str, float]) -> pd.DataFrame:
     """The paper's Table 1 and ours, raw and with the scale fixed."""
     out = {"TRUE": {p: f"{v:g}" for p, v in truth.items()}}

@@ -1,4 +1,4 @@
-"""Warnings that point at the line of the user."""
+"""Messages: warnings that point at the line of the user, and what one error tells of another."""
 
 from __future__ import annotations
 
@@ -32,3 +32,8 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
 
 def _package_of(frame: FrameType) -> str:
     return str(frame.f_globals.get("__name__", "")).partition(".")[0]
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence of an error's text without its full stop, to be part of another message."""
+    return " ".join(text.split()).partition(". ")[0].removesuffix(".")

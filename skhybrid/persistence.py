@@ -24,6 +24,7 @@ from . import __version__
 from ._archive import MOST_BYTES, check_archive, is_tight
 from ._files import atomic_path
 from ._skops import import_skops
+from ._warnings import first_sentence
 from .exceptions import ModelFileError
 
 __all__ = ["load_model", "save_model"]
@@ -133,7 +134,7 @@ def _decode(body: bytes, path: object) -> Any:
     except io.exceptions.UntrustedTypesFoundException as error:
         raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
     except Exception as error:  # a forged file can let any part of the reading fail
-        cause = " ".join(str(error).split()).partition(". ")[0].rstrip(".") or type(error).__name__
+        cause = first_sentence(str(error)) or type(error).__name__
         raise ModelFileError(f"{path} cannot be read as a model: {cause}.") from error
 
 

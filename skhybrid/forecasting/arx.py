@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from .._summary import TrainingRecord
-from .._table import ZoneTable, read_table, read_target
+from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
@@ -18,6 +18,7 @@ from .arx_multi_step import RecursiveMultiStep, fit_multi_step
 from .features import rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
+from .reading import read_zone
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
@@ -127,7 +128,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Zone temperature [degC], NaN where missing.
         """
         self._check_parameters()
-        table = self._read(X, reset=True)
+        table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
@@ -231,20 +232,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         left_out = LeftOut(measured_ahead(known, rows, n_leads) - paths, rows)
         return intervals_from(left_out, known) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
 
-    def _read(self, X: Any, *, reset: bool) -> ZoneTable:
-        return read_table(
-            self,
-            X,
-            columns=self.columns,
-            sampling_time=self.sampling_time,
-            reset=reset,
-            min_rows=3 if reset else 1,
-            expected_step=None if reset else self.sampling_time_,
-            holidays=self.holidays,
-        )
-
     def _read_X(self, X: Any) -> ZoneTable:
-        return self._read(X, reset=False)
+        return read_zone(self, X, reset=False)
 
     def _cold_value(self, table: ZoneTable) -> float:
         T = table.T_za

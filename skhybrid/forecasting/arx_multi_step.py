@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from .._table import ZoneTable
 from ..filtering import hourly_sample
 from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
-from .features import rows_per_day, target_rows
+from .features import rows_per_day, rows_per_hour, target_rows
 
 _CHUNK = 256  # origins whose slopes are in memory at a time
 _LEAD_POWER = -0.3  # squared errors count with this power of their lead
@@ -50,8 +50,7 @@ class MultiStepProblem:
         """Leads up to ``n_leads`` rows, fewer for a short table."""
         sample = hourly_sample(table.n_rows, n_leads, table.step_hours, 0)
         weights = (sample.leads * table.step_hours / _QUARTER_HOUR) ** _LEAD_POWER
-        every = max(1, round(1.0 / table.step_hours))
-        return cls(design, sample.leads, weights, every, rows_per_day(table.step))
+        return cls(design, sample.leads, weights, rows_per_hour(table.step), rows_per_day(table.step))
 
     def origins(self, begin: int, end: int) -> np.ndarray:
         """Hourly origins in [begin, end)."""

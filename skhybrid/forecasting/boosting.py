@@ -11,7 +11,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
-from .._table import ZoneTable, read_table, read_target
+from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
@@ -19,6 +19,7 @@ from .arx import ARXRegressor
 from .arx_design import held
 from .features import hour_of_day, rows_per_day, rows_per_hour, target_rows
 from .quantiles import left_out_blocks
+from .reading import read_zone
 
 _HOURS_BACK = (1, 3, 6)  # changes of temperature before the origin [h]
 _RECENT_HOURS = 3  # of the recent mean of an input before the target [h]
@@ -118,8 +119,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         """
         if self.residual_of not in (None, "arx"):
             raise ValueError(f"residual_of={self.residual_of!r} is not known; use None or 'arx'.")
-        reading = {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
-        table = read_table(self, X, reset=True, min_rows=3, **reading)
+        table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
@@ -195,15 +195,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         )
 
     def _read_X(self, X: Any) -> ZoneTable:
-        return read_table(
-            self,
-            X,
-            columns=self.columns,
-            sampling_time=self.sampling_time,
-            holidays=self.holidays,
-            reset=False,
-            expected_step=self.sampling_time_,
-        )
+        return read_zone(self, X, reset=False)
 
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self._roles), "trees": str(self.n_iter_)}

@@ -40,6 +40,20 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
     return table
 
 
+def read_zone(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
+    """Read all inputs of a forecaster of the temperature, and its history."""
+    return read_table(
+        forecaster,
+        X,
+        columns=forecaster.columns,
+        sampling_time=forecaster.sampling_time,
+        reset=reset,
+        min_rows=3 if reset else 1,
+        expected_step=None if reset else forecaster.sampling_time_,
+        holidays=forecaster.holidays,
+    )
+
+
 def frame_only(table: Any) -> pd.DataFrame:
     """History or future, refused where it is no DataFrame."""
     if not isinstance(table, pd.DataFrame):

@@ -27,7 +27,6 @@ from .closed_loop import ClosedLoop
 from .frames_forecast import FramesForecastMixin
 from .preprocess import fit_preprocess, preprocessed
 from .scheme import Scheme
-from .scheme_intervals import HybridQuantilesMixin
 from .setpoint_columns import check_setpoints, setpoints_in
 
 #: what a forecast takes in from the history up to its origin
@@ -44,7 +43,7 @@ def _of_scheme(name: str, doc: str) -> Any:
     return property(read, doc=doc)
 
 
-class BaseHybrid(FramesForecastMixin, HybridQuantilesMixin, RegressorMixin, BaseEstimator):
+class BaseHybrid(FramesForecastMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
     adapt: Adapt

@@ -15,23 +15,20 @@ from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths, is_plant
 from ..control.setpoints import read_limits, read_setpoint
-from ..forecasting.quantiles import QuantileForecastMixin, quantile_columns, read_quantiles
+from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .closed_loop import ClosedLoop, ClosedLoopPaths
 from .scheme import Scheme
+from .scheme_intervals import HybridQuantilesMixin
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
 from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 
-class FramesForecastMixin(QuantileForecastMixin):
+class FramesForecastMixin(HybridQuantilesMixin):
     """``forecast`` and ``predict_load`` of the hybrid predictors."""
 
     preprocess_: Any
-    _scheme: Scheme
     _law: ClosedLoop | None
-
-    def _present_scheme(self) -> Scheme:
-        raise NotImplementedError
 
     def _read_following(self, X: Any) -> ZoneTable:
         raise NotImplementedError

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
+from .._warnings import first_sentence
 from ..identification import Diagnostics
 from .assessment import assess
 from .recommendation import FORMATS, comparison_table, likelihood_ratio_tests, ranked, recommend
@@ -148,7 +149,7 @@ def compare_models(
     fitted = {name: one for name, one in done.items() if one.density is not None}
     if not fitted:
         name, cause = next(iter(errors.items()))
-        raise ValueError(f"no model could be fitted, not even {name} ({cause.partition('. ')[0].removesuffix('.')}).")
+        raise ValueError(f"no model could be fitted, not even {name} ({first_sentence(cause)}).")
     table = comparison_table(fitted)
     tests = likelihood_ratio_tests(fitted, table)
     name, reason = recommend(fitted, table, tests, purpose, level)

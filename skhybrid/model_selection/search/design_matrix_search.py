@@ -17,6 +17,7 @@ from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
 from ..._transaction import unchanged_on_failure
+from ..._warnings import first_sentence
 from ...forecasting.extras import require_networks
 from ...forecasting.named_models import is_network
 from ..splitters import default_split
@@ -207,7 +208,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
             last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
-            cause = last.partition(". ")[0].removesuffix(".")
+            cause = first_sentence(last)
             raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {cause}.")
         return list(good.scores)
 
