@@ -29,15 +29,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
     "persistence": {"_archive", "_files", "_skops"},
     "preprocessing": set(),
-    "datasets": {"thermal", "preprocessing"},
+    "logs": {"preprocessing"},
+    "datasets": {"thermal", "preprocessing", "logs"},
     "model_selection": {"identification", "forecasting", "hybrid"},
     "inspection": {"thermal", "identification", "forecasting", "hybrid", "model_selection"},
     "study": {
-        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
         "model_selection", "inspection",
     },
     "cli": {
-        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
         "model_selection", "inspection", "study",
     },
 }  # fmt: skip

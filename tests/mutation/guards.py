@@ -57,7 +57,7 @@ GUARDS = {
     "datasets/_office.py": ["test_datasets_office"],
     "datasets/_thermostat_plan.py": ["test_datasets_office"],
     "datasets/_gains.py": ["test_datasets_office"],
-    "datasets/_regularize.py": ["test_datasets_regularize"],
+    "logs/even_steps.py": ["test_datasets_regularize"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }
