@@ -96,7 +96,7 @@ def regularize(
     ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
     names = list(ordered.columns)
     stamps = pd.DatetimeIndex(ordered.index)
-    source = _typical_step(stamps)
+    source = typical_step(stamps)
     target = source if step is None else positive_duration(step, "step")
     grid = _even_index(stamps, target, source)
     raw = {name: _resample_column(name, numeric(ordered[name]), stamps, grid, target, source) for name in names}
@@ -142,7 +142,7 @@ def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
     return ordered[~twice], backwards, int(twice.sum())
 
 
-def _typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
+def typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The median spacing of the stamps, rounded to a common step if it is within 10 % of one."""
     seconds = float(np.median(np.diff(index.as_unit("ns").asi8))) / 1e9
     if seconds < 1e-3:
@@ -189,7 +189,7 @@ def _resample_column(
     if name in HISTORY_ROLES:
         return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
-    own = (_typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
+    own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
     if str(name).startswith("T_"):
         return _interpolated(wanted, logged, values[known], own)
     return _time_weighted_means(wanted, logged, values[known], step.total_seconds(), own)
