@@ -17,7 +17,7 @@ from .._threads import one_blas_thread
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, StudyModel, identified_by, make_models
-from .data import StudyData, standstill
+from .data import StudyData
 from .settings import Settings
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
@@ -114,8 +114,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         warnings.simplefilter("always")
         models = make_models(settings, memory=folder)
         say = _counted(progress, len(models) + 1)
-        stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))
-        remarks = [] if stuck is None else [stuck]
+        remarks = list(data.remarks)
         train, later = _Span(data.train, read_once(data.train)), _Span(data.later, read_once(data.later, fits=False))
         tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
         say("forecast of the next day")

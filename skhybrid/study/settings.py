@@ -47,7 +47,7 @@ class Settings:
     timezone : str, optional, local time zone, such as ``"Europe/Amsterdam"``
     label : {"left", "right"}, whether a row is stamped with the start or the end of its step
     time_column, dayfirst, sep, decimal
-        Format of stamps and cells in the log, as for :func:`skhybrid.datasets.read_zone_csv`.
+        Format of stamps and cells in the log, where its content does not tell, as for :func:`skhybrid.logs.read_log`.
     step : str, sampling time to which the log is resampled
     horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
     random_state : int, seed of the random starts
@@ -89,8 +89,8 @@ class Settings:
     label: str = "left"
     time_column: str | None = None
     dayfirst: bool | None = None
-    sep: str = ","
-    decimal: str = "."
+    sep: str | None = None
+    decimal: str | None = None
     step: str = "15min"
     horizon: str = "1D"
     origin_step: str = "1D"
@@ -198,13 +198,13 @@ def _is_number(value: Any) -> bool:
 
 def _check_plain(settings: Settings) -> None:
     """Check the values outside tables."""
-    optional = ("timezone", "time_column", "format")
-    for key in ("name", "label", "sep", "decimal", *optional):
+    optional = ("timezone", "time_column", "format", "sep", "decimal")
+    for key in ("name", "label", *optional):
         value = getattr(settings, key)
         if not isinstance(value, str) and (value is not None or key not in optional):
             raise ValueError(f"{key} = {value!r} must be text in quotes.")
     for key in ("sep", "decimal"):
-        if len(getattr(settings, key)) != 1:
+        if getattr(settings, key) is not None and len(getattr(settings, key)) != 1:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
     seed = settings.random_state
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
+from ..logs.findings import without_standstills
 from ..persistence import load_metadata, load_model, save_model
 from ..preprocessing import FacadeIrradiance
 from ..study.compared_models import make_models
@@ -55,9 +56,10 @@ class ZoneModel:
         rows = rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)] if len(rows) else rows
         step = pd.Timedelta(settings.step)
         if len(rows) * step < pd.Timedelta(days=_LEAST_DAYS):
+            found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
-                f"the log has {len(rows) * step / pd.Timedelta('1D'):.1f} days with all of {', '.join(map(str, rows))}; "
-                f"a model needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
+                f"the log has {found:.1f} days with all of {', '.join(map(str, rows))}; a model "
+                f"needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
             )
         predictor = make_models(settings)[0].estimator
         return cls(predictor.fit(rows, rows["T_za"]), settings)
@@ -67,8 +69,28 @@ class ZoneModel:
         """The last stamp that the model knows."""
         return pd.Timestamp(self.predictor.known_until_)
 
-    def update(self, frame: pd.DataFrame) -> int:
-        """Take in the rows of a log that are new; returns their number.
+    @property
+    def learned_until(self) -> pd.Timestamp:
+        """The last stamp that the model learned from."""
+        return pd.Timestamp(self.predictor.training_.last)
+
+    def covered(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each input in training, by role."""
+        return dict(self.predictor.training_.ranges)
+
+    def facts(self) -> dict[str, Any]:
+        """What was learned, in a few words."""
+        record = self.predictor.training_
+        return {
+            "name": self.settings.name,
+            "learned from": f"{record.first} to {record.last}",
+            "rows": record.n_rows,
+            "inputs": ", ".join(self.covered()),
+            "thermostat": "learned" if self.predictor.thermostat_learned_ else "ideal (no set-points in the log)",
+        }
+
+    def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
+        """Take in the rows of a log that are new, and learn from them if wanted; returns their number.
 
         Raises
         ------
@@ -77,7 +99,9 @@ class ZoneModel:
         """
         rows = complete_rows(with_facades(self.settings, frame))
         new = rows[rows.index > self.known_until]
-        if len(new):
+        if len(new) and relearn:
+            self.predictor.partial_fit(new, new["T_za"])
+        elif len(new):
             self.predictor.update(new)
         return len(new)
 
@@ -86,7 +110,7 @@ class ZoneModel:
         rows = complete_rows(with_facades(self.settings, frame))
         if rows.empty:
             raise ValueError(
-                "no row of the log has all inputs and a temperature; skhybrid check tells what is missing."
+                "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
             )
         breaks = np.flatnonzero(np.diff(rows.index.as_unit("ns").asi8) != pd.Timedelta(self.settings.step).value)
         rows = rows.iloc[breaks[-1] + 1 :] if len(breaks) else rows
@@ -111,10 +135,6 @@ class ZoneModel:
         planned = future.assign(**{r: found[r] for r in self._plant() if r in found})
         bands = self._with_intervals(history, planned.drop(columns=list(SETPOINT_ROLES), errors="ignore"))
         return found.join(bands[[c for c in bands if str(c).startswith("q_")]])
-
-    def learned_thermostat(self) -> bool:
-        """Whether the training had set-points, so that the thermostat is learned and not an ideal one."""
-        return bool(self.predictor.thermostat_learned_)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step."""
@@ -152,7 +172,7 @@ class ZoneModel:
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
         """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
         given = [role for role in SETPOINT_ROLES if role in future]
-        if not given or self.learned_thermostat() or any(str(c).startswith(("Q_", "u_")) for c in future):
+        if not given or self.predictor.thermostat_learned_ or any(str(c).startswith(("Q_", "u_")) for c in future):
             return None
         return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)
 
@@ -161,8 +181,8 @@ def complete_rows(frame: pd.DataFrame) -> pd.DataFrame:
     """Rows with every input, up to the last measured temperature; set-points are filled from the rows before."""
     if "T_za" not in frame:
         raise ValueError("the log has no room temperature, T_za.")
-    held = [role for role in SETPOINT_ROLES if role in frame]
-    frame = frame.assign(**{role: frame[role].ffill().bfill() for role in held})
+    held = {role: frame[role].ffill().bfill() for role in SETPOINT_ROLES if role in frame}
+    frame = frame.assign(T_za=without_standstills(frame["T_za"]), **held)
     inputs = frame.drop(columns=["T_za", "setpoint"], errors="ignore")
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     rows = frame[[*inputs, "T_za"]].iloc[: known[-1] + 1 if len(known) else 0]
