@@ -8,21 +8,13 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
+from .unit_names import unit_named, unit_text
 
 #: units of energy: per row, or a counter that only rises; they become kW once the step is known
 ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
-#: spelling of a unit in a name, without blanks and in lower case -> the unit
-_SPELLINGS = {
-    "degc": "degC", "°c": "degC", "c": "degC", "celsius": "degC", "grad": "degC", "℃": "degC",
-    "degf": "degF", "°f": "degF", "f": "degF", "fahrenheit": "degF", "℉": "degF",
-    "k": "K", "kelvin": "K",
-    "w/m2": "W/m2", "w/m²": "W/m2", "w/m^2": "W/m2", "wm-2": "W/m2", "w_m2": "W/m2", "watt/m2": "W/m2",
-    "kw/m2": "kW/m2", "kw/m²": "kW/m2", "kw_m2": "kW/m2",
-    "%": "percent", "percent": "percent", "pct": "percent", "prozent": "percent",
-    "kw": "kW", "w": "W", "watt": "W", "mw": "MW", "btu/h": "Btu/h", "kbtu/h": "kBtu/h", "btuh": "Btu/h",
-    "kwh": "kWh", "wh": "Wh", "mwh": "MWh", "kbtu": "kBtu", "mj": "MJ",
-    "sec": "s", "s": "s", "seconds": "s", "min": "min", "minutes": "min",
-}  # fmt: skip
+#: spellings of energies and times, which no transformer converts
+_OTHER_UNITS = {name.lower(): name for name in ENERGY} | dict.fromkeys(("s", "sec", "seconds"), "s")
+_OTHER_UNITS |= dict.fromkeys(("min", "minutes"), "min")
 _ROOM = (
     r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
     r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|salon|interno|habitacion"
@@ -68,12 +60,11 @@ class Guess(NamedTuple):
 
 def unit_in_name(name: str) -> str | None:
     """The unit that a name ends with or has in brackets, such as ``Zone Temp (°F)``; None if it has none."""
-    found = re.findall(r"[\[(]([^\])]*)[\])]", name) or re.findall(r"[_ ,/]((?:k?w_m2|[^\W_]+|%|°[cf]))$", name.lower())
-    for text in reversed(found):
-        unit = _SPELLINGS.get(text.strip().lower().replace(" ", ""))
-        if unit is not None and (len(text.strip()) > 1 or re.search(r"[\[(]", name) or unit in ("percent", "degF")):
-            return unit
-    return None
+    text = unit_text(name)
+    if text is None:
+        last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
+        text = last[1] if last and last[1].lower() in _OTHER_UNITS and len(last[1]) > 1 else None
+    return None if text is None else unit_named(text) or _OTHER_UNITS.get(text.lower())
 
 
 def plain(name: str) -> str:

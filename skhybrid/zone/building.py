@@ -96,7 +96,7 @@ def _error_of(gray_box: Any, name: str, theta: pd.Series, cov: np.ndarray | None
 def _remark(name: str, value: float, std: float) -> str:
     """What to think of a value."""
     relative = std / abs(value) if value else np.inf
-    usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (0.0, np.inf))
+    usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (-np.inf, np.inf))
     if np.isfinite(relative) and relative > _UNKNOWN:
         return "not identified: the log does not tell it"
     if not usual[0] <= value <= usual[1]:
