@@ -15,7 +15,9 @@ from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG")
 CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
-MODEL = click.option("--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file.")
+MODEL = click.option(
+    "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
+)
 
 
 def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]], click.Command]:

@@ -52,7 +52,7 @@ def _check(
     else:
         report = LogReport(read_any_log(log, given.pop("format", None), **given))
         if config is not None:
-            text = propose_settings(report, log)
+            text = propose_settings(log, report)
             with atomic_path(config) as made:
                 made.write_text(text, encoding="utf-8")
             say.note(f"wrote {config}")

@@ -20,7 +20,11 @@ _QUICK_SPANS = {
 
 @as_command("demo", "skhybrid demo --quick")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("skhybrid-demo"), show_default=True, help="Folder to write to."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("skhybrid-demo"),
+    show_default=True,
+    help="Folder to write to.",
 )
 @click.option("--quick", is_flag=True, help="Shorter spans, to see that it works.")
 def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:

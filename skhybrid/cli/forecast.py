@@ -52,7 +52,9 @@ def command(
 
 def _content(found: Any) -> dict[str, Any]:
     frame = found.frame
-    rows = [{"time": stamp.isoformat(), **row} for stamp, row in zip(frame.index, frame.to_dict("records"), strict=True)]
+    rows = [
+        {"time": stamp.isoformat(), **row} for stamp, row in zip(frame.index, frame.to_dict("records"), strict=True)
+    ]
     return {"summary": found.summary, "remarks": list(found.remarks), "forecast": rows}
 
 

@@ -10,15 +10,15 @@ from ._options import CONFIG, LOG, as_command, print_json, settings_at
 from ._output import DONE, Progress
 
 
-@as_command("search", "skhybrid search thermostat.csv --config zone.toml --store search --models mlp ridge")
+@as_command("search", "skhybrid search thermostat.csv --config zone.toml --store search --models mlp,ridge")
 @LOG
 @CONFIG
 @click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
-@click.option("--models", default="mlp", show_default=True, help="Networks, separated by commas: mlp,cnn,rnn,lstm.")
-@click.option("--level", type=click.IntRange(1, 3), default=1, show_default=True, help="Level of the design matrix.")
+@click.option("--models", default="mlp", show_default=True, help="Separated by commas: mlp,cnn,rnn,lstm,ridge.")
+@click.option("--size", type=click.Choice(["small", "full"]), default="small", show_default=True, help="Sizes.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 def command(
-    log: str, config: Path | None, store: Path, models: str, level: int, jobs: int, say: Progress, as_json: bool
+    log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool
 ) -> int:
     """Train the cases of the design matrix on [train], score them on [test]; a stopped search goes on."""
     settings = settings_at(config)
@@ -26,7 +26,7 @@ def command(
     from ..zone.search import search_zone
 
     frame, _ = read_log(log, settings)
-    table = search_zone(settings, split_log(frame, settings), store, models.split(","), level, jobs)
+    table = search_zone(settings, split_log(frame, settings), store, models.split(","), size, jobs)
     if as_json:
         print_json(table.to_dict(orient="records"))
     else:

@@ -4,6 +4,6 @@ from .even_steps import RegularizeReport, regularize
 from .formats import read_log
 from .log_report import LogReport
 from .raw_log import RawLog
-from .zone_csv import read_zone_csv
+from .zone_csv import read_zone_csv, to_left_label
 
-__all__ = ["LogReport", "RawLog", "RegularizeReport", "read_log", "read_zone_csv", "regularize"]
+__all__ = ["LogReport", "RawLog", "RegularizeReport", "read_log", "read_zone_csv", "regularize", "to_left_label"]

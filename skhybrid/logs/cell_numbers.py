@@ -11,7 +11,9 @@ import pandas as pd
 
 from .unit_names import unit_named
 
-_SWITCHES = dict.fromkeys(("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0)
+_SWITCHES = dict.fromkeys(
+    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0
+)
 _SWITCHES |= dict.fromkeys(
     ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt"), 0.0
 )
@@ -103,7 +105,9 @@ class Channel:
             return values
         codes, uniques = pd.factorize(text[left])
         counts = np.bincount(codes, minlength=len(uniques))
-        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[codes]
+        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[
+            codes
+        ]
         return values
 
     def _one(self, word: str, n: int, decimal: str) -> float:

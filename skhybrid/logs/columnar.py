@@ -32,7 +32,9 @@ def read(path: Path, **options: Any) -> RawLog:
         from pyarrow import ArrowException
         from pyarrow.parquet import ParquetFile
     except ImportError:
-        raise ImportError('reading a Parquet file needs pyarrow; install it with pip install "skhybrid[files]".') from None
+        raise ImportError(
+            'reading a Parquet file needs pyarrow; install it with pip install "skhybrid[files]".'
+        ) from None
     try:
         with ParquetFile(path) as file:
             return _read(file, choice, where)

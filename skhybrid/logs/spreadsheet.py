@@ -63,7 +63,9 @@ def _open(path: Path) -> Any:
     try:
         return load_workbook(path, read_only=True, data_only=True)
     except Exception as error:  # openpyxl passes on errors of zip, XML and its own
-        raise ValueError(f"{path.name!r} cannot be read as an Excel workbook ({error}); save it again as .xlsx.") from None
+        raise ValueError(
+            f"{path.name!r} cannot be read as an Excel workbook ({error}); save it again as .xlsx."
+        ) from None
 
 
 def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator[list[str]], Layout, str, list[str]]:

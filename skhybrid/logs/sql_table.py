@@ -86,7 +86,9 @@ def _engine(alchemy: Any, url: Any) -> Any:
             f"{url.drivername!r} needs the package {error.name}; install it with pip install {error.name}."
         ) from None
     except alchemy.exc.ArgumentError:
-        raise ValueError(f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite.") from None
+        raise ValueError(
+            f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite."
+        ) from None
 
 
 def _statement(alchemy: Any, connection: Any, table: str | None, query: str | None, place: str) -> tuple[Any, str]:

@@ -42,7 +42,9 @@ _ZONE = r"\s*(?:Z|UTC|GMT|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?"
 _IS_DATE = re.compile(_DATE, re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
 _IS_EPOCH = re.compile(r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?")
-_IS_STAMP = re.compile(rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE)
+_IS_STAMP = re.compile(
+    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE
+)
 _EPOCH_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
 
 
@@ -130,7 +132,9 @@ def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.
     if not (ticks.abs() < 9e18).all():
         raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")
     stamps = pd.DatetimeIndex(ticks.to_numpy(dtype=np.int64).astype("datetime64[ns]"), tz="UTC")
-    return (stamps if timezone is None else stamps.tz_convert(zone_of(timezone))), [f"stamps are {unit} since 1970, UTC"]
+    return (stamps if timezone is None else stamps.tz_convert(zone_of(timezone))), [
+        f"stamps are {unit} since 1970, UTC"
+    ]
 
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:

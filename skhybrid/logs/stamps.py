@@ -104,9 +104,7 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     )
 
 
-def _parse(
-    text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str
-) -> pd.DatetimeIndex:
+def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
     """Stamps of a block of rows; ``form`` is the first stamp of the log."""
     known = text.mask(absent)
     guess = guess_datetime_format(form, dayfirst=day_first)

@@ -271,3 +271,10 @@ def _check_duration(name: str, value: Any) -> None:
         positive = False
     if not positive:
         raise ValueError(f"{name} = {value!r} is not a duration such as '15min' or '1D'.")
+
+
+def as_toml(value: Any) -> str:
+    """A value as TOML."""
+    if not isinstance(value, str):
+        return str(value)
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t") + '"'

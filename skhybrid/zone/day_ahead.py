@@ -140,5 +140,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             margin = 0.05 * (high - low)
             share = float(((ahead[role] < low - margin) | (ahead[role] > high + margin)).mean())
             if share > _BEYOND:
-                out.append(f"{share:.0%} of tomorrow's {role} lie outside of {low:.3g} to {high:.3g}, which training had")
+                out.append(
+                    f"{share:.0%} of tomorrow's {role} lie outside of {low:.3g} to {high:.3g}, which training had"
+                )
     return out
