@@ -15,7 +15,7 @@ from ._output import DONE, Progress
 @CONFIG
 @click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
 @click.option("--models", default="mlp", show_default=True, help="Separated by commas: mlp,cnn,rnn,lstm,ridge.")
-@click.option("--size", type=click.Choice(["small", "full"]), default="small", show_default=True, help="Sizes.")
+@click.option("--size", type=click.Choice(["small", "paper"]), default="small", show_default=True, help="Sizes.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
 def command(
     log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool

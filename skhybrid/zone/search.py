@@ -27,7 +27,7 @@ def search_zone(
     data : StudyData
     store : path-like, folder of results; a search that was stopped goes on there
     models : list of str, names of networks and baselines
-    size : {"small", "full"}, sizes of the networks
+    size : {"small", "paper"}, sizes of the networks
     n_jobs : int
 
     Returns
