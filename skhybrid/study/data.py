@@ -177,8 +177,8 @@ def standstill(temperature: pd.Series) -> str | None:
         return None
     longest = found.loc[(found["last"] - found["first"]).idxmax()]
     return (
-        f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows are "
-        "taken as missing."
+        f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows "
+        "are taken as missing."
     )
 
 
