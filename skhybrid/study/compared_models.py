@@ -21,6 +21,14 @@ from .settings import ESTIMATORS, SCHEDULE, Settings
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
 YESTERDAY = "yesterday"  # label of the simplest rule
+#: labels in words for those who do not know the paper
+PLAIN_WORDS = {
+    "OD alone": "building model, last disturbance fades",
+    "OD, no disturbance": "building model, no disturbance",
+    "CONV alone": "building model identified without a disturbance",
+    "ARX": "black box (ARX)",
+    "ARX re-fitted": "black box (ARX), fitted at every origin",
+}
 #: baselines of the disturbance in the two-stage scheme: label and note
 _TWO_STAGE = {
     "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),

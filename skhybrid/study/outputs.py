@@ -15,7 +15,7 @@ import pandas as pd
 from .. import __version__
 from .._files import named_in_errors
 from ..persistence import save_model
-from .compared_models import HYBRID
+from .compared_models import HYBRID, PLAIN_WORDS
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 
@@ -108,8 +108,8 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     write_report(
         out / "report.html",
         title=result.settings.name,
-        table=result.table,
-        frames=result.frames,
+        table=result.table.rename(index=PLAIN_WORDS),
+        frames={PLAIN_WORDS.get(name, name): frame for name, frame in result.frames.items()},
         forecast=result.forecast,
         parameters=result.parameters,
         label=HYBRID,

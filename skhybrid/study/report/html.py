@@ -121,7 +121,7 @@ def write_report(
     listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
         _head(title, table, frames, forecast, label, verdicts, scaled),
-        _tomorrow(forecast),
+        _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
         _accuracy(table, frames, label, coverage),
         _learned(schedule, weights, label),
         _week(zeta, truth),
@@ -190,14 +190,16 @@ def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
     return [(f"{value:.0f}\u00a0kWh", text) for value, text in found if value >= 0.5]
 
 
-def _tomorrow(forecast: pd.DataFrame) -> str:
+def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
     day = "This is the day after the last measurement."
+    held = "that would hold the set-point instead"
     if "T_za_measured" in forecast:
-        day = "This is the last day of the log. The forecast used no measurement of that day; the measurements are "
-        day += "drawn for comparison."
+        day = "This is the last day of the log. The temperature forecast used no measurement of that day; the "
+        day += "measurements are drawn for comparison."
+        held = "that would hold the temperature that was measured that day" if holds_measured else held
     words = (
         f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
-        "that would hold the set-point instead, within the limits of the plant."
+        f"{held}, within the limits of the plant."
         + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
         + "</p>"
     )
