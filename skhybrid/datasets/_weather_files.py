@@ -17,7 +17,7 @@ from .._table import listed
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
-from ._epw import read_epw
+from ._epw import checked_weather, read_epw
 from ._weather import ALBEDO, clear_sky
 
 _UNITS = {"°C": "degC", "°F": "degF", "W/m²": "W/m2", "kW/m²": "kW/m2", "BTU/h/ft²": "Btu/(h ft2)"}
@@ -123,17 +123,14 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     ValueError
         If the weather does not cover the steps, or only one of the two has a time zone.
     """
-    if len(time) < 2:
-        raise ValueError(f"time has {len(time)} stamps; a forecast has at least two.")
+    known = checked_weather(weather)
+    if not isinstance(time, pd.DatetimeIndex) or len(time) < 2:
+        raise ValueError("time must be a DatetimeIndex of at least two stamps.")
     if weather.attrs.get("typical_year"):
         raise ValueError("the weather is that of a typical year; give year= to stamp it.")
-    given = pd.DatetimeIndex(weather.index)
-    if (given.tz is None) != (time.tz is None):
-        lacks = "the weather has" if given.tz is None else "the forecast has"
-        raise ValueError(f"{lacks} no time zone, but the other one has; give timezone= when reading it.")
-    known = weather[["T_oa", "q_sol"]].dropna()
-    if len(known) < 2:
-        raise ValueError("the weather has fewer than two rows with T_oa and q_sol.")
+    if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
+        lacks, other = ("forecast", "weather") if time.tz is None else ("weather", "forecast")
+        raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
     origin = time[0]
     hours, wanted = (np.asarray((pd.DatetimeIndex(i) - origin) / _HOUR, np.float64) for i in (known.index, time))
     row, step = float(np.median(np.diff(hours))), float(np.median(np.diff(wanted)))
@@ -187,6 +184,10 @@ def _read_open_meteo(
     weather = pd.DataFrame({"T_oa": named["temperature_2m"][:-1], "q_sol": q_sol}, index=stamps[:-1].rename("time"))
     for role in ("T_oa", "q_sol"):
         check_range(weather[role].to_numpy(), role, f"{role} of {where}", weather.index)
+    known = np.flatnonzero(weather.notna().all(axis=1).to_numpy())  # the last hours of a forecast may be null
+    if not len(known):
+        raise ValueError(f"{where} has no hour with a temperature and an irradiance; request it again.")
+    weather = weather.iloc[: known[-1] + 1]
     weather.attrs["notes"] = notes
     return weather
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._time import positive_duration
 from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
-from .known_table import existing
+from .known_table import existing, utc_ticks
 from .raw_log import RawLog
 from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
 
@@ -104,15 +104,7 @@ def _series(
             piece.columns = [str(c).strip() for c in piece.columns]
             if list(piece.columns[:3]) != _COLUMNS:
                 raise ValueError(f"{where} has the columns {', '.join(piece.columns)}; a history has {_COLUMNS}.")
-            stamps = pd.to_datetime(piece["last_changed"], errors="coerce", utc=True, format="ISO8601")
-            if stamps.isna().any():
-                row = int(np.argmax(stamps.isna().to_numpy()))
-                found = piece["last_changed"].iloc[row]
-                raise ValueError(
-                    f"line {line + row} of {where}: {found!r} is no time stamp; the file may be cut off there: export "
-                    "it again."
-                )
-            seconds = stamps.dt.as_unit("ns").astype("int64").to_numpy() / 1e9
+            seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
             for name, rows in piece.groupby("entity_id", sort=False).indices.items():
                 if entities is None or name in entities:
                     values, other = states_to_numbers(piece["state"].to_numpy()[rows])

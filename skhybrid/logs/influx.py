@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .entity_states import ON_OFF, UNITS, some_of
-from .known_table import existing
+from .known_table import existing, utc_ticks
 from .raw_log import RawLog
 
 _ANNOTATIONS = ("#datatype", "#group", "#default")
@@ -137,11 +137,7 @@ def _add_rows(series: _Series, text: set[str], header: _Header, rows: list[list[
     for i, default in enumerate(header.defaults):
         if default:
             table[f"{i}"] = table[f"{i}"].replace("", default)
-    stamps = pd.to_datetime(table[of["_time"]], errors="coerce", utc=True, format="ISO8601")
-    if stamps.isna().any():
-        row = int(np.argmax(stamps.isna().to_numpy()))
-        raise ValueError(f"line {line + row} of {where}: _time {table[of['_time']].iloc[row]!r} is no time stamp.")
-    ticks = stamps.dt.as_unit("ns").astype("int64").to_numpy()
+    ticks = utc_ticks(table[of["_time"]], line, where)
     kinds = dict(zip(header.names, header.types, strict=True))
     fields = ["_value"] if "_value" in of else [n for n in of if kinds[n] in _NUMBERS and n not in _RESERVED]
     tags = [n for n in of if n not in (*_RESERVED, *fields) and kinds[n] == "string"]

@@ -87,6 +87,19 @@ def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tu
     return found, text
 
 
+def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
+    """Stamps of RFC 3339 in nanoseconds since 1970; ``line`` is that of the first in the file."""
+    stamps = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
+    wrong = (stamps.isna() | ~cells.str.contains(":")).to_numpy()  # a date alone has been cut off
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(
+            f"line {line + row} of {where}: {cell(cells.iloc[row])} is no time stamp; the file may be cut off there: "
+            "export it again."
+        )
+    return stamps.dt.as_unit("ns").astype("int64").to_numpy()
+
+
 def names_of(frame: pd.DataFrame) -> list[str]:
     """Names of the columns."""
     return [str(name) for name in frame.columns]

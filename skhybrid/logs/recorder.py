@@ -6,6 +6,7 @@ import json
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,7 @@ _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "inpu
 _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}
 
 
+_IN_USE = "the database is in use: its newest rows may be missing."
 HELD_NOTE = "a value is held until the entity's next change, and missing while Home Assistant had none."
 
 
@@ -46,7 +48,7 @@ def is_recorder(file: Path) -> bool:
     try:
         if not is_sqlite(file):
             return False
-        with _opened(file) as database:
+        with _opened(file) as (database, _):
             return {"states", "statistics_meta"} & _tables(database) != set()
     except (OSError, sqlite3.DatabaseError):
         return False
@@ -64,7 +66,7 @@ def read_recorder(
     if table not in (None, "states", *_FOR_STATISTICS):
         raise ValueError(f"table={table!r} must be 'states', 'statistics' or 'statistics_short_term'.")
     try:
-        with _opened(file) as database:
+        with _opened(file) as (database, notes):
             tables = _tables(database)
             if not tables & {"states", "statistics"}:
                 raise ValueError(f"{where} has no tables of Home Assistant's recorder (states, statistics).")
@@ -74,8 +76,10 @@ def read_recorder(
                 some = "states" in tables and database.execute("SELECT 1 FROM states LIMIT 1").fetchone()
                 table = "states" if some else "statistics"
             if table == "states":
-                return _read_states(database, where, entities, step, timezone, tables)
-            return _read_statistics(database, where, table, entities, timezone)
+                log = _read_states(database, where, entities, step, timezone, tables)
+            else:
+                log = _read_statistics(database, where, table, entities, timezone)
+            return replace(log, notes=(*notes, *log.notes))
     except sqlite3.DatabaseError as error:
         raise ValueError(
             f"{where} cannot be read as Home Assistant's database ({error}); copy it while Home Assistant is stopped, "
@@ -84,11 +88,11 @@ def read_recorder(
 
 
 @contextmanager
-def _opened(file: Path) -> Iterator[sqlite3.Connection]:
-    """A connection that writes nothing; where the file is locked or its folder read-only, without looking for locks."""
+def _opened(file: Path) -> Iterator[tuple[sqlite3.Connection, list[str]]]:
+    """A connection that writes nothing, and notes; where the file is locked, without looking for locks."""
     address = f"file:{quote(str(file.resolve()))}?mode=ro"
     for uri in (address, f"{address}&immutable=1"):
-        connection = sqlite3.connect(uri, uri=True, timeout=2.0)
+        connection = sqlite3.connect(uri, uri=True, timeout=0.5)
         connection.text_factory = lambda raw: raw.decode("utf-8", "replace")
         try:
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -98,7 +102,7 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
                 raise
             continue
         with closing(connection):
-            yield connection
+            yield connection, [] if uri == address else [_IN_USE]
         return
 
 
@@ -113,7 +117,7 @@ def _columns(database: sqlite3.Connection, table: str) -> set[str]:
 def _seconds_of(database: sqlite3.Connection, table: str, new: str, old: str) -> str:
     """The expression for seconds since 1970: a number since 2023, text in UTC before."""
     columns = _columns(database, table)
-    text = f"((julianday({table}.{old}) - 2440587.5) * 86400.0)"
+    text = f"round((julianday({table}.{old}) - 2440587.5) * 86400.0, 3)"
     if new not in columns:
         return text
     return f"coalesce({table}.{new}, {text})" if old in columns else f"{table}.{new}"
