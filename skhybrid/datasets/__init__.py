@@ -8,6 +8,7 @@ from ._office import make_office
 from ._small_office import load_small_office
 from ._thermostat_plan import make_prbs
 from ._weather import make_weather
+from ._weather_files import read_weather, weather_on_steps
 
 __all__ = [
     "BenchmarkLog",
@@ -19,6 +20,8 @@ __all__ = [
     "make_prbs",
     "make_weather",
     "read_epw",
+    "read_weather",
     "read_zone_csv",
     "regularize",
+    "weather_on_steps",
 ]

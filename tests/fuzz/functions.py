@@ -17,7 +17,7 @@ from outcomes import Printed
 from sklearn.base import clone
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, cli
-from skhybrid.datasets import make_office, regularize
+from skhybrid.datasets import make_office, regularize, weather_on_steps
 from skhybrid.forecasting import fit_many
 from skhybrid.hybrid import DriftMonitor
 from skhybrid.identification import (
@@ -162,6 +162,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cross_correlation": lambda X: cross_correlation(_column(X), _column(X), [0, 1]),
     "cumulative_periodogram": lambda X: cumulative_periodogram(_column(X)),
     "ljung_box": lambda X: ljung_box(_column(X), [1, 2]),
+    "weather_on_steps": lambda X: weather_on_steps(X, pd.date_range("2024-10-26 01:00", periods=8, freq="15min")),
     "make_office": lambda X: make_office(1, weather=X, sampling_time="1h", start="2024-10-26", random_state=0).X,
     "ForecastDisplay, ARXRegressor": lambda X, y: _shown(ForecastDisplay, "ARXRegressor", X, y, horizon="6h"),
     "LeadErrorDisplay, ARXRegressor": lambda X, y: _shown(LeadErrorDisplay, "ARXRegressor", X, y, horizon="6h"),
@@ -176,7 +177,7 @@ _DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.dat
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
 NO_ZONE = (
     "score_", "RollingOriginSplit", "DriftMonitor", "autocorrelation", "cross_correlation", "cumulative_periodogram",
-    "ljung_box", "diagnose_residuals", "make_office", "skhybrid run",
+    "ljung_box", "diagnose_residuals", "make_office", "weather_on_steps", "skhybrid run",
 )  # fmt: skip
 
 _MADE, _NUMBERS = "is made by what is called", "takes names and numbers, no table"
@@ -202,7 +203,7 @@ NOT_CALLED = {
     **dict.fromkeys(("frequency_response", "BodeDisplay", "StepResponseDisplay", "ScheduleDisplay"), _NUMBERS),
     **dict.fromkeys(("DesignMatrix", "design_matrix", "CATALOGUE", "Parameter", "Source", "draw"), _NUMBERS),
     **dict.fromkeys(("list_networks", "MatrixBuilder", "WeatherError"), _NUMBERS),
-    **dict.fromkeys(("read_zone_csv", "read_epw"), "the target csv"),
+    **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the target csv"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
     "propose_settings": "skhybrid run --write-config, and the targets csv and toml",
