@@ -8,7 +8,17 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from . import change_of_value, columnar, delimited, spreadsheet, sql_table
+from . import (
+    change_of_value,
+    columnar,
+    delimited,
+    ecobee,
+    epa_thermostat,
+    home_assistant,
+    influx,
+    spreadsheet,
+    sql_table,
+)
 from .assembly import Choice
 from .raw_log import RawLog
 from .text_files import head_of
@@ -16,6 +26,10 @@ from .text_files import head_of
 #: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
 #: taken, so that special formats come before general ones
 FORMATS: dict[str, ModuleType] = {
+    "Home Assistant": home_assistant,
+    "ecobee": ecobee,
+    "EPA thermostat": epa_thermostat,
+    "InfluxDB": influx,
     "Excel": spreadsheet,
     "Parquet": columnar,
     "SQL": sql_table,

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from os import PathLike
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
+from ..datasets import read_weather
+from ..logs import LogReport
+from ..logs import read_log as read_any_log
 from ..study.data import read_log
 from ..study.plant import Performance
 from ..study.settings import Settings
@@ -62,7 +66,7 @@ def day_ahead(
     history = zone.history(frame)
     origin = history.index[-1]
     later = frame[frame.index > origin].drop(columns="T_za")
-    given = later if weather is None else read_ahead(weather, settings, frame.index.tz)
+    given = later if weather is None else read_ahead(weather, settings, frame.index.tz, origin.year)
     inputs = [str(role) for role in history if role not in ("T_za", *SETPOINT_ROLES)]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)
@@ -74,12 +78,17 @@ def day_ahead(
     return DayAhead(out, _summary(out, settings), tuple(_remarks(zone, history, ahead.frame, ahead.planned)))
 
 
-def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any) -> pd.DataFrame:
-    """Weather of the rows ahead by role, in the time zone of the log."""
-    from ..logs import read_weather
-
-    frame = read_weather(path, timezone=settings.timezone)
-    return frame if tz is None or frame.index.tz is None else frame.tz_convert(tz)
+def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int) -> pd.DataFrame:
+    """Weather of the rows ahead by role, in the time zone of the log; columns of a CSV are found by their names."""
+    if Path(path).suffix.lower() in (".epw", ".json"):
+        frame = read_weather(path, year=year, **dict(settings.site))
+    else:
+        given = {} if settings.timezone is None else {"timezone": settings.timezone}
+        frame = LogReport(read_any_log(path, **given)).frame
+    index = pd.DatetimeIndex(frame.index)
+    if tz is None and index.tz is not None:
+        raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")
+    return frame if tz is None or index.tz is None else frame.tz_convert(tz)
 
 
 def with_limits(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES
+from ..datasets import weather_on_steps
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 
@@ -50,13 +51,11 @@ def rows_ahead(
     """
     step = pd.Timedelta(settings.step)
     index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)
-    frame = pd.DataFrame(index=index.rename("time"))
     plant = [role for role in inputs if role.startswith(("Q_", "u_"))]
-    for role in inputs:
-        if role in plant or role.startswith("q_sol_"):
-            continue  # facades are computed of q_sol
-        given = next((f[role] for f in (weather, plan) if f is not None and role in f), None)
-        frame[role] = _on_rows(given, role, index, step)
+    known = weather if weather is not None else plan
+    if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
+        index = index[index <= plan.index[-1]]
+    frame = _weather(known, [r for r in inputs if r not in plant and not r.startswith("q_sol_")], index)
     heat = {role: plan[role].reindex(index) for role in plant if plan is not None and role in plan}
     if schedule is None and heat and all(values.notna().any() for values in heat.values()):
         return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in heat.items()}), True)
@@ -86,33 +85,23 @@ def _setpoints(
     return found.band(index, free)
 
 
-def _on_rows(given: pd.Series | None, role: str, index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.Series:
-    """Weather at the rows ahead: temperatures between two values, irradiance as the mean of its interval."""
-    if given is None or given.notna().sum() == 0:
-        raise ValueError(
-            f"{role} is not known for the rows ahead; give tomorrow's weather with --weather, or rows ahead in the log."
-        )
-    known = given.dropna()
-    try:
-        known.index = pd.DatetimeIndex(known.index).tz_convert(index.tz)
-    except TypeError:
-        raise ValueError(
-            "the log and the weather must both have a time zone, or both none; give timezone = in the configuration."
-        ) from None
-    ticks, wanted = known.index.as_unit("ns").asi8, index.as_unit("ns").asi8
-    spacing = int(np.median(np.diff(ticks))) if len(ticks) > 1 else step.value
-    hold = not role.startswith("T_")
-    last = ticks[-1] + (spacing if hold else spacing // 2)
-    outside = (wanted < ticks[0]) | (wanted > last - (step.value if hold else 0))
-    if outside.any():
-        first = index[int(np.argmax(outside))]
-        raise ValueError(
-            f"{role} ahead covers {known.index[0]} to {known.index[-1]}, but the forecast needs {first}; give weather "
-            "for all rows ahead."
-        )
-    if hold:
-        return pd.Series(known.to_numpy()[np.searchsorted(ticks, wanted, side="right") - 1], index=index)
-    return pd.Series(np.interp(wanted, ticks, known.to_numpy(dtype=np.float64)), index=index)
+def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:
+    """Weather at the rows ahead: temperatures between two values, irradiance with the energy of each interval."""
+    for role in roles:
+        if given is None or role not in given or given[role].notna().sum() < 2:
+            raise ValueError(
+                f"{role} is not known for the rows ahead; give tomorrow's weather with --weather, or rows ahead in the "
+                "log."
+            )
+    assert given is not None
+    pair = pd.DataFrame({role: given[role] if role in roles else 0.0 for role in ("T_oa", "q_sol")}, index=given.index)
+    pair.attrs = dict(given.attrs)
+    out = weather_on_steps(pair.dropna(), index)
+    for role in roles:
+        if role not in out:  # a further boundary temperature
+            values = given[role].dropna()
+            out[role] = np.interp(index.as_unit("ns").asi8, values.index.as_unit("ns").asi8, values)
+    return out[roles].rename_axis("time")
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:
