@@ -104,7 +104,7 @@ def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
     parts = {role: frame[role] for role in ("Q_heat", "Q_cool") if role in frame}
     if parts and "Q_hvac" not in frame:
-        total = sum((values.abs() * (-1.0 if role == "Q_cool" else 1.0) for role, values in parts.items()), 0.0)
+        total = sum((-values.abs() if role == "Q_cool" else values for role, values in parts.items()), 0.0)
         frame = frame.drop(columns=list(parts)).assign(Q_hvac=total)
     performance = Performance.of(settings.plant)
     if performance is None or not settings.plant.get("electricity") or "Q_hvac" not in frame:

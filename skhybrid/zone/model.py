@@ -98,7 +98,8 @@ class ZoneModel:
             If they do not follow the known rows without a gap.
         """
         rows = complete_rows(with_facades(self.settings, frame))
-        new = rows[rows.index > self.known_until]
+        until = self.known_until if rows.index.tz is not None else self.known_until.tz_localize(None)
+        new = rows[rows.index > until]
         if len(new) and relearn:
             self.predictor.partial_fit(new, new["T_za"])
         elif len(new):
