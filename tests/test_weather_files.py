@@ -162,8 +162,8 @@ def test_a_gap_in_the_weather_is_refused():
         (_hourly(shortwave_radiation=["a"] * 48), "has a shortwave_radiation with values that are no numbers"),
         (_hourly(shortwave_radiation=[None] * 48), "has no hour with a temperature and an irradiance"),
         (_hourly(time=["2024-03-30T00:00"] * 48), "48 hourly stamps that are not one hour apart"),
-        (_hourly(time=["noon"] * 48), "time stamps or a timezone that cannot be read"),
-        (_changed(timezone="Mars/Olympus"), "time stamps or a timezone that cannot be read"),
+        (_hourly(time=["noon"] * 48), "has the time stamp 'noon'; download it again"),
+        (_changed(timezone="Mars/Olympus"), "has the unknown timezone 'Mars/Olympus'"),
         (_changed(hourly_units={"temperature_2m": "furlong"}), "'furlong', which is not one of"),
     ],
 )

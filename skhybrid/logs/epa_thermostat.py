@@ -75,8 +75,8 @@ def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str |
     if over:
         first = frame.index[int(np.argmax((frame[over[0]] > _MINUTES).to_numpy()))]
         raise ValueError(
-            f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; are they "
-            "seconds?  Write minutes."
+            f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; if they "
+            "are seconds, divide them by 60."
         )
     plants = _plants(frame, notes)
     idle = {role for role, plant in (("T_heat_set", "u_heat"), ("T_cool_set", "u_cool")) if plant not in plants}

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from .._time import positive_duration
 from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
 from .known_table import existing, utc_ticks
@@ -103,7 +104,7 @@ def _series(
         for piece in reader:
             piece.columns = [str(c).strip() for c in piece.columns]
             if list(piece.columns[:3]) != _COLUMNS:
-                raise ValueError(f"{where} has the columns {', '.join(piece.columns)}; a history has {_COLUMNS}.")
+                raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
             seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
             for name, rows in piece.groupby("entity_id", sort=False).indices.items():
                 if entities is None or name in entities:
