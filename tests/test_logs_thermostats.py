@@ -36,6 +36,8 @@ def _written(folder: Path, text: str, name: str = "log.csv") -> Path:
 def test_only_the_reader_of_a_format_claims_its_sample(name, reader):
     path = SAMPLES / name
     head = path.read_text(encoding="utf-8")[:8000]
+    claims = [r for r in (ecobee, epa_thermostat, home_assistant, influx) if r.looks_like(path, "\ufeff" + head)]
+    assert claims == ([] if reader is None else [reader])
     claims = [r for r in (ecobee, epa_thermostat, home_assistant, influx) if r.looks_like(path, head)]
     assert claims == ([] if reader is None else [reader])
 

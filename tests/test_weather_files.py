@@ -160,6 +160,8 @@ def test_a_gap_in_the_weather_is_refused():
         (_hourly(shortwave_radiation=None, cloud_cover=None), "neither shortwave_radiation nor cloud_cover"),
         (_hourly(shortwave_radiation=[0.0] * 12), "has 12 values of shortwave_radiation for 48 stamps"),
         (_hourly(shortwave_radiation=["a"] * 48), "has a shortwave_radiation with values that are no numbers"),
+        (_hourly(shortwave_radiation=[1e400] * 48), "has a shortwave_radiation with values that are no numbers"),
+        (_changed(utc_offset_seconds=10**9), "has the utc_offset_seconds '1000000000'"),
         (_hourly(shortwave_radiation=[None] * 48), "has no hour with a temperature and an irradiance"),
         (_hourly(time=["2024-03-30T00:00"] * 48), "48 hourly stamps that are not one hour apart"),
         (_hourly(time=["noon"] * 48), "has the time stamp 'noon'; download it again"),

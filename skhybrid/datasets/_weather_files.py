@@ -217,8 +217,11 @@ def _stamps(answer: Mapping[str, Any], where: str) -> pd.DatetimeIndex:
     if all(isinstance(time, int | float) for time in times):
         utc = pd.to_datetime(pd.Series(times), unit="s", utc=True, errors="coerce")
     else:
-        local = pd.to_datetime(pd.Series(times, dtype=str), format="ISO8601", errors="coerce")
-        utc = (local - pd.Timedelta(seconds=answer.get("utc_offset_seconds") or 0)).dt.tz_localize("UTC")
+        offset = answer.get("utc_offset_seconds") or 0
+        if not isinstance(offset, int) or abs(offset) > 86400:
+            raise ValueError(f"{where} has the utc_offset_seconds {cell(offset)}; download it again.")
+        local = pd.to_datetime(pd.Series(times, dtype=str), format="ISO8601", errors="coerce", utc=True)
+        utc = local - pd.Timedelta(seconds=offset)
     wrong = ~utc.dt.year.between(*YEARS).to_numpy()
     if wrong.any():
         raise ValueError(f"{where} has the time stamp {cell(times[int(np.argmax(wrong))])}; download it again.")
@@ -237,6 +240,8 @@ def _quantity(values: Any, name: str, units: Mapping[str, Any], n: int, where: s
     unit = str(units.get(name, {"T_oa": "°C", "q_sol": "W/m²"}.get(role, "%")))
     try:
         numbers = np.array([np.nan if v is None else float(v) for v in values])
+        if np.isinf(numbers).any():
+            raise ValueError
     except (TypeError, ValueError):
         raise ValueError(f"{where} has a {name} with values that are no numbers; download it again.") from None
     if len(numbers) != n:

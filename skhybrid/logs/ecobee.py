@@ -66,6 +66,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def _layout(head: str) -> _Layout | None:
+    head = head.lstrip("\ufeff")
     header = next((line for line in head.splitlines() if line.strip() and not line.startswith("#")), "")
     names = [name.strip().strip('"').split(" [")[0] for name in header.split(",")]
     if names[:2] == ["Date", "Time"] and re.search(r"(Stage|Heat) \d \(sec\)|Current Temp \([FC]\)", header):

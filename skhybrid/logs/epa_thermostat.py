@@ -21,7 +21,7 @@ _AUXILIARY = ("auxiliary_heat_runtime", "auxiliary_heat", "emergency_heat_runtim
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether the header is that of the EPA's thermostat data."""
-    names = {name.strip().strip('"').lower() for name in (head.splitlines() or [""])[0].split(",")}
+    names = {name.strip().strip('"').lower() for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")}
     hourly = names & {"datetime", "date"} and any(re.fullmatch(r"(heat|cool)_runtime_(stg1|equiv)", n) for n in names)
     daily = "date" in names and "temp_in_00" in names
     return bool(hourly or daily)
