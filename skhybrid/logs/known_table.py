@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import listed
-from .stamps import YEARS, cell
+from .stamps import cell, parse_stamps
 
+YEARS = (1700, 2250)  # nanoseconds cannot count a stamp of another year
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
 
 
@@ -88,10 +89,15 @@ def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tu
     return found, text
 
 
+def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
+    """Stamps of cells whose index counts the lines of the file."""
+    return parse_stamps(cells.set_axis(cells.index - 2), timezone, dayfirst, where)  # rows are counted after a header
+
+
 def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
     """Stamps of RFC 3339 in nanoseconds since 1970; ``line`` is that of the first in the file."""
     stamps = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
-    # a date alone has been cut off, and nanoseconds cannot count a far year
+    # a date alone has been cut off
     wrong = (~stamps.dt.year.between(*YEARS) | ~cells.str.contains(":")).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))

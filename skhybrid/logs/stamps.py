@@ -9,7 +9,7 @@ import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
-YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
+_YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
@@ -92,7 +92,7 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, wher
             f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
         )
     stamps = pd.DatetimeIndex(parsed)
-    strange = (stamps.year < YEARS[0]) | (stamps.year > YEARS[1])
+    strange = (stamps.year < _YEARS[0]) | (stamps.year > _YEARS[1])
     if strange.any():
         row = int(np.argmax(strange))
         raise ValueError(
