@@ -200,6 +200,17 @@ def test_a_database_that_is_in_use_is_read_and_not_written(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+def test_a_copy_with_a_write_ahead_log_elsewhere_gets_no_files_beside_it(tmp_path):
+    path = _database(tmp_path)
+    expected = home_assistant.read(path).frame
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        pd.testing.assert_frame_equal(home_assistant.read(path).frame, expected)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    pd.testing.assert_frame_equal(home_assistant.read(path).frame, expected)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
 def test_a_thermostat_that_heats_and_cools():
     row = {
         "hvac_modes": ["off", "heat_cool"],

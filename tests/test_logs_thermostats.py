@@ -36,6 +36,8 @@ def _written(folder: Path, text: str, name: str = "log.csv") -> Path:
 def test_only_the_reader_of_a_format_claims_its_sample(name, reader):
     path = SAMPLES / name
     head = path.read_text(encoding="utf-8")[:8000]
+    claims = [r for r in (ecobee, epa_thermostat, home_assistant, influx) if r.looks_like(path, "\ufeff" + head)]
+    assert claims == ([] if reader is None else [reader])
     claims = [r for r in (ecobee, epa_thermostat, home_assistant, influx) if r.looks_like(path, head)]
     assert claims == ([] if reader is None else [reader])
 
@@ -177,7 +179,10 @@ def test_the_json_of_a_runtime_report_is_that_log(tmp_path):
             r"line 7 of 'log.csv', column 'Current Temp \(F\)': '6z.7' is not a nu",
         ),
         (lambda t: "a,b\n1,2\n", "no log of an ecobee thermostat"),
-        (lambda t: t.replace("2024-01-15,06:10", "2024-13-15,06:10"), "2024-13-15 06:10:00"),
+        (
+            lambda t: t.replace("2024-01-15,06:10", "2024-13-15,06:10"),
+            r"row 9 of 'log\.csv': the time stamp '2024-13-15 06:10:00' is not",
+        ),
     ],
     ids=["cut off", "no zone temperature", "no rows", "no number", "another file", "no date"],
 )

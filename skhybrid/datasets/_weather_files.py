@@ -14,6 +14,8 @@ from scipy.interpolate import PchipInterpolator
 
 from .._ranges import check_range
 from .._table import listed
+from ..logs.known_table import YEARS
+from ..logs.stamps import cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
@@ -212,17 +214,22 @@ def _answer(file: Path, where: str) -> Mapping[str, Any]:
 
 def _stamps(answer: Mapping[str, Any], where: str) -> pd.DatetimeIndex:
     """Stamps in the zone of the answer; they are local time at one fixed offset, or seconds since 1970."""
-    times = answer["hourly"]["time"]
+    times, zone = answer["hourly"]["time"], str(answer.get("timezone") or "UTC")
+    if all(isinstance(time, int | float) for time in times):
+        utc = pd.to_datetime(pd.Series(times), unit="s", utc=True, errors="coerce")
+    else:
+        offset = answer.get("utc_offset_seconds") or 0
+        if not isinstance(offset, int) or abs(offset) > 86400:
+            raise ValueError(f"{where} has the utc_offset_seconds {cell(offset)}; download it again.")
+        local = pd.to_datetime(pd.Series(times, dtype=str), format="ISO8601", errors="coerce", utc=True)
+        utc = local - pd.Timedelta(seconds=offset)
+    wrong = ~utc.dt.year.between(*YEARS).to_numpy()
+    if wrong.any():
+        raise ValueError(f"{where} has the time stamp {cell(times[int(np.argmax(wrong))])}; download it again.")
     try:
-        if all(isinstance(time, int | float) for time in times):
-            utc = pd.DatetimeIndex(pd.to_datetime(times, unit="s", utc=True))
-        else:
-            local = pd.DatetimeIndex(pd.to_datetime(times, format="ISO8601"))
-            offset = pd.Timedelta(seconds=answer.get("utc_offset_seconds") or 0)
-            utc = (local - offset).tz_localize("UTC")
-        stamps = utc.tz_convert({"GMT": "UTC"}.get(zone := answer.get("timezone") or "UTC", zone))
-    except Exception as error:  # a stamp or a zone that is none
-        raise ValueError(f"{where} has time stamps or a timezone that cannot be read ({error}).") from error
+        stamps = pd.DatetimeIndex(utc).tz_convert("UTC" if zone == "GMT" else zone)
+    except Exception as error:  # the class differs between zoneinfo and pytz
+        raise ValueError(f"{where} has the unknown timezone {cell(zone)}; request it with timezone=auto.") from error
     if len(stamps) < 3 or not ((stamps[1:] - stamps[:-1]) == _HOUR).all():
         raise ValueError(f"{where} has {len(stamps)} hourly stamps that are not one hour apart; request it again.")
     return stamps
@@ -234,6 +241,8 @@ def _quantity(values: Any, name: str, units: Mapping[str, Any], n: int, where: s
     unit = str(units.get(name, {"T_oa": "°C", "q_sol": "W/m²"}.get(role, "%")))
     try:
         numbers = np.array([np.nan if v is None else float(v) for v in values])
+        if np.isinf(numbers).any():
+            raise ValueError
     except (TypeError, ValueError):
         raise ValueError(f"{where} has a {name} with values that are no numbers; download it again.") from None
     if len(numbers) != n:

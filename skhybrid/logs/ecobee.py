@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame
+from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 from .raw_log import RawLog
-from .stamps import parse_stamps
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
 _TENTHS = 150.0  # no zone and no set-point has a median of 150 degF: such numbers are tenths
@@ -66,6 +65,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def _layout(head: str) -> _Layout | None:
+    head = head.lstrip("\ufeff")
     header = next((line for line in head.splitlines() if line.strip() and not line.startswith("#")), "")
     names = [name.strip().strip('"').split(" [")[0] for name in header.split(",")]
     if names[:2] == ["Date", "Time"] and re.search(r"(Stage|Heat) \d \(sec\)|Current Temp \([FC]\)", header):
@@ -184,13 +184,13 @@ def _stamps(
     for name in layout.stamps[1:]:
         text = text + " " + table[name].str.strip()
     if layout.zone is not None:
-        utc = parse_stamps(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
+        utc = stamps_of(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
         return (utc if timezone is None else utc.tz_convert(timezone)), []
-    naive = parse_stamps(text, None, dayfirst, where)
+    naive = stamps_of(text, None, dayfirst, where)
     if timezone is None:
         return naive, ["the stamps are the thermostat's local time; give timezone= to make daylight saving right."]
     try:
-        return parse_stamps(text, timezone, dayfirst, where), []
+        return stamps_of(text, timezone, dayfirst, where), []
     except ValueError as error:
         if "does not exist" not in str(error):
             raise

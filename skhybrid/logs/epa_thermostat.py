@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame
+from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 from .raw_log import RawLog
-from .stamps import parse_stamps
 
 _MINUTES = 60.0  # most minutes of running in an hour
 _TEMPERATURES = {"T_za": "temp_in", "T_heat_set": "heating_setpoint", "T_cool_set": "cooling_setpoint"}
@@ -21,7 +20,7 @@ _AUXILIARY = ("auxiliary_heat_runtime", "auxiliary_heat", "emergency_heat_runtim
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether the header is that of the EPA's thermostat data."""
-    names = {name.strip().strip('"').lower() for name in (head.splitlines() or [""])[0].split(",")}
+    names = {name.strip().strip('"').lower() for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")}
     hourly = names & {"datetime", "date"} and any(re.fullmatch(r"(heat|cool)_runtime_(stg1|equiv)", n) for n in names)
     daily = "date" in names and "temp_in_00" in names
     return bool(hourly or daily)
@@ -66,7 +65,7 @@ def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str |
         return _read_days(table, offset, notes, where)
     stamp = "datetime" if "datetime" in table else "date"
     refuse_absent([stamp, "temp_in"], table, where, "export it again")
-    stamps = _with_offset(parse_stamps(table[stamp], None, None, where), offset, where)
+    stamps = _with_offset(stamps_of(table[stamp], None, None, where), offset, where)
     known = [c for c in names_of(table) if "runtime" in c or c in (*_TEMPERATURES.values(), *_AUXILIARY, *_OUTDOOR)]
     columns, _ = numeric_columns(table[known], known, where)
     frame = sorted_frame({c: v for c, v in columns.items() if np.isfinite(v).any()}, stamps, where)
@@ -75,8 +74,8 @@ def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str |
     if over:
         first = frame.index[int(np.argmax((frame[over[0]] > _MINUTES).to_numpy()))]
         raise ValueError(
-            f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; are they "
-            "seconds?  Write minutes."
+            f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; if they "
+            "are seconds, divide them by 60."
         )
     plants = _plants(frame, notes)
     idle = {role for role, plant in (("T_heat_set", "u_heat"), ("T_cool_set", "u_cool")) if plant not in plants}
@@ -165,7 +164,7 @@ def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
 def _read_days(table: pd.DataFrame, offset: str | None, notes: list[str], where: str) -> RawLog:
     """The format with a row per day: 24 columns of each hourly quantity, and the day's minutes of running."""
     refuse_absent(["date"], table, where, "export it again")
-    days = parse_stamps(table["date"], None, None, where)
+    days = stamps_of(table["date"], None, None, where)
     columns, _ = numeric_columns(table.drop(columns="date"), table.columns, where) if len(table) else ({}, [])
     hours = [f"{hour:02d}" for hour in range(24)]
     hourly: dict[str, np.ndarray] = {}

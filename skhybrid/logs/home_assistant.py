@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from .._time import positive_duration
 from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
 from .known_table import existing, utc_ticks
@@ -21,7 +22,7 @@ _PIECE = 200_000  # rows of a history that are read at a time
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is a recorder's database, or a history with one row per change of an entity."""
-    names = [name.strip().strip('"') for name in (head.splitlines() or [""])[0].split(",")]
+    names = [name.strip().strip('"') for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")]
     if names[:3] == _COLUMNS:
         return True
     return is_recorder(path)
@@ -103,7 +104,7 @@ def _series(
         for piece in reader:
             piece.columns = [str(c).strip() for c in piece.columns]
             if list(piece.columns[:3]) != _COLUMNS:
-                raise ValueError(f"{where} has the columns {', '.join(piece.columns)}; a history has {_COLUMNS}.")
+                raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
             seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
             for name, rows in piece.groupby("entity_id", sort=False).indices.items():
                 if entities is None or name in entities:

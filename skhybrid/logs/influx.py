@@ -24,7 +24,7 @@ _Series = dict[str, list[tuple[np.ndarray, np.ndarray]]]
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether the beginning of a file has InfluxDB's annotations."""
-    return any(line.startswith(_ANNOTATIONS) for line in head.splitlines()[:4])
+    return any(line.startswith(_ANNOTATIONS) for line in head.lstrip("\ufeff").splitlines()[:4])
 
 
 class _Header(NamedTuple):

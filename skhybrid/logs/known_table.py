@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .stamps import cell
+from .._table import listed
+from .stamps import cell, parse_stamps
 
+YEARS = (1700, 2250)  # nanoseconds cannot count a stamp of another year
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
 
 
@@ -87,10 +89,16 @@ def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tu
     return found, text
 
 
+def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
+    """Stamps of cells whose index counts the lines of the file."""
+    return parse_stamps(cells.set_axis(cells.index - 2), timezone, dayfirst, where)  # rows are counted after a header
+
+
 def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
     """Stamps of RFC 3339 in nanoseconds since 1970; ``line`` is that of the first in the file."""
     stamps = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
-    wrong = (stamps.isna() | ~cells.str.contains(":")).to_numpy()  # a date alone has been cut off
+    # a date alone has been cut off
+    wrong = (~stamps.dt.year.between(*YEARS) | ~cells.str.contains(":")).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(
@@ -109,8 +117,7 @@ def refuse_absent(names: Iterable[str], table: pd.DataFrame, where: str, remedy:
     """Refuse a table without one of the columns that its format must have."""
     for name in names:
         if name not in table:
-            shown = ", ".join(map(repr, list(table.columns)[:12]))
-            raise ValueError(f"{where} has no column {name!r}, only {shown}; {remedy}.")
+            raise ValueError(f"{where} has no column {name!r}, only {listed(table)}; {remedy}.")
 
 
 def sorted_frame(columns: dict[str, np.ndarray], stamps: pd.DatetimeIndex, where: str) -> pd.DataFrame:

@@ -91,6 +91,10 @@ def read_recorder(
 def _opened(file: Path) -> Iterator[tuple[sqlite3.Connection, list[str]]]:
     """A connection that writes nothing, and notes; where the file is locked, without looking for locks."""
     address = f"file:{quote(str(file.resolve()))}?mode=ro"
+    with file.open("rb") as stream:
+        keeps_log = stream.read(20)[18:] == b"\x02\x02"
+    if keeps_log and not file.with_name(f"{file.name}-wal").exists():
+        address += "&immutable=1"  # of a copy without its write-ahead log; otherwise SQLite would make an empty one
     for uri in (address, f"{address}&immutable=1"):
         connection = sqlite3.connect(uri, uri=True, timeout=0.5)
         connection.text_factory = lambda raw: raw.decode("utf-8", "replace")
@@ -175,7 +179,7 @@ def _read_states(
     roles = climate_roles(climates, held) | ({"T_oa": weather[0]} if len(weather) == 1 else {})
     _add_climate_units(units, [c for c in held if c.startswith(("climate.", "weather."))])
     if len(climates) > 1:
-        notes.append(f"several thermostats, so none has a role: {some_of(climates)}.")
+        notes.append(f"several thermostats, so none has a role: {some_of(climates)}; name one in entities=.")
     notes += _older_statistics(database, tables)
     return RawLog(frame, "Home Assistant states", units, roles, label="left", notes=tuple(notes))
 

@@ -102,6 +102,13 @@ def _days(X: Any) -> Any:
     return X * 0.99 if isinstance(X, pd.DataFrame) and all(map(pd.api.types.is_float_dtype, X.dtypes)) else X
 
 
+def _steps_of(X: Any) -> pd.DatetimeIndex:
+    """Steps of a quarter of an hour from the first stamp of a table."""
+    index = getattr(X, "index", None)
+    start = index[0] if isinstance(index, pd.DatetimeIndex) and len(index) else pd.Timestamp("2024-10-26", tz="UTC")
+    return pd.date_range(start, periods=8, freq="15min")
+
+
 def _as_backtest(X: Any) -> Any:
     """A table with the columns of a back-test, some of which are missing where the table has not theirs."""
     if not isinstance(X, pd.DataFrame):
@@ -162,7 +169,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cross_correlation": lambda X: cross_correlation(_column(X), _column(X), [0, 1]),
     "cumulative_periodogram": lambda X: cumulative_periodogram(_column(X)),
     "ljung_box": lambda X: ljung_box(_column(X), [1, 2]),
-    "weather_on_steps": lambda X: weather_on_steps(X, pd.date_range("2024-10-26 01:00", periods=8, freq="15min")),
+    "weather_on_steps": lambda X: weather_on_steps(X, _steps_of(X)),
     "make_office": lambda X: make_office(1, weather=X, sampling_time="1h", start="2024-10-26", random_state=0).X,
     "ForecastDisplay, ARXRegressor": lambda X, y: _shown(ForecastDisplay, "ARXRegressor", X, y, horizon="6h"),
     "LeadErrorDisplay, ARXRegressor": lambda X, y: _shown(LeadErrorDisplay, "ARXRegressor", X, y, horizon="6h"),
@@ -203,7 +210,7 @@ NOT_CALLED = {
     **dict.fromkeys(("frequency_response", "BodeDisplay", "StepResponseDisplay", "ScheduleDisplay"), _NUMBERS),
     **dict.fromkeys(("DesignMatrix", "design_matrix", "CATALOGUE", "Parameter", "Source", "draw"), _NUMBERS),
     **dict.fromkeys(("list_networks", "MatrixBuilder", "WeatherError"), _NUMBERS),
-    **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the target csv"),
+    **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the targets csv and logs"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
     "propose_settings": "skhybrid run --write-config, and the targets csv and toml",
