@@ -117,6 +117,8 @@ def test_a_log_is_run_end_to_end(files, capsys):
         "OD alone",
         "OD, no disturbance",
         "ARX",
+        "ARX, multi-step, re-fitted",
+        "boosting on ARX",
         "yesterday",
         "hybrid, two-stage (persistence)",
     }

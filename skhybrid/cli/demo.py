@@ -30,12 +30,18 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command and return its exit code."""
     # imported here so that --help and --version need not wait for it
     from ..datasets import load_small_office
-    from ..study import Settings, split_log
     from ._study import study_to_folder
 
-    office = load_small_office()
-    spans = _QUICK_SPANS if arguments.quick else _SPANS
+    settings, data = office_study(quick=arguments.quick)
+    return study_to_folder(settings, data, arguments.out, Progress(arguments.quiet), load_small_office().heat_gain)
+
+
+def office_study(*, quick: bool = False, **settings: Any) -> tuple[Any, Any]:
+    """Settings and data of the study, with further ``settings``."""
+    from ..datasets import load_small_office
+    from ..study import Settings, split_log
+
+    office, spans = load_small_office(), _QUICK_SPANS if quick else _SPANS
     columns = {role: role for role in office.X}
-    settings = Settings(name=_NAME, columns=columns, train=spans["train"], test=spans["test"])
-    data = split_log(office.X.loc[:_END], settings)
-    return study_to_folder(settings, data, arguments.out, Progress(arguments.quiet), office.heat_gain)
+    study = Settings(name=_NAME, columns=columns, train=spans["train"], test=spans["test"], **settings)
+    return study, split_log(office.X.loc[:_END], study)
