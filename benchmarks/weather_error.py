@@ -3,13 +3,15 @@
 Every model runs on every log of the forecast benchmark, with the weather known in advance and with weather forecasts
 of three levels of error (:class:`skhybrid.forecasting.WeatherError`).  Origins are 25 h apart, at most 60 of them.
 Writes ``results/weather_error.md``; finished rows are kept in ``benchmarks/.rows``.  Logs that are not beside the
-checkout are left out.  ``python benchmarks/weather_error.py [--data NAME ...]``
+checkout are left out.  ``python benchmarks/weather_error.py [--data NAME ...] [--origins N]``
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import shlex
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -44,10 +46,10 @@ NOTE = (
 )
 
 
-def rows_of_data(data: DataSet) -> list[dict[str, object]]:
+def rows_of_data(data: DataSet, n_origins: int) -> list[dict[str, object]]:
     """One row per model and weather."""
     train, later = (frame.drop(columns=list(BEAM_AND_SKY), errors="ignore") for frame in (data.train, data.later))
-    later = later[later.index < data.start + MOST_ORIGINS * pd.Timedelta("25h") + pd.Timedelta("1D")]
+    later = later[later.index < data.start + n_origins * pd.Timedelta("25h") + pd.Timedelta("1D")]
     found: list[dict[str, object]] = []
     for name, make in MODELS.items():
         model = make(data).fit(train, train["T_za"])
@@ -90,6 +92,7 @@ def main() -> None:
     """Run what is missing, write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", nargs="+", help="beginnings of names of data sets")
+    parser.add_argument("--origins", type=int, default=MOST_ORIGINS, help="at most so many (%(default)s)")
     options = parser.parse_args()
     rows = json.loads(STORE.read_text(encoding="utf-8")) if STORE.is_file() else []
     done = {row["data"] for row in rows}
@@ -98,13 +101,14 @@ def main() -> None:
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SkhybridWarning)
-            rows += rows_of_data(load(0))
+            rows += rows_of_data(load(0), options.origins)
         STORE.parent.mkdir(exist_ok=True)
         part = STORE.with_suffix(".part")
         part.write_text(json.dumps(rows), encoding="utf-8")
         part.replace(STORE)
     title = "Forecasts under the error of a weather forecast"
-    print(write_table("weather_error", title, "python benchmarks/weather_error.py", tables(pd.DataFrame(rows)), NOTE))
+    command = shlex.join(["python", "benchmarks/weather_error.py", *sys.argv[1:]])
+    print(write_table("weather_error", title, command, tables(pd.DataFrame(rows)), NOTE))
 
 
 if __name__ == "__main__":

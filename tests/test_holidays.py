@@ -245,7 +245,13 @@ def test_a_holiday_outside_the_rows_changes_nothing(office):
 def test_a_study_reads_holidays():
     content = {"columns": {"T_za": "room", "T_oa": "outdoor"}, "forecaster": {"model": "ridge"}}
     models = {m.label: m.estimator for m in make_models(settings_from(content | {"holidays": "NL"}))}
-    for label in ("hybrid", "ARX", "ARX re-fitted", "hybrid, two-stage (last_week)"):
+    for label in (
+        "hybrid",
+        "ARX re-fitted",
+        "ARX, multi-step, re-fitted",
+        "boosting on ARX",
+        "hybrid, two-stage (last_week)",
+    ):
         assert models[label].holidays == "NL"
     assert settings_from(content | {"holidays": [date(2021, 12, 27)]}).holidays == [date(2021, 12, 27)]
     with pytest.raises(ValueError, match="holidays='Utopia' is unknown"):

@@ -37,9 +37,12 @@ MAY_IMPORT: dict[str, set[str]] = {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
         "model_selection", "inspection",
     },
+    "zone": {
+        "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
+    },
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
-        "model_selection", "inspection", "study",
+        "model_selection", "inspection", "study", "zone",
     },
 }  # fmt: skip
 #: these may import less than BASE.
@@ -63,7 +66,7 @@ STRICT = {
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "study", "cli"}
+READERS = {"model_selection", "inspection", "study", "zone", "cli"}
 _BAYES = (
     "identification/uncertainty/posterior.py",
     "model_selection/choice/pattern_expressiveness.py",
@@ -78,6 +81,7 @@ HOMES = {
     "pytensor": ("identification/uncertainty/posterior.py",),
     "matplotlib": ("inspection/",),
     "holidays": ("_holidays.py",),
+    "click": ("cli/",),
 }
 
 

@@ -174,6 +174,33 @@ def test_recent_errors_move_the_interval_and_later_ones_do_not(learned):
     np.testing.assert_array_equal(frozen.offsets(one, LEVELS, (late, past), 14.0), frozen.offsets(one, LEVELS))
 
 
+def test_the_factor_scores_the_intervals_of_the_last_days_by_what_was_known_then(learned):
+    errors, past = recent_days(14, factor=2.0)
+    scores, weights = [], []
+    for d in range(4, 14):  # days less than ten before
+        known = past.rows(slice(0, d))
+        low, middle, high = learned.offsets(
+            past.rows(slice(d, d + 1)), [0.1, 0.5, 0.9], (errors[:d], known), d + 1 / 24 - 1e-6
+        ).T
+        off = errors[d] - middle
+        scores += list(np.where(off > 0, off / (high - middle), off / (low - middle)))
+        weights += list(np.exp(-(14.0 - past.day[d]) / 10.0) / DAY)
+    raw = weighted_quantiles(np.array(scores), np.array(weights), np.array([0.8]))[0]
+    expected = raw ** (sum(weights) / (sum(weights) + 5.0))
+    assert learned.factor_at((errors, past), 14.0) == pytest.approx(expected, rel=1e-4)
+    late = np.where(past.day > 9.0, 1e6, errors)
+    assert learned.factor_at((late, past), 9.0) == learned.factor_at((errors, past), 9.0)
+    assert LeadIntervals(follow=False).fit(errors, past).factor_at((errors, past), 14.0) == 1.0
+
+
+def test_a_factor_stretches_an_interval_about_its_median(learned):
+    one, recent = clock_of(1, per_day=1), recent_days(14)
+    low, middle, high = learned.offsets(one, [0.1, 0.5, 0.9], recent, 14.0).T
+    wide = learned.offsets(one, [0.1, 0.5, 0.9], recent, 14.0, factor=1.5)
+    expected = np.stack([middle + 1.5 * (low - middle), middle, middle + 1.5 * (high - middle)], axis=1)
+    np.testing.assert_allclose(wide, expected, rtol=1e-12)
+
+
 def test_too_few_errors_are_refused():
     clock = clock_of(1, per_day=1)
     with pytest.raises(ValueError, match="19 errors"):

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import LogReport, RawLog
-from skhybrid.logs.findings import unit_switch, without_standstills
+from skhybrid.logs.log_findings import unit_switch, without_standstills
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
 
 

@@ -19,7 +19,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     settings = settings_at(config)
     from .._files import atomic_path
     from ..study import read_log, split_log
-    from ..zone.backtest import backtest_zone
+    from ..zone.zone_backtest import backtest_zone
 
     frame, _ = read_log(log, settings)
     found = backtest_zone(settings, split_log(frame, settings), say)

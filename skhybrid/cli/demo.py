@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -31,12 +32,18 @@ def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:
     """Forecast the log that ships with the package, beside simple models."""
     # imported here so that --help need not wait for it
     from ..datasets import load_small_office
-    from ..study import Settings, split_log
     from ._study import study_to_folder
 
-    office = load_small_office()
-    spans = _QUICK_SPANS if quick else _SPANS
+    settings, data = office_study(quick=quick)
+    return study_to_folder(settings, data, out, say, load_small_office().heat_gain, as_json=as_json)
+
+
+def office_study(*, quick: bool = False, **settings: Any) -> tuple[Any, Any]:
+    """Settings and data of the study, with further ``settings``."""
+    from ..datasets import load_small_office
+    from ..study import Settings, split_log
+
+    office, spans = load_small_office(), _QUICK_SPANS if quick else _SPANS
     columns = {role: role for role in office.X}
-    settings = Settings(name=_NAME, columns=columns, train=spans["train"], test=spans["test"])
-    data = split_log(office.X.loc[:_END], settings)
-    return study_to_folder(settings, data, out, say, office.heat_gain, as_json=as_json)
+    study = Settings(name=_NAME, columns=columns, train=spans["train"], test=spans["test"], **settings)
+    return study, split_log(office.X.loc[:_END], study)

@@ -23,7 +23,7 @@ def command(
     """Train the cases of the design matrix on [train], score them on [test]; a stopped search goes on."""
     settings = settings_at(config)
     from ..study import read_log, split_log
-    from ..zone.search import search_zone
+    from ..zone.zone_search import search_zone
 
     frame, _ = read_log(log, settings)
     table = search_zone(settings, split_log(frame, settings), store, models.split(","), size, jobs)

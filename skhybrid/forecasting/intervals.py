@@ -2,7 +2,9 @@
 
 The shape of the errors is conformal: quantiles of standardised errors, with a finite-sample correction.  Their scale
 depends on the lead and on the hour of the target.  Their location and width follow the errors of the last days, whose
-weights decay with age (weighted conformal prediction, Barber et al. 2023, doi:10.1214/23-AOS2276).
+weights decay with age (weighted conformal prediction, Barber et al. 2023, doi:10.1214/23-AOS2276).  Last, a factor
+follows how well the intervals of the last days, each from what was known then, held what was measured (as adaptive
+conformal inference does, Gibbs and Candes 2021, arXiv:2106.00170).
 """
 
 from __future__ import annotations
@@ -17,12 +19,15 @@ DAYS_BACK = 21  # days before an origin whose forecasts count as recent; the old
 _MEMORY_DAYS = 10.0  # age at which the weight of an error is 1/e [days]
 #: weights of the prior [days]: of the shape in training, of location 0, of width 1
 _SHAPE_DAYS, _LOCATION_DAYS, _WIDTH_DAYS = 5.0, 5.0, 2.0
+#: of the factor: the probability and the days whose intervals are scored, weight of the prior [days], largest change
+_SCORED_PROBABILITY, _SCORED_DAYS, _FACTOR_DAYS, _MOST_FACTOR = 0.8, 10.0, 5.0, 2.0
 _HOUR_DAYS = 10.0  # weight of the average over hours in the scale of one hour [days]
 _INDEPENDENT_PER_DAY = 2.0  # independent errors per day: those of a day-ahead forecast are correlated over half a day
 #: ends of the groups of leads that share a shape [h], and the lead at which each shape holds; between them it blends
 _GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
 _BIN_RATIO = 1.35  # largest ratio of two leads in one bin of the scale
 _SIGMA_LEVELS = (0.1587, 0.5, 0.8413)  # of a normal error: its outer two are two standard deviations apart
+_SCORED_LEVELS = (0.5 - _SCORED_PROBABILITY / 2, 0.5, 0.5 + _SCORED_PROBABILITY / 2)
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
 LEAST_ERRORS = 20  # fewest errors that intervals are learned from
 
@@ -111,18 +116,21 @@ class LeadIntervals:
         recent: tuple[np.ndarray, PathClock] | None = None,
         now: float | None = None,
         further: np.ndarray | None = None,
+        factor: float = 1.0,
     ) -> np.ndarray:
         """(n_leads, n_quantiles) quantiles of the error of one path, to be added to it; never decreasing along a row.
 
         ``clock`` has one origin.  ``recent`` has errors of earlier paths, one row per path, and their clock, on which
         ``now`` is the time of the origin [days]; only errors known at ``now`` are read.  ``further`` (n_leads,) is the
-        standard deviation of an independent error, by which the interval is wider.
+        standard deviation of an independent error, by which the interval is wider.  ``factor`` (:meth:`factor_at`)
+        stretches it about its median.
         """
-        if further is not None:
+        if further is not None or factor != 1.0:
             low, middle, high = self.offsets(clock, _SIGMA_LEVELS, recent, now).T
-            wider = np.hypot(1.0, 2.0 * further / np.maximum(high - low, 1e-9))
+            sigma = np.maximum(high - low, 1e-9) / 2.0
+            wider = factor if further is None else np.hypot(factor, further / sigma)[:, None]
             own = self.offsets(clock, quantiles, recent, now)
-            return np.asarray(middle[:, None] + (own - middle[:, None]) * wider[:, None])
+            return np.asarray(middle[:, None] + (own - middle[:, None]) * wider)
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
         if self.follow and recent is not None and now is not None and recent[0].size:
@@ -139,6 +147,29 @@ class LeadIntervals:
         at = np.log(np.maximum(clock.lead[0], 1e-9))
         blended = [np.interp(at, np.log(_GROUP_LEADS), column) for column in by_group.T]
         return self.scale(clock)[0][:, None] * np.stack(blended, axis=1)
+
+    def factor_at(self, recent: tuple[np.ndarray, PathClock], now: float) -> float:
+        """How much wider the intervals of the last days should have been to hold their share, shrunk towards 1.
+
+        ``recent`` and ``now`` as in :meth:`offsets`.  Each path is scored by the interval that was known at its origin.
+        """
+        errors, past = recent
+        scores, weights = [np.empty(0)], [np.empty(0)]
+        for j in np.flatnonzero((now - past.day[:, 0] < _SCORED_DAYS) & self.follow):
+            age = now - past.day[j]
+            known = np.isfinite(errors[j]) & (age >= -1e-9)
+            # just before the first target: what its origin knew
+            band = self.offsets(past.rows(slice(j, j + 1)), _SCORED_LEVELS, recent, past.day[j, 0] - 1e-6)[known]
+            low, middle, high = band.T
+            off = errors[j][known] - middle
+            scores.append(np.abs(off) / np.maximum(np.where(off > 0, high - middle, middle - low), 1e-9))
+            weights.append(np.exp(-np.maximum(age[known], 0.0) / _MEMORY_DAYS) / max(1, known.sum()))
+        score, weight = np.concatenate(scores), np.concatenate(weights)
+        if not len(score):
+            return 1.0
+        factor = float(weighted_quantiles(score, weight, np.array([_SCORED_PROBABILITY]))[0])
+        share = weight.sum() / (weight.sum() + _FACTOR_DAYS)
+        return float(np.clip(factor, 1.0 / _MOST_FACTOR, _MOST_FACTOR) ** share)
 
     def _standard_quantiles(
         self, group: int, levels: np.ndarray, values: np.ndarray, weights: np.ndarray

@@ -20,6 +20,7 @@ from .weather_error import WeatherError, read_weather_error
 
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
 _SPREAD_ORIGINS, _SPREAD_DRAWS = 6, 8  # origins and drawn weathers that tell what errors of the weather do
+_NORMAL_80 = 1.2816  # half of the 80 % interval of a standard normal error
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
 _ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day
@@ -137,21 +138,28 @@ class QuantileForecastMixin(RollingForecastMixin):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
             recent = (errors[own], past_clock.rows(own))
-            out[i] = paths[i][:, None] + intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further)
+            factor = intervals.factor_at(recent, now)
+            offsets = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further, factor)
+            out[i] = paths[i][:, None] + offsets
         return out
 
     def _weather_spread(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, weather: WeatherError | None
     ) -> np.ndarray | None:
-        """(n_leads,) root mean square of what errors of the weather change in forecasts; None without such errors."""
+        """(n_leads,) spread of what errors of the weather change in forecasts; None without such errors.
+
+        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.
+        """
         if weather is None or not len(origins):
             return None
-        squares = []
+        found = []
         for origin in origins[np.unique(np.linspace(0, len(origins) - 1, _SPREAD_ORIGINS).astype(int))]:
             draws = (weather.forecast(table, int(origin), n_leads, draw) for draw in range(1, _SPREAD_DRAWS + 1))
             plain, *drawn = (self._unadapted(rows, np.array([origin]), n_leads)[0] for rows in (table, *draws))
-            squares.append((np.array(drawn) - plain) ** 2)
-        return np.asarray(np.sqrt(np.mean(squares, axis=(0, 1))))
+            found.append(np.abs(np.array(drawn) - plain))
+        changes = np.concatenate(found)
+        size = np.sqrt(np.mean(changes**2, axis=0))
+        return np.asarray(size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80)
 
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """Forecasts for what a change of inputs does, which need not learn from the history."""

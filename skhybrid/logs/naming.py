@@ -99,7 +99,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words))
     if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
-        role = "Q_hvac" if "hvac" in words else "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
+        one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
+        role = "Q_hvac" if "hvac" in words else one_way
         return Guess(role, 2, "its unit is that of a power or energy" + " (electricity?)" * electric, electric)
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")

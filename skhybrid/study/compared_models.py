@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .. import identification
 from .._time import rows_of
-from ..forecasting import ARXRegressor, DisturbanceForecaster
+from ..forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor, TwoStagePredictor
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
@@ -107,6 +107,16 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         StudyModel("CONV alone", make_gray_box(settings, "conventional"), "identified and used without a disturbance"),
         StudyModel("ARX", ARXRegressor(**reading), "black box, fitted once"),
         StudyModel("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
+        StudyModel(
+            "ARX, multi-step, re-fitted",
+            ARXRegressor(objective="multi_step", adapt="refit", **reading),
+            "fitted on errors at many leads, at every origin",
+        ),
+        StudyModel(
+            "boosting on ARX",
+            BoostedRegressor(residual_of="arx", random_state=settings.random_state, **reading),
+            "gradient-boosted trees on the errors of ARX",
+        ),
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:

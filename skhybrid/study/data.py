@@ -14,7 +14,7 @@ from .._time import even_step, spell
 from ..logs import RawLog, RegularizeReport, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, to_roles
-from ..logs.findings import standstills, without_standstills
+from ..logs.log_findings import standstills, without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
 from .plant import Performance

@@ -10,7 +10,7 @@ import pandas as pd
 from ..study.compared_models import make_gray_box
 from ..study.data import FACADES
 from ..study.settings import Settings
-from .model import complete_rows
+from .zone_model import complete_rows
 
 _DAYS = 56
 _UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified

@@ -17,8 +17,8 @@ from ..study.data import read_log
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
-from .model import ZoneModel
 from .tomorrow import rows_ahead
+from .zone_model import ZoneModel
 
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
 _BEYOND = 0.05  # share of the rows ahead outside of what training covered, from which on it is said

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
-from ..logs.findings import without_standstills
+from ..logs.log_findings import without_standstills
 from ..persistence import load_metadata, load_model, save_model
 from ..preprocessing import FacadeIrradiance
 from ..study.compared_models import make_models

@@ -1,0 +1,263 @@
+"""Numbers in README and docs: each is in a table of ``benchmarks/results``, or is listed here with a reason."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+
+import results  # noqa: E402
+
+PAGES = sorted(str(p.relative_to(ROOT)) for p in [ROOT / "README.md", *(ROOT / "docs").rglob("*.rst")])
+PAGES = [page for page in PAGES if not page.startswith(("docs/_", "docs/generated", "docs/auto_examples"))]
+UNIT = r"(?:K|kW|kWh|degC|%|s|ms|MB|times)(?![\w/])"
+NUMBER = re.compile(rf"(?<![\w.])(?:\d+\.\d+(?![\w.])|\d+(?= {UNIT}))")
+INDENTED = re.compile(
+    r"( *)(?:\.\. (?:code-block|math|literalinclude|image|frame|drawing|\[\d|toctree)|(?!\.\. ).*::$|.*>>>)"
+)
+#: numbers that are no results: a part of the page's name, a pattern and the reason
+NO_RESULTS = [
+    ("", r"80 % intervals?|with 90 % intervals|[Ii]ntervals of nominal \d\d %", "a level"),
+    ("", r"paper \(?\d\.\d|paper's scheme \(3\.1|Eqs. in \d\.\d|Python 3\.11", "a name"),
+    ("README.md", r"differences under 5 % mean little", "a rule of thumb"),
+    ("README.md", r"targets were( at most)? [\d., ]+( and|of ARX and) [\d.]+", "chosen before the benchmark ran"),
+    ("data_contract.rst", r"reflects 20 %", "a default"),
+    ("data_contract.rst", r"differ from those .*? 0\.088", "asserted by tests/test_facades.py"),
+    ("diagnostics.rst", r"below 0\.1 the text says", "a setting"),
+    ("experiment_design.rst", r"hold within 0\.5 K", "a setting"),
+    ("forecasting.rst", r"\(0\.1 here\)|Adam, 0\.003", "a setting"),
+    ("hybrid.rst", r"where 1 kW moves .*? 2 kW\.|\[kW per 10 K\]|taken as 6 kW", "an example or a unit"),
+    (
+        "hybrid.rst",
+        r"at 20 % and 45 %|less than 0\.01 K|error of 0\.05 K|gives 0\.1 to|1\.2 in the place of 0\.3",
+        "settings",
+    ),
+    ("hybrid.rst", r"to 0\.01 K in the tests", "asserted by tests/test_schedule_scheme.py"),
+    (
+        "identifiability.rst",
+        r"a quarter at 90 %|\d kW and 90 % of it between \S+ / 1\.1 and 6 \* 1\.1|above 1\.05",
+        "settings",
+    ),
+    ("model_selection_bayes.rst", r"with probability 0\.95 is", "a setting"),
+    (
+        "model_selection_study.rst",
+        r".+",
+        "the page of one study, with a test of its own (tests/test_benchmarks_selection_study.py)",
+    ),
+    ("online_updating.rst", r"1000 degC|0\.9 times the error", "settings"),
+    ("refused.rst", r"5 % of those", "a setting"),
+]
+
+
+# ------------------------------------------------------------------------------------------------------------ sentences
+def span(values: object, form: str = ".2f") -> str:
+    """The least and the largest value."""
+    numbers = np.asarray(values, dtype=float)
+    return f"{numbers.min():{form}} to {numbers.max():{form}}"
+
+
+def mean(values: pd.Series) -> float:
+    """Geometric mean."""
+    return float(np.exp(np.log(values.astype(float)).mean()))
+
+
+def readme() -> Iterator[str]:
+    """Sentences of the README."""
+    held = re.search(r"intervals of the hybrid held (\d+) % of", results.note("demo"))[1]
+    demo = results.table("demo", "with `[site]`")["RMSE [K]"].astype(float)
+    behind = 100 * (demo["ARX re-fitted"] / demo["hybrid"] - 1)
+    yield f"The 80 % intervals of the hybrid held {held} % of the measurements."
+    yield f"If both see the sun on the facades, ARX re-fitted comes within {behind:.0f} %"
+    known = results.table("set_points_known")["cov."].set_axis(["load", "temperature"], axis=1).astype(float) * 100
+    yield (
+        f"The 80 % intervals of the load held {span(known['load'], '.0f')} %, those of the temperature "
+        f"{span(known['temperature'], '.0f')} %."
+    )
+    rivals = results.competitors()
+    ratio = rivals.div(rivals["default"], axis=0)
+    home, new = ratio.index.str.contains("home"), ratio.index.str.contains("new")
+    refit, boosted = ratio["ARX, multi-step, re-fitted"], ratio["boosting on ARX"]
+    yield (f"it has {span(refit[~home])} of the default's error in the offices and {span(refit[home])} in the homes")
+    yield (
+        f"(winter {boosted['office winter, same control']:.2f}, summer {boosted['office summer, same control']:.2f}), "
+        f"and are {span(100 * boosted[new] - 100, '.0f')} % worse under a new control."
+    )
+    arx, refitted = held_buildings()
+    yield (
+        f"The geometric mean of the ratios is {mean(arx):.2f} to ARX and {mean(refitted):.2f} to ARX re-fitted; the "
+        f"worst are {arx.max():.2f} and {refitted.max():.2f}."
+    )
+
+
+def held_buildings() -> tuple[pd.Series, pd.Series]:
+    """Ratios to ARX and to ARX re-fitted on the buildings that were looked at once."""
+    ratio = results.ratios()
+    rows = ratio[ratio.index.str.startswith("held: ")]
+    assert len(rows) == 36
+    first = [rows[column].str.split().str[0].astype(float) for column in ("to ARX", "to ARX re-fitted")]
+    return first[0], first[1]
+
+
+def hybrid() -> Iterator[str]:
+    """Sentences of the page on the hybrid."""
+    arx, refitted = held_buildings()
+    yield (
+        f"over 36 rows {mean(arx):.2f} of ARX and {mean(refitted):.2f} of ARX re-fitted (geometric means), at worst "
+        f"{arx.max():.2f} and {refitted.max():.2f}."
+    )
+
+
+def command_line() -> Iterator[str]:
+    """Sentences of the page on the command line."""
+    plain, site = (results.table("demo", h)["RMSE [K]"] for h in ("as `make demo` has it", "with `[site]`"))
+    yield f"bring ARX re-fitted from {plain['ARX re-fitted']} to {site['ARX re-fitted']} K and the hybrid"
+    yield f"from {plain['hybrid']} to {site['hybrid']} K"
+
+
+def identifiability() -> Iterator[str]:
+    """Sentences of the page on identifiability."""
+    bias = results.table("coverage", "mean error [%]").query("climate == 'both'")["A_win"].astype(float)
+    yield f"(their A_win is {np.floor(bias[['CONV', 'ID', 'OD']].min().round() / 10) * 10:.0f} % too large and more)"
+
+
+def identification() -> Iterator[str]:
+    """Sentences of the page on identification."""
+    away = results.table("objectives", "Median distance from the truth [%]").set_index("objective", append=True)["C_za"]
+    yield f"the C_za of ID is {float(away['ID', 'one_step']):.1f} % off with"
+    yield f"and {float(away['ID', 'multi_step']):.0f} % off with"
+    error = results.table("objectives", "Forecasts of a day").set_index("objective", append=True)["midnight median [K]"]
+    yield f"({error['OD', 'multi_step']} K against {error['OD', 'one_step']} K)"
+    held = results.table("objectives", "Coverage of the centre of the estimates by intervals of 90 % [%]")
+    held = held[held["objective"] == "multi_step"].drop(columns="objective")
+    yield f"contained the centre of the estimates in {span(held, '.0f')} % of these fits"
+
+
+def intervals() -> Iterator[str]:
+    """Sentences of the page on intervals."""
+    tables = (results.table("intervals", f"{of}, default")["hybrid"].astype(float) for of in INTERVALS)
+    covered, width = tables
+    home = width.index.str.contains("home")
+    yield f"the 80 % intervals of the default cover {span(100 * covered, '.0f')} % of the measurements."
+    yield f"They are {span(width[~home], '.1f')} K wide in offices and {span(width[home], '.1f')} K in homes"
+
+
+INTERVALS = ("Coverage of 80 % intervals [-]", "Width of 80 % intervals [K]")
+
+
+def model_selection_bayes() -> Iterator[str]:
+    """Sentences of the page on the Bayesian choice."""
+    effects = results.table("selection_bayes", "Effects [K]").astype(float)
+    yield f"is then {span(effects['std, groups'] / effects['std, rows'], '.1f')} times as large"
+    past = effects.loc["past-w"]
+    yield f"probability {past['P(reduces), groups']:.2f} instead of {past['P(reduces), rows']:.2f}"
+    cost = results.table("selection_bayes", "2736 candidates, 76 cases").loc["RobustnessComparison"].astype(float)
+    yield (
+        f"take {cost['seconds']:.0f} s on one of two busy cores, {cost['seconds of the processor']:.0f} s of it "
+        "processor time"
+    )
+
+
+def online_updating() -> Iterator[str]:
+    """Sentences of the page on online updating."""
+    found = results.table("online_updating", "Day-ahead RMSE [K] around a change of schedule")
+    later = found.set_index("model", append=True)["later / before"].astype(float)
+    hours, both = "three hours later", "three hours later, closed on Friday and Saturday"
+    yield (
+        f"has {later[hours, 'adapted']:.2f} times its earlier error, the frozen one {later[hours, 'frozen']:.2f} "
+        f"times; without any change the same weeks have {later['no change', 'adapted']:.2f} times the earlier error."
+    )
+    yield f"it is {later[both, 'adapted']:.2f} against {later[both, 'frozen']:.2f}"
+    yield (f"with ridge ends at {later[hours, 'two-stage, adapted']:.2f} and {later[both, 'two-stage, adapted']:.2f}.")
+    alarms = results.table("online_updating", "Drift signal of the frozen model")["alarm after [d]"]
+    changed = alarms[alarms.index != "no change"]
+    days = changed[changed != "none"].astype(int)
+    false = (alarms["no change"] != "none").sum()
+    assert len(changed) - len(days) == 1
+    yield (
+        f"came {days.min()} to {days.max()} days after the change in {len(days)} of {len(changed)} logs, and never in "
+        f"one; in {false} of the {len(alarms['no change'])} offices it also came without a change."
+    )
+
+
+SENTENCES = {
+    f"docs/user_guide/{page.__name__}.rst": page
+    for page in (
+        hybrid,
+        command_line,
+        identifiability,
+        identification,
+        intervals,
+        model_selection_bayes,
+        online_updating,
+    )
+} | {"README.md": readme}
+
+
+# ----------------------------------------------------------------------------------------------------------------- text
+def prose(page: str) -> str:
+    """The text of a page on one line, without code, formulas, tables of the README and addresses."""
+    lines, inside = [], None
+    fenced = False
+    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
+        fenced ^= line.startswith("```")
+        indent = len(line) - len(line.lstrip())
+        if inside is not None and line.strip() and indent <= inside:
+            inside = None
+        if inside is None and (page.endswith(".rst") and (found := INDENTED.match(line))):
+            inside = len(found[1])
+            line = "" if line.lstrip().startswith("..") else line
+        elif inside is not None or fenced or (page.endswith(".md") and line.startswith(("|", "```"))):
+            continue
+        lines.append(line.strip())
+    text = " ".join(" ".join(lines).split())
+    return re.sub(
+        r"``.*?``|(?<!`)`[^`]+`(?!_)|:math:`.*?`|\]\(.*?\)|https?://\S+|doi:\S+|`[^`]*<http[^`]*`__", "_", text
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------------- tests
+@pytest.mark.parametrize("page", SENTENCES)
+def test_sentences_have_the_numbers_of_the_tables(page):
+    text = prose(page)
+    for sentence in SENTENCES[page]():
+        assert sentence in text, f"{page} should say: {sentence}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_number_is_in_a_table_or_has_a_reason(page):
+    text = prose(page)
+    known = [re.escape(sentence) for sentence in SENTENCES.get(page, lambda: ())()]
+    known += [pattern for part, pattern, _ in NO_RESULTS if part in page]
+    covered = [found.span() for pattern in known for found in re.finditer(pattern, text)]
+    loose = [n for n in NUMBER.finditer(text) if not any(a <= n.start() < b for a, b in covered)]
+    where = [text[max(0, n.start() - 50) : n.end() + 30] for n in loose]
+    assert not loose, f"{page}: take from a table of benchmarks/results, or name the reason in NO_RESULTS: {where}"
+
+
+def test_tables_of_the_readme_are_those_of_the_benchmarks():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    found = [line for line in lines if re.match(r"\|.*\d\.\d", line)]
+    expected = [
+        results.table("demo", "as `make demo` has it"),
+        results.set_points_known(),
+        results.default_beside_others(),
+    ]
+    rows = [[key, *row] for frame in expected for key, row in zip(frame.index, frame.to_numpy(), strict=True)]
+    assert [results.cells(line) for line in found] == rows
+    for frame in expected:
+        assert "| " + " | ".join([frame.index.name, *frame.columns]) + " |" in lines
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.endswith(".rst")])
+def test_pages_hold_no_typed_copies_of_tables(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    typed = re.findall(r"^ +- [<>±]?\d+\.\d+.*$", text, re.M)
+    assert not typed, f"{page}: show the table by '.. frame:: results: ...' instead of {typed}"
