@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._table import float_columns
 from ..._time import positive_duration, rows_covering
-from .log_findings import ErrorPattern
+from .findings import ErrorPattern
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box
 
 
