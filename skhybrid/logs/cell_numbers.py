@@ -11,14 +11,17 @@ import pandas as pd
 
 from .unit_names import unit_named
 
-_SWITCHES = dict.fromkeys(("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0)
+_SWITCHES = dict.fromkeys(
+    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0
+)
 _SWITCHES |= dict.fromkeys(
     ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt"), 0.0
 )
 _ERRORS = re.compile(
-    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|invalid\b.*|"
-    r"missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
-    r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|[-+]?inf(inity)?",
+    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
+    r"invalid\b.*|missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
+    r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|"
+    r"[-+]?inf(inity)?",
     re.IGNORECASE,
 )
 _BETWEEN = re.compile(r"(?<=\d)[ \u00a0\u202f'’](?=\d{3}(?:\D|\Z))")  # thousands by space or apostrophe
@@ -41,7 +44,7 @@ def decimal_sign(cells: list[str], sep: str) -> str:
 
 def number_in(text: str, decimal: str = ".") -> float | None:
     """The number that a cell spells with any sign for decimals and thousands; None for a word."""
-    text = _BETWEEN.sub("", text.strip()).replace("−", "-")  # noqa: RUF001
+    text = _BETWEEN.sub("", text.strip()).replace("−", "-")
     if _GROUPED_DOT.fullmatch(text) or (decimal == "," and _ONE_DOT.fullmatch(text)):
         text = text.replace(".", "").replace(",", ".")
     elif _GROUPED_COMMA.fullmatch(text):
@@ -103,7 +106,9 @@ class Channel:
             return values
         codes, uniques = pd.factorize(text[left])
         counts = np.bincount(codes, minlength=len(uniques))
-        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[codes]
+        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[
+            codes
+        ]
         return values
 
     def _one(self, word: str, n: int, decimal: str) -> float:

@@ -13,7 +13,7 @@ from .change_of_value import long_columns
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
 
-_CELLS = 1 << 21  # cells of a piece
+_CELLS = 1 << 19  # cells of a piece
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -25,14 +25,16 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def read(path: Path, **options: Any) -> RawLog:
-    """Read a Parquet file, wide or long, with its time in the index or a column; the options are those of ``Choice``."""
+    """Read a Parquet file, wide or long, its time in the index or a column; the options are those of ``Choice``."""
     choice = Choice(**options)
     where = repr(path.name)
     try:
         from pyarrow import ArrowException
         from pyarrow.parquet import ParquetFile
     except ImportError:
-        raise ImportError('reading a Parquet file needs pyarrow; install it with pip install "skhybrid[files]".') from None
+        raise ImportError(
+            'reading a Parquet file needs pyarrow; install it with pip install "skhybrid[files]".'
+        ) from None
     try:
         with ParquetFile(path) as file:
             return _read(file, choice, where)

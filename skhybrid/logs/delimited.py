@@ -17,7 +17,7 @@ from .table_layout import Layout, find_layout, separator_of, split_lines
 from .text_files import encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
-_CELLS = 1 << 21  # cells of a piece
+_CELLS = 1 << 19  # cells of a piece
 
 
 class TextTable(NamedTuple):
@@ -98,7 +98,7 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
     layout = find_layout(rows)
     if layout is None:
         raise ValueError(
-            f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write stamps as 2024-01-31 13:45."
+            f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write them as 2024-01-31 13:45."
         )
     data = [row for row in rows[layout.first :] if any(row)]
     width = len(layout.names)

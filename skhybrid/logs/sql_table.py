@@ -86,7 +86,9 @@ def _engine(alchemy: Any, url: Any) -> Any:
             f"{url.drivername!r} needs the package {error.name}; install it with pip install {error.name}."
         ) from None
     except alchemy.exc.ArgumentError:
-        raise ValueError(f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite.") from None
+        raise ValueError(
+            f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite."
+        ) from None
 
 
 def _statement(alchemy: Any, connection: Any, table: str | None, query: str | None, place: str) -> tuple[Any, str]:
@@ -97,8 +99,8 @@ def _statement(alchemy: Any, connection: Any, table: str | None, query: str | No
     names = [*inspector.get_table_names(), *inspector.get_view_names()]
     if table is None:
         if len(names) != 1:
-            known = f"its tables are {', '.join(map(repr, sorted(names)))}" if names else "it has no tables"
-            raise ValueError(f"the {place} needs table= or query=; {known}.")
+            shown = f"its tables are {', '.join(map(repr, sorted(names)))}" if names else "it has no tables"
+            raise ValueError(f"the {place} needs table= or query=; {shown}.")
         table = names[0]
     schema, _, bare = table.rpartition(".") if table not in names else ("", "", table)
     known = names if not schema else [*inspector.get_table_names(schema), *inspector.get_view_names(schema)]

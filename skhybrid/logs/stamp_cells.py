@@ -11,9 +11,9 @@ import pandas as pd
 from .stamps import cell, localize, numbered_dates, parse_stamps, zone_of
 
 _USUAL_NAMES = re.compile(
-    r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|datum[ _/-]*(uhr)?zeit|"
-    r"index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|(created|recorded|last_changed)(_at)?|"
-    r"tijd|tijdstip|heure|date[ _]heure|horodatage)\s*(\(.*\)|\[.*\])?\s*\Z",
+    r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
+    r"datum[ _/-]*(uhr)?zeit|index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
+    r"(created|recorded|last_changed)(_at)?|tijd|tijdstip|heure|date[ _]heure|horodatage)\s*(\(.*\)|\[.*\])?\s*\Z",
     re.IGNORECASE,
 )
 _MONTHS = {
@@ -42,7 +42,9 @@ _ZONE = r"\s*(?:Z|UTC|GMT|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?"
 _IS_DATE = re.compile(_DATE, re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
 _IS_EPOCH = re.compile(r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?")
-_IS_STAMP = re.compile(rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE)
+_IS_STAMP = re.compile(
+    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE
+)
 _EPOCH_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
 
 
@@ -97,7 +99,7 @@ def _kind(cells: pd.Series) -> str | None:
 def read_stamps(
     cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str
 ) -> tuple[pd.DatetimeIndex, list[str]]:
-    """Stamps of cells of any kind, and remarks on how they were read; the index of ``cells`` has the rows of the file."""
+    """Stamps of cells of any kind, and remarks on how they were read; ``cells`` are indexed by the rows of the file."""
     if pd.api.types.is_datetime64_any_dtype(cells):
         stamps = pd.DatetimeIndex(cells)
         if timezone is None:
@@ -130,7 +132,9 @@ def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.
     if not (ticks.abs() < 9e18).all():
         raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")
     stamps = pd.DatetimeIndex(ticks.to_numpy(dtype=np.int64).astype("datetime64[ns]"), tz="UTC")
-    return (stamps if timezone is None else stamps.tz_convert(zone_of(timezone))), [f"stamps are {unit} since 1970, UTC"]
+    return (stamps if timezone is None else stamps.tz_convert(zone_of(timezone))), [
+        f"stamps are {unit} since 1970, UTC"
+    ]
 
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
@@ -142,7 +146,7 @@ def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
     if not text.iloc[:1000].str.contains(r"[A-SU-Ya-su-y]", regex=True).any():  # other than T and Z
         return text, late
     for old, new in (
-        (rf"^{_WEEKDAY}(?=\d|{_MONTH})", ""),
+        (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
         (r"(?i)\s*([ap])\.?m\.?(?=\W|$)", r" \1M"),
         (r"(?i)(?<=\d)\s*(UTC|GMT)$", "Z"),
         (r"^(\d{1,2})\.\s*(?=[^\W\d])", r"\1 "),

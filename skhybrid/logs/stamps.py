@@ -11,7 +11,7 @@ from pandas.tseries.api import guess_datetime_format
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
 _YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
-_BLOCK = 250_000  # rows
+_BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
 
@@ -61,9 +61,9 @@ def parse_stamps(
     parts = [
         _parse(text.iloc[rows], absent[rows], bool(zoned.any()), day_first, form, where) for rows in _blocks(len(text))
     ]
-    stamps = parts[0].append(parts[1:]) if len(parts) > 1 else parts[0]
+    stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
     if next_day is not None and next_day.any():
-        stamps = stamps.where(~next_day, stamps + pd.Timedelta("1D"))
+        stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
     if not zoned.any():
         return stamps if timezone is None else localize(stamps, timezone, text, where)
     if timezone is not None:
@@ -104,9 +104,7 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     )
 
 
-def _parse(
-    text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str
-) -> pd.DatetimeIndex:
+def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
     """Stamps of a block of rows; ``form`` is the first stamp of the log."""
     known = text.mask(absent)
     guess = guess_datetime_format(form, dayfirst=day_first)
