@@ -81,7 +81,7 @@ def test_unit_lines_of_a_data_logger(write):
     [
         ("T_in_degC", "degC"), ("Zone Temp (F)", "degF"), ("ghi_kW_m2", "kW/m2"), ("GHI [W/m²]", "W/m2"), ("kW", "kW"),
         ("Power, W", "W"), ("Valve %", "percent"), ("Room K", None), ("Draw [kW]", "kW"), ("tower", None),
-        ("low", None), ("Energy (kWh)", None), ("Roof (east)", None), ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"), 
+        ("low", None), ("Energy (kWh)", None), ("Roof (east)", None), ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"),
         ("Draw [mW]", None),
     ],
 )  # fmt: skip

@@ -58,7 +58,8 @@ def number_in(text: str, decimal: str = ".") -> float | None:
 class Channel:
     """The cells of one column, read piece by piece."""
 
-    parts: list[np.ndarray] = field(default_factory=list)
+    numbers: np.ndarray = field(default_factory=lambda: np.empty(0))
+    n_cells: int = 0
     n_numbers: int = 0
     n_switches: int = 0
     words: Counter[str] = field(default_factory=Counter)
@@ -75,13 +76,15 @@ class Channel:
             self.words["inf"] += int(wild.sum())
             values = np.where(wild, np.nan, values)
         self.n_numbers += int(np.isfinite(values).sum())
-        self.parts.append(values)
+        end = self.n_cells + len(values)
+        if end > len(self.numbers):  # one block that grows, since many small ones leave holes in the memory
+            self.numbers.resize(max(end, len(self.numbers) * 3 // 2), refcheck=False)
+        self.numbers[self.n_cells : end] = values
+        self.n_cells = end
 
     def values(self) -> np.ndarray:
-        """All numbers that were read, float64, NaN where a cell has none; the pieces are let go."""
-        whole = np.concatenate(self.parts) if self.parts else np.zeros(0)
-        self.parts = [whole]
-        return whole
+        """All numbers that were read, float64, NaN where a cell has none."""
+        return self.numbers[: self.n_cells]
 
     @property
     def odd(self) -> tuple[str, int]:
