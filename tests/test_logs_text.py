@@ -245,6 +245,16 @@ HEAD = "time,T,x\n"
         (HEAD + "2024-01-01,1,2\n", {"sheet": 1}, "format CSV takes no option 'sheet'; it takes sep, decimal, columns"),
         (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is none of 'Excel'"),
         (HEAD + "2024-01-01,1,2\n", {"timezone": "Mars/Base"}, "timezone='Mars/Base' is unknown"),
+        (
+            HEAD + 3 * "2024-01-01,1,2\n" + "2024-01-01,1,2,9\n",
+            {},
+            "cannot be read as CSV .*Expected 3 fields in line 5, saw 4",
+        ),
+        (
+            HEAD + 3 * "2024-01-01 00:00,20,5,21,5\n",
+            {},
+            "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
+        ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
