@@ -82,6 +82,9 @@ HOMES = {
     "matplotlib": ("inspection/",),
     "holidays": ("_holidays.py",),
     "click": ("cli/",),
+    "openpyxl": ("logs/spreadsheet.py",),
+    "pyarrow": ("logs/columnar.py",),
+    "sqlalchemy": ("logs/sql_table.py",),
 }
 
 
@@ -245,8 +248,8 @@ def test_a_heavy_library_stays_where_it_lives(library):
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor"])
-def test_a_plotting_or_sampling_library_is_imported_inside_functions(library):
+@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor", "openpyxl", "pyarrow", "sqlalchemy"])
+def test_a_plotting_sampling_or_file_library_is_imported_inside_functions(library):
     wrong = [
         _shown(path, one) for path, imports in MODULES.items() for one in imports if one.top == library if one.on_load
     ]

@@ -13,7 +13,7 @@ from .cell_numbers import Channel
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
 from .stamps import localize
-from .unit_names import unit_named
+from .unit_names import unit_named, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
@@ -55,9 +55,8 @@ class Choice:
             return channels
         for name in self.columns:
             if name not in channels:
-                raise ValueError(
-                    f"columns= names {name!r}, which is not in {where}; its channels are {', '.join(map(repr, channels))}."
-                )
+                known = ", ".join(map(repr, channels))
+                raise ValueError(f"columns= names {name!r}, which is not in {where}; its channels are {known}.")
         return [name for name in channels if name in set(self.columns)]
 
 
@@ -74,7 +73,8 @@ class Pieces:
     where : str
         The source as messages name it.
     format : str
-    units : mapping of column to unit, as the source writes it
+    units : mapping of column to unit
+        Units beside those in the names, as the source writes them.
     decimal : str
     first_line : int
         Line of the file that holds the first row.
@@ -121,7 +121,7 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
         texts.append(_stamp_cells(kept, pieces))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
             channels.setdefault(str(name).strip(), Channel()).add(kept[value].iloc[places], pieces.decimal)
-            rows.setdefault(str(name).strip(), []).append(places + n_rows)
+            rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
         choice.wanted(channels, (), pieces.where)
@@ -226,8 +226,9 @@ def _finish(
     frame: pd.DataFrame, channels: Mapping[str, Channel], pieces: Pieces, choice: Choice, sparse_only: bool = False
 ) -> RawLog:
     """The log, with its units, its held channels and the notes."""
-    written = dict(pieces.units) | {n: c.units.most_common(1)[0][0] for n, c in channels.items() if c.units}
-    units = {name: unit for name in frame if (unit := unit_named(written.get(name, ""))) is not None}
+    written = {n: text for n in frame if (text := unit_text(str(n)))} | dict(pieces.units)
+    written |= {n: c.units.most_common(1)[0][0] for n, c in channels.items() if c.units}
+    units = {str(name): unit for name in frame if (unit := unit_named(written.get(name, ""))) is not None}
     others = [f"{name!r} in {written[name]}" for name in frame if name in written and name not in units]
     if others:
         pieces.notes.append(f"units that are not converted: {', '.join(others)}")
@@ -236,12 +237,14 @@ def _finish(
         if held:
             pieces.notes.append(f"logged by change, so held until the next value: {', '.join(map(repr, sorted(held)))}")
     elif isinstance(choice.held, bool):
-        held = frozenset(frame if choice.held else ())
+        held = frozenset(map(str, frame) if choice.held else ())
     else:
         held = frozenset(choice.held)
         for name in held - set(frame):
             raise ValueError(f"held= names {name!r}, which is no channel of {pieces.where}.")
     notes = tuple(_counted(pieces.notes))
+    if held and not frame.index.is_unique:
+        frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
 
 
@@ -266,7 +269,7 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
         spacing = np.diff(ticks[known])
         spacing = spacing[spacing > 0]
         if len(spacing) < 3:
-            found += [name] if known.any() and len(ticks) > 10 else []
+            found += [str(name)] if known.any() and len(ticks) > 10 else []
             continue
         usual = np.median(spacing)
         if (np.abs(spacing - usual) <= 0.1 * usual).mean() < _EVEN:

@@ -18,9 +18,10 @@ _SWITCHES |= dict.fromkeys(
     ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt"), 0.0
 )
 _ERRORS = re.compile(
-    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|invalid\b.*|"
-    r"missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
-    r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|[-+]?inf(inity)?",
+    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
+    r"invalid\b.*|missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
+    r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|"
+    r"[-+]?inf(inity)?",
     re.IGNORECASE,
 )
 _BETWEEN = re.compile(r"(?<=\d)[ \u00a0\u202f'’](?=\d{3}(?:\D|\Z))")  # thousands by space or apostrophe
@@ -57,7 +58,8 @@ def number_in(text: str, decimal: str = ".") -> float | None:
 class Channel:
     """The cells of one column, read piece by piece."""
 
-    parts: list[np.ndarray] = field(default_factory=list)
+    numbers: np.ndarray = field(default_factory=lambda: np.empty(0))
+    n_cells: int = 0
     n_numbers: int = 0
     n_switches: int = 0
     words: Counter[str] = field(default_factory=Counter)
@@ -74,13 +76,15 @@ class Channel:
             self.words["inf"] += int(wild.sum())
             values = np.where(wild, np.nan, values)
         self.n_numbers += int(np.isfinite(values).sum())
-        self.parts.append(values)
+        end = self.n_cells + len(values)
+        if end > len(self.numbers):  # one block that grows, since many small ones leave holes in the memory
+            self.numbers.resize(max(end, len(self.numbers) * 3 // 2), refcheck=False)
+        self.numbers[self.n_cells : end] = values
+        self.n_cells = end
 
     def values(self) -> np.ndarray:
-        """All numbers that were read, float64, NaN where a cell has none; the pieces are let go."""
-        whole = np.concatenate(self.parts) if self.parts else np.zeros(0)
-        self.parts = [whole]
-        return whole
+        """All numbers that were read, float64, NaN where a cell has none."""
+        return self.numbers[: self.n_cells]
 
     @property
     def odd(self) -> tuple[str, int]:

@@ -16,8 +16,8 @@ from .stamp_cells import find_stamp_columns
 from .table_layout import find_layout, separator_of, split_lines
 
 _POINT = re.compile(
-    r"(data)?point[ _]?(name|id)?|tag[ _]?(name|id)?|sensor[ _]?(name|id)?|channel([ _]name)?|variable|entity_id|metric|"
-    r"series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter",
+    r"(data)?point[ _]?(name|id)?|tag[ _]?(name|id)?|sensor[ _]?(name|id)?|channel([ _]name)?|variable|entity_id|"
+    r"metric|series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter",
     re.IGNORECASE,
 )
 _VALUE = re.compile(r"(present[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur", re.IGNORECASE)

@@ -13,7 +13,7 @@ from .change_of_value import long_columns
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
 
-_CELLS = 1 << 21  # cells of a piece
+_CELLS = 1 << 19  # cells of a piece
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -25,7 +25,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def read(path: Path, **options: Any) -> RawLog:
-    """Read a Parquet file, wide or long, with its time in the index or a column; the options are those of ``Choice``."""
+    """Read a Parquet file, wide or long, its time in the index or a column; the options are those of ``Choice``."""
     choice = Choice(**options)
     where = repr(path.name)
     try:

@@ -12,12 +12,12 @@ import pandas as pd
 from .assembly import Choice, Pieces, assemble
 from .cell_numbers import decimal_sign
 from .raw_log import RawLog
-from .stamp_cells import find_stamp_columns
+from .stamp_cells import find_stamp_columns, is_stamp
 from .table_layout import Layout, find_layout, separator_of, split_lines
 from .text_files import encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
-_CELLS = 1 << 21  # cells of a piece
+_CELLS = 1 << 19  # cells of a piece
 
 
 class TextTable(NamedTuple):
@@ -32,7 +32,7 @@ class TextTable(NamedTuple):
 
     def pieces(self, stamps: Sequence[str], columns: Sequence[str], text: Sequence[str] = ()) -> Iterator[pd.DataFrame]:
         """The rows of some columns, piece by piece; the stamps and the columns of ``text`` remain text."""
-        read = set(stamps) | set(columns)
+        read = [j for j, name in enumerate(self.layout.names) if name in {*stamps, *columns}]
         options: dict[str, Any] = {
             "sep": self.sep,
             "decimal": self.decimal,
@@ -40,7 +40,7 @@ class TextTable(NamedTuple):
             "encoding_errors": "replace",
             "header": None,
             "names": list(self.layout.names),
-            "usecols": lambda name: name in read,
+            "usecols": read if len(read) < len(self.layout.names) else None,  # None has rows with more cells refused
             "dtype": dict.fromkeys([*stamps, *text], str),
             "skiprows": self.layout.first,
             "skipinitialspace": True,
@@ -50,10 +50,15 @@ class TextTable(NamedTuple):
         }
         where = repr(self.path.name)
         try:
-            with open_bytes(self.path) as file, warnings.catch_warnings():
-                warnings.simplefilter("ignore", pd.errors.ParserWarning)  # more cells than names: left out
-                yield from pd.read_csv(file, **options)
-        except pd.errors.ParserError as error:
+            with open_bytes(self.path) as file, pd.read_csv(file, **options) as reader:
+                while True:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("error", pd.errors.ParserWarning)  # cells that would be left out
+                        piece = next(reader, None)
+                    if piece is None:
+                        return
+                    yield piece
+        except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:  # the last for a wide first row
             raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
         except (EOFError, OSError) as error:
             raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
@@ -98,7 +103,13 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
     layout = find_layout(rows)
     if layout is None:
         raise ValueError(
-            f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write stamps as 2024-01-31 13:45."
+            f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write them as 2024-01-31 13:45."
+        )
+    above = [cell for cell in rows[layout.first - 1] if cell] if layout.headless and layout.first else []
+    if len(above) > 1 and sum(map(is_stamp, above)) == 0:
+        raise ValueError(
+            f"line {layout.first} of {where} names {len(above)} columns, but the rows have {len(layout.names)} cells; "
+            "put numbers with a decimal comma in quotes, or pass the separator, such as sep=';'."
         )
     data = [row for row in rows[layout.first :] if any(row)]
     width = len(layout.names)

@@ -11,9 +11,9 @@ import pandas as pd
 from .._holidays import read_holidays
 from .._ranges import range_of
 from .._time import spell
+from .abilities import abilities, excitation
 from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
 from .even_steps import typical_step
-from .abilities import abilities, excitation
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
 from .naming import ENERGY, Guess, assign_roles, unit_in_name

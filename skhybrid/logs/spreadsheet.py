@@ -32,7 +32,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLog:
-    """Read a sheet of a workbook, the first one with a table by default; other options are those of ``Choice``."""
+    """Read a sheet of a workbook, by default the one with the most stamps; other options are those of ``Choice``."""
     choice = Choice(**options)
     book = _open(path)
     try:
@@ -40,7 +40,7 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         names = layout.names
         head = list(islice(rows, layout.first + _HEAD))[layout.first :]
         stamps = find_stamp_columns(_frame(head, names, 0), choice.time_column, where)
-        frames = _pieces(chain(head, rows), names, list(stamps))
+        frames = _pieces(chain(head, rows), names)
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
         pieces = Pieces(frames, stamps, where, "Excel", units, ".", layout.first + 1, notes)
         long = long_columns(names)
@@ -83,10 +83,11 @@ def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator
     if not found:
         which = f"sheet {sheet!r} of {file}" if sheet else file
         raise ValueError(f"{which} has no table with time stamps in its first {_HEAD} rows.")
-    name, layout = found[0]
+    name, layout = max(found, key=lambda one: one[1].n_stamps)
     notes = [f"read from sheet {name!r}"] if len(names) > 1 else []
-    if len(found) > 1:
-        notes.append(f"not read: {', '.join(repr(other) for other, _ in found[1:])}, which also have tables")
+    others = [repr(other) for other, table in found if other != name and table.n_stamps > 1]
+    if others:
+        notes.append(f"not read: {', '.join(others)}, which also hold tables")
     return _rows(book[name]), layout, f"sheet {name!r} of {file}", notes
 
 
@@ -104,19 +105,15 @@ def _text(cell: Any) -> str:
     if cell is None:
         return ""
     if isinstance(cell, dt.datetime):
-        whole = (cell + dt.timedelta(microseconds=500_000)).replace(microsecond=0)
-        return str(whole)
+        return str((cell + dt.timedelta(microseconds=500_000)).replace(microsecond=0)).removesuffix(" 00:00:00")
     return str(cell).strip()
 
 
-def _pieces(rows: Iterator[list[str]], names: tuple[str, ...], stamps: list[str]) -> Iterator[pd.DataFrame]:
+def _pieces(rows: Iterator[list[str]], names: tuple[str, ...]) -> Iterator[pd.DataFrame]:
     begin = 0
     while part := list(islice(rows, _PIECE)):
-        frame = _frame(part, names, begin)
-        if len(stamps) > 1:  # a cell of date alone has midnight as its time
-            frame[stamps[0]] = frame[stamps[0]].str.removesuffix(" 00:00:00")
+        yield _frame(part, names, begin)
         begin += len(part)
-        yield frame
 
 
 def _frame(rows: list[list[str]], names: tuple[str, ...], begin: int) -> pd.DataFrame:

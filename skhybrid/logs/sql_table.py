@@ -99,8 +99,8 @@ def _statement(alchemy: Any, connection: Any, table: str | None, query: str | No
     names = [*inspector.get_table_names(), *inspector.get_view_names()]
     if table is None:
         if len(names) != 1:
-            known = f"its tables are {', '.join(map(repr, sorted(names)))}" if names else "it has no tables"
-            raise ValueError(f"the {place} needs table= or query=; {known}.")
+            shown = f"its tables are {', '.join(map(repr, sorted(names)))}" if names else "it has no tables"
+            raise ValueError(f"the {place} needs table= or query=; {shown}.")
         table = names[0]
     schema, _, bare = table.rpartition(".") if table not in names else ("", "", table)
     known = names if not schema else [*inspector.get_table_names(schema), *inspector.get_view_names(schema)]

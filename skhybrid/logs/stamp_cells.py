@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .stamps import cell, localize, numbered_dates, parse_stamps, zone_of
+from .stamps import blocks, cell, localize, numbered_dates, parse_stamps, zone_of
 
 _USUAL_NAMES = re.compile(
-    r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|datum[ _/-]*(uhr)?zeit|"
-    r"index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|(created|recorded|last_changed)(_at)?|"
-    r"tijd|tijdstip|heure|date[ _]heure|horodatage)\s*(\(.*\)|\[.*\])?\s*\Z",
+    r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
+    r"datum[ _/-]*(uhr)?zeit|index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
+    r"(created|recorded|last_changed)(_at)?|tijd|tijdstip|heure|date[ _]heure|horodatage)\s*(\(.*\)|\[.*\])?\s*\Z",
     re.IGNORECASE,
 )
 _MONTHS = {
@@ -99,7 +99,7 @@ def _kind(cells: pd.Series) -> str | None:
 def read_stamps(
     cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str
 ) -> tuple[pd.DatetimeIndex, list[str]]:
-    """Stamps of cells of any kind, and remarks on how they were read; the index of ``cells`` has the rows of the file."""
+    """Stamps of cells of any kind, and remarks on how they were read; ``cells`` are indexed by the rows of the file."""
     if pd.api.types.is_datetime64_any_dtype(cells):
         stamps = pd.DatetimeIndex(cells)
         if timezone is None:
@@ -139,14 +139,24 @@ def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
     """Stamps with English months and without the day of the week; and which of them are written as 24:00."""
+    late = np.zeros(len(cells), dtype=bool)
+    parts = [_plain_block(cells.iloc[rows], late[rows]) for rows in blocks(len(cells))]
+    if all(part is None for part in parts):
+        return cells.astype(str), late
+    both = zip(parts, blocks(len(cells)), strict=True)
+    return pd.concat([cells.iloc[rows].astype(str) if part is None else part for part, rows in both]), late
+
+
+def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
+    """The stamps of a block, None where they need no change; marks those at 24:00 in ``late``."""
     text = cells.astype(str).str.strip()
-    late = text.str.contains(r"[T\s]24:00(?::00)?\b", regex=True).to_numpy(dtype=bool)
+    late[:] = text.str.contains(r"[T\s]24:00(?::00)?\b", regex=True).to_numpy(dtype=bool)
     if late.any():
         text = text.where(~late, text.str.replace(r"([T\s])24:", r"\g<1>00:", regex=True))
     if not text.iloc[:1000].str.contains(r"[A-SU-Ya-su-y]", regex=True).any():  # other than T and Z
-        return text, late
+        return text if late.any() else None
     for old, new in (
-        (rf"^{_WEEKDAY}(?=\d|{_MONTH})", ""),
+        (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
         (r"(?i)\s*([ap])\.?m\.?(?=\W|$)", r" \1M"),
         (r"(?i)(?<=\d)\s*(UTC|GMT)$", "Z"),
         (r"^(\d{1,2})\.\s*(?=[^\W\d])", r"\1 "),
@@ -155,7 +165,7 @@ def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
     for old, new in _MONTHS.items():
         if text.iloc[0] and text.str.contains(old, case=False, regex=False).any():
             text = text.str.replace(rf"(?i)\b{old}\b\.?", new, regex=True)
-    return text.str.replace(r"([^\W\d]{3,})\.", r"\1", regex=True), late
+    return text.str.replace(r"([^\W\d]{3,})\.", r"\1", regex=True)
 
 
 def _day_first_by_order(text: pd.Series) -> bool | None:

@@ -11,7 +11,7 @@ from pandas.tseries.api import guess_datetime_format
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
 _YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
-_BLOCK = 250_000  # rows
+_BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
 
@@ -44,11 +44,12 @@ def parse_stamps(
 
     Rows of ``next_day`` are a day later than they say.
     """
-    text = cells.astype(str).str.strip()
+    text = cells.astype(str)
     absent = cells.isna().to_numpy()
-    zoned, offsets = np.zeros(len(text), dtype=bool), set()
-    for rows in _blocks(len(text)):
-        found = text.iloc[rows].str.extract(_OFFSET)[0]
+    zoned = np.zeros(len(text), dtype=bool)
+    offsets: set[str] = set()
+    for rows in blocks(len(text)):
+        found = text.iloc[rows].str.strip().str.extract(_OFFSET)[0]
         zoned[rows] = found.notna().to_numpy()
         offsets.update(found.dropna())
     if zoned.any() and not zoned[~absent].all():
@@ -57,21 +58,22 @@ def parse_stamps(
             f"row {line(text.index[row])} of {where}: the time stamp {cell(text.iloc[row])} has no offset from UTC, "
             "but others have one."
         )
-    day_first, form = _day_first(text, dayfirst, where), text.iloc[0]
+    day_first, form = _day_first(text, dayfirst, where), text.iloc[0].strip()
     parts = [
-        _parse(text.iloc[rows], absent[rows], bool(zoned.any()), day_first, form, where) for rows in _blocks(len(text))
+        _parse(text.iloc[rows].str.strip(), absent[rows], bool(zoned.any()), day_first, form, where)
+        for rows in blocks(len(text))
     ]
-    stamps = parts[0].append(parts[1:]) if len(parts) > 1 else parts[0]
+    stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
     if next_day is not None and next_day.any():
-        stamps = stamps.where(~next_day, stamps + pd.Timedelta("1D"))
+        stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
     if not zoned.any():
         return stamps if timezone is None else localize(stamps, timezone, text, where)
     if timezone is not None:
         return stamps.tz_convert(zone_of(timezone))
-    return stamps.tz_convert(pd.Timestamp(text.iloc[0]).tz) if len(offsets) == 1 else stamps
+    return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
 
 
-def _blocks(n: int) -> list[slice]:
+def blocks(n: int) -> list[slice]:
     """Blocks of rows, so that the regular expressions on millions of stamps take little memory."""
     return [slice(i, i + _BLOCK) for i in range(0, max(n, 1), _BLOCK)]
 
@@ -83,7 +85,7 @@ def line(row: int) -> int:
 
 def numbered_dates(text: pd.Series) -> pd.DataFrame:
     """First and second number of dates such as 31/01/2024, one row per different pair, in the order of the log."""
-    pairs = [text.iloc[rows].str.extract(_NUMBERED).drop_duplicates() for rows in _blocks(len(text))]
+    pairs = [text.iloc[rows].str.strip().str.extract(_NUMBERED).drop_duplicates() for rows in blocks(len(text))]
     return pd.concat(pairs).drop_duplicates().astype(np.float64)
 
 
@@ -143,7 +145,7 @@ def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: st
 
 def cell(text: object) -> str:
     """A cell as a message shows it."""
-    shown = str(text)
+    shown = str(text).strip()
     return repr(shown if len(shown) <= 40 else f"{shown[:37]}...")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from .stamp_cells import is_stamp, is_stamp_name
-from .unit_names import is_unit, unit_named, unit_text
+from .unit_names import is_unit, unit_named
 
 _SEPARATORS = ("\t", ";", "|", ",")
 
@@ -17,9 +17,10 @@ class Layout(NamedTuple):
     """Layout of a table, as its first rows show it."""
 
     names: tuple[str, ...]
-    units: dict[str, str]  # by name, as they are written
+    units: dict[str, str]  # of a line of units, by name, as they are written
     first: int  # position of the first row of data
-    headless: bool = False
+    headless: bool
+    n_stamps: int  # in the given rows
 
 
 def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
@@ -60,10 +61,9 @@ def find_layout(rows: Sequence[Sequence[str]]) -> Layout | None:
     header, units = _header(rows, first, width, place)
     unnamed = place == 0 and len(header) == width - 1 and bool(rows[first][-1]) and not is_stamp_name(header[0])
     names = _names(["time", *header] if unnamed else header, width, place)
-    stated = {name: text for name in names if (text := unit_text(name))}
-    stated |= {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
+    stated = {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
     stated.pop(names[place], None)
-    return Layout(names, stated, first, headless=not header)
+    return Layout(names, stated, first, not header, most)
 
 
 def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -> tuple[list[str], list[str]]:

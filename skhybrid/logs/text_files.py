@@ -8,10 +8,10 @@ import gzip
 import lzma
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 _SAMPLE = 1 << 18  # bytes that tell the encoding
-_COMPRESSED = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+_COMPRESSED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
 
@@ -23,7 +23,7 @@ def open_bytes(path: Path) -> IO[bytes]:
         begin = file.read(6)
     for mark, opened in _COMPRESSED.items():
         if begin.startswith(mark):
-            return opened(path, "rb")  # type: ignore[return-value]
+            return opened(path, "rb")
     return path.open("rb")
 
 

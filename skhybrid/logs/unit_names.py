@@ -34,7 +34,7 @@ _ENDING = re.compile(
 
 
 def unit_named(text: object) -> str | None:
-    """The unit that a text such as "°F" or "[W/m²]" spells, as :class:`~skhybrid.preprocessing.UnitConverter` names it."""
+    """The unit that a text such as "°F" or "[W/m²]" spells, in the words of ``UnitConverter``; None for another."""
     spelt = _plain(str(text))
     return _UNITS.get(spelt) or (None if spelt == "mW" else _UNITS.get(spelt.lower()))
 

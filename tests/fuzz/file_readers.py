@@ -20,6 +20,7 @@ from estimators import NETWORKS, fitted
 from outcomes import Outcome, observe, wrong_numbers
 from zone_tables import training
 
+from skhybrid import logs
 from skhybrid.datasets import read_epw, read_weather, read_zone_csv, regularize
 from skhybrid.logs import ecobee, epa_thermostat, home_assistant, influx
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
@@ -126,6 +127,8 @@ _READ = (
     {"columns": {"T_za": "T_za", "T_oa": "T_oa"}}, {"sep": ";", "decimal": ","}, {"time_column": "time"},
 )  # fmt: skip
 
+_READ_LOG = ({}, {"timezone": "Europe/Amsterdam"}, {"dayfirst": True}, {"format": "CSV"}, {"format": "change of value"})
+
 
 def _finite(result: Any, warned: bool) -> str | None:
     return wrong_numbers(result, missing=True)
@@ -139,6 +142,9 @@ def csv(content: bytes, choice: int, folder: Path) -> Outcome:
         return observe(lambda: read_epw(path), _finite)
     if choice % 4 == 0:
         return observe(lambda: propose_settings(path), lambda text, warned: None if text else "no proposal")
+
+    if choice % 4 == 1:
+        return observe(lambda: logs.read_log(path, **_READ_LOG[choice // 4 % len(_READ_LOG)]).frame, _finite)
 
     def read() -> Any:
         frame = read_zone_csv(path, **_READ[choice % len(_READ)])

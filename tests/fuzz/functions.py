@@ -191,7 +191,7 @@ _MADE, _NUMBERS = "is made by what is called", "takes names and numbers, no tabl
 _SAMPLES = "samples for seconds from the table of a search"
 #: public names that are neither estimators nor functions above
 NOT_CALLED = {
-    **dict.fromkeys(("RegularizeReport", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
+    **dict.fromkeys(("RegularizeReport", "RawLog", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
     **dict.fromkeys(("Identifiability", "StudyData", "StudyModel"), _MADE),
     **dict.fromkeys(
         (
