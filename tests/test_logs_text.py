@@ -231,7 +231,7 @@ HEAD = "time,T,x\n"
     ("text", "options", "message"),
     [
         ("", {}, "'log.csv' is empty"),
-        ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is none of Home Assistant, ecobee, EPA thermostat, InfluxDB, Excel, Parquet"),
+        ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is none of Home Assistant, ecobee"),
         (HEAD, {}, "no cell that is a time stamp in its first 1 lines"),
         ("a b\nc d\n", {}, "no rows of two or more cells; pass its separator, such as sep=';'"),
         ("T,x\n1,2\n3,4\n", {}, "no cell that is a time stamp"),
@@ -243,7 +243,7 @@ HEAD = "time,T,x\n"
         (HEAD + "2024-01-01,1,2\n", {"columns": "T"}, "columns='T' is one text; give a list"),
         (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column= names 'zeit', which is not in 'log.csv'"),
         (HEAD + "2024-01-01,1,2\n", {"sheet": 1}, "format CSV takes no option 'sheet'; it takes sep, decimal, columns"),
-        (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is none of 'Excel'"),
+        (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is none of 'Home Assistant'"),
         (HEAD + "2024-01-01,1,2\n", {"timezone": "Mars/Base"}, "timezone='Mars/Base' is unknown"),
         (
             HEAD + 3 * "2024-01-01,1,2\n" + "2024-01-01,1,2,9\n",

@@ -76,7 +76,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
         frame = frame.tz_convert(settings.timezone)
     if settings.label == "right":
         frame = to_left_label(frame.sort_index(kind="stable"))
-    frame, report = cast("tuple[pd.DataFrame, RegularizeReport]", regularize(frame, settings.step, return_report=True))
+    frame, report = _on_even_steps(frame, settings, [c.role for c in channels if c.name in raw.held])
     if 2 * report.step < report.source_step:  # then T_za is missing in most rows
         given, logged = spell(report.step), spell(report.source_step)
         raise ValueError(
@@ -89,7 +89,16 @@ def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
     """The channels of a log as its source has them, by the format that the settings name or its content tells."""
     given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
+    options.pop("max_hold", None)
     return read_any_log(path, settings.format, **options)
+
+
+def _on_even_steps(frame: pd.DataFrame, settings: Settings, held: list[str]) -> tuple[pd.DataFrame, RegularizeReport]:
+    """The rows at the step of the settings, with values that are logged by change held until the next."""
+    held = [role for role in held if role in frame]
+    longest = settings.log.get("max_hold", "1D")
+    made = regularize(frame, settings.step, return_report=True, held=held, max_hold=longest)
+    return cast("tuple[pd.DataFrame, RegularizeReport]", made)
 
 
 def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:

@@ -20,9 +20,9 @@ from estimators import NETWORKS, fitted
 from outcomes import Outcome, observe, wrong_numbers
 from zone_tables import training
 
-from skhybrid import logs
 from skhybrid.datasets import read_epw, read_weather, read_zone_csv, regularize
 from skhybrid.logs import ecobee, epa_thermostat, home_assistant, influx
+from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import make_models, propose_settings, read_log, read_settings, split_log
@@ -144,7 +144,7 @@ def csv(content: bytes, choice: int, folder: Path) -> Outcome:
         return observe(lambda: propose_settings(path), lambda text, warned: None if text else "no proposal")
 
     if choice % 4 == 1:
-        return observe(lambda: logs.read_log(path, **_READ_LOG[choice // 4 % len(_READ_LOG)]).frame, _finite)
+        return observe(lambda: read_any_log(path, **_READ_LOG[choice // 4 % len(_READ_LOG)]).frame, _finite)
 
     def read() -> Any:
         frame = read_zone_csv(path, **_READ[choice % len(_READ)])
