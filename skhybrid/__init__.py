@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         preprocessing,
         study,
         thermal,
+        zone,
     )
     from .forecasting import ARXRegressor, DisturbanceForecaster
     from .hybrid import HybridPredictor, SchedulePredictor, TwoStagePredictor
@@ -60,6 +61,7 @@ __all__ = [
     "preprocessing",
     "study",
     "thermal",
+    "zone",
 ]
 _SUBMODULES = {*__all__} - {*_MODULE_OF, "__version__"}
 

@@ -30,6 +30,7 @@ from skhybrid.identification import (
     profile_likelihood,
 )
 from skhybrid.inspection import DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, ResidualDisplay
+from skhybrid.logs import LogReport
 from skhybrid.model_selection import (
     DayAheadScorer,
     RollingOriginSplit,
@@ -78,15 +79,15 @@ def _there_and_back(estimator: Any, X: Any) -> Any:
         return load_model(Path(folder) / "m").predict(X)
 
 
-def _command(X: Any, arguments: tuple[str, ...], config: str | None) -> None:
-    """Run the command line on a table that has been written to a file; a refusal on stderr is raised."""
+def _command(X: Any, command: str, arguments: tuple[str, ...], config: str | None) -> None:
+    """Run a command of the command line on a table that has been written to a file; a refusal on stderr is raised."""
     said, out = io.StringIO(), io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         log.write_text(X.to_csv() if isinstance(X, pd.DataFrame | pd.Series) else str(X))
         if config is not None:
             (Path(folder) / "zone.toml").write_text(SETTINGS[config])
-        given = ["run", str(log), *(text.replace("FOLDER", folder) for text in arguments)]
+        given = [command, str(log), *(text.replace("FOLDER", folder) for text in arguments)]
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
             code = cli.main(given)
         written = {path.name for path in (Path(folder) / "out").glob("*")}
@@ -176,15 +177,17 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "DisturbanceWeekDisplay": lambda X, kind: _shown(DisturbanceWeekDisplay, "InputDisturbanceID", X, kind=kind),
     "ResidualDisplay": lambda X, max_lag: _shown(ResidualDisplay, "InputDisturbanceID", X, max_lag=max_lag),
     "skhybrid run": lambda X, config: _command(
-        X, ("--config", "FOLDER/zone.toml", "--out", "FOLDER/out", "--quiet"), config
+        X, "run", ("--config", "FOLDER/zone.toml", "--out", "FOLDER/out", "--quiet"), config
     ),
-    "skhybrid run --write-config": lambda X: _command(X, ("--write-config",), None),
+    "skhybrid check": lambda X: _command(X, "check", ("--quiet",), None),
+    "LogReport": lambda X: LogReport(X).frame if str(LogReport(X)) else None,
 }
 _DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14))
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
 NO_ZONE = (
     "score_", "RollingOriginSplit", "DriftMonitor", "autocorrelation", "cross_correlation", "cumulative_periodogram",
     "ljung_box", "diagnose_residuals", "make_office", "weather_on_steps", "skhybrid run",
+    "skhybrid check", "LogReport",
 )  # fmt: skip
 
 _MADE, _NUMBERS = "is made by what is called", "takes names and numbers, no table"
@@ -213,11 +216,12 @@ NOT_CALLED = {
     **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the targets csv and logs"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
-    "propose_settings": "skhybrid run --write-config, and the targets csv and toml",
+    "propose_settings": "skhybrid check, and the targets csv and toml",
     **dict.fromkeys(("run_study", "write_outputs", "write_report", "StudyResult", "Yesterday"), "skhybrid run"),
     **dict.fromkeys(("PatternExpressiveness", "RobustnessComparison", "select_case", "CaseChoice"), _SAMPLES),
     **dict.fromkeys(("RobustnessDisplay", "PosteriorDisplay", "sample_posterior", "Posterior"), _SAMPLES),
     **dict.fromkeys(("plan_experiment", "ExperimentPlan"), "simulates a week many times, for seconds"),
     **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay"), "draws what another call has made"),
-    **dict.fromkeys(("save_model", "load_model"), "save and load, and the target model"),
+    **dict.fromkeys(("save_model", "load_model", "load_metadata"), "save and load, and the target model"),
+    **dict.fromkeys(("ZoneModel", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"),
 }
