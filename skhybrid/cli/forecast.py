@@ -44,13 +44,14 @@ def command(
             found.frame.to_csv(made, float_format="%.6g")
         say.note(f"wrote {out}")
     if as_json:
-        print_json(_content(found))
+        print_json(forecast_content(found))
     else:
         print(_text(found))
     return DONE
 
 
-def _content(found: Any) -> dict[str, Any]:
+def forecast_content(found: Any) -> dict[str, Any]:
+    """A forecast as plain values."""
     frame = found.frame
     rows = [
         {"time": stamp.isoformat(), **row} for stamp, row in zip(frame.index, frame.to_dict("records"), strict=True)

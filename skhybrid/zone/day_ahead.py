@@ -34,7 +34,7 @@ class DayAhead(NamedTuple):
 
 def day_ahead(
     zone: ZoneModel,
-    log: str | PathLike[str],
+    log: str | PathLike[str] | pd.DataFrame,
     weather: str | PathLike[str] | None = None,
     schedule: Schedule | None = None,
 ) -> DayAhead:
@@ -44,6 +44,7 @@ def day_ahead(
     ----------
     zone : ZoneModel
     log : path-like, the log up to now, with rows of weather and plan after it where there are any
+        Or its rows, as :func:`skhybrid.study.read_log` returns them.
     weather : path-like, optional
         CSV, EPW or Open-Meteo's JSON of the rows ahead.
     schedule : Schedule, optional
@@ -62,7 +63,7 @@ def day_ahead(
         If the log ends long before its rows ahead, or weather or set-points are missing.
     """
     settings = zone.settings
-    frame, _ = read_log(log, settings)
+    frame = log if isinstance(log, pd.DataFrame) else read_log(log, settings)[0]
     history = zone.history(frame)
     origin = history.index[-1]
     later = frame[frame.index > origin].drop(columns="T_za")

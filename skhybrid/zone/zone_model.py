@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from os import PathLike
 from typing import Any, Self
 
@@ -39,7 +40,7 @@ class ZoneModel:
 
     @classmethod
     def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = _DAYS) -> Self:
-        """Fit the predictor of the settings on the last days of a log.
+        """Fit the predictor of the settings on the last days of a log, on their longest stretch without a gap.
 
         Parameters
         ----------
@@ -53,12 +54,13 @@ class ZoneModel:
             If no three days of the log have all inputs and a temperature.
         """
         rows = complete_rows(with_facades(settings, frame))
-        rows = rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)] if len(rows) else rows
         step = pd.Timedelta(settings.step)
+        if len(rows):
+            rows = max(stretches(rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)], step), key=len)
         if len(rows) * step < pd.Timedelta(days=_LEAST_DAYS):
             found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
-                f"the log has {found:.1f} days with all of {', '.join(map(str, rows))}; a model "
+                f"the log has {found:.1f} days in a row with all of {', '.join(map(str, rows))}; a model "
                 f"needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
             )
         predictor = make_models(settings)[0].estimator
@@ -97,24 +99,31 @@ class ZoneModel:
         ValueError
             If they do not follow the known rows without a gap.
         """
-        rows = complete_rows(with_facades(self.settings, frame))
-        until = self.known_until if rows.index.tz is not None else self.known_until.tz_localize(None)
-        new = rows[rows.index > until]
+        new = self.new_rows(frame)
         if len(new) and relearn:
             self.predictor.partial_fit(new, new["T_za"])
         elif len(new):
             self.predictor.update(new)
         return len(new)
 
+    def complete(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The rows of a log that have all that the model reads."""
+        return complete_rows(with_facades(self.settings, frame))
+
+    def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The complete rows of a log after those that the model knows."""
+        rows = self.complete(frame)
+        until = self.known_until if rows.index.tz is not None else self.known_until.tz_localize(None)
+        return rows[rows.index > until]
+
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The rows of a log that a forecast starts from: the last unbroken ones."""
-        rows = complete_rows(with_facades(self.settings, frame))
+        rows = self.complete(frame)
         if rows.empty:
             raise ValueError(
                 "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
             )
-        breaks = np.flatnonzero(np.diff(rows.index.as_unit("ns").asi8) != pd.Timedelta(self.settings.step).value)
-        rows = rows.iloc[breaks[-1] + 1 :] if len(breaks) else rows
+        rows = stretches(rows, pd.Timedelta(self.settings.step))[-1]
         return rows[rows.index > rows.index[-1] - _HISTORY]
 
     def forecast(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
@@ -188,6 +197,12 @@ def complete_rows(frame: pd.DataFrame) -> pd.DataFrame:
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     rows = frame[[*inputs, "T_za"]].iloc[: known[-1] + 1 if len(known) else 0]
     return rows[inputs.loc[rows.index].notna().all(axis=1)]
+
+
+def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:
+    """The rows between gaps, in their order."""
+    breaks = np.flatnonzero(np.diff(rows.index.as_unit("ns").asi8) != step.value) + 1
+    return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
 
 
 def with_facades(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:

@@ -1,0 +1,141 @@
+"""Archive of a zone: every forecast and what was measured, in one SQLite file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from os import PathLike, fspath
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+_PATIENCE = 1.0  # how long a command waits for another one before it gives up [s]
+_FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
+_MEASURED = ("T_za", "Q_hvac")
+
+
+def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
+    columns = [*(f"{key} TEXT NOT NULL" for key in keys), *(f'"{value}" REAL' for value in values)]
+    return f"CREATE TABLE IF NOT EXISTS {name} ({', '.join(columns)}, PRIMARY KEY ({', '.join(keys)})) WITHOUT ROWID"
+
+
+_TABLES = (_table("forecast", ("origin", "time"), _FORECAST), _table("measured", ("time",), _MEASURED))
+_FINISHED = """
+SELECT f.*, m.T_za AS T_za_measured, m.Q_hvac AS Q_hvac_measured FROM forecast f LEFT JOIN measured m USING (time)
+WHERE f.origin >= ? AND f.origin IN
+    (SELECT origin FROM forecast GROUP BY origin HAVING max(time) <= (SELECT max(time) FROM measured))
+ORDER BY f.origin, f.time
+"""
+
+
+class ForecastArchive:
+    """Forecasts by origin and time, and measurements by time, as :func:`open_archive` gives them.
+
+    Stamps are ISO 8601 texts: in UTC where the log has a time zone (``2024-01-31T23:45:00Z``), else as in the log.
+    """
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self._database = database
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """Keep all that the block writes, or nothing; no other process can begin one meanwhile.
+
+        The lock is SQLite's own, so it vanishes with the process.
+        """
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._database.execute("ROLLBACK")
+            raise
+        self._database.execute("COMMIT")
+
+    def add_forecast(self, origin: pd.Timestamp, frame: pd.DataFrame) -> None:
+        """Keep a forecast; one from the same origin is replaced."""
+        (first,) = _texts(pd.DatetimeIndex([origin]))
+        self._database.execute("DELETE FROM forecast WHERE origin = ?", (first,))
+        self._insert("forecast", frame, _FORECAST, first)
+
+    def add_measured(self, frame: pd.DataFrame) -> None:
+        """Keep measured temperature [degC] and delivered heat [kW]; rows of the same times are replaced."""
+        self._insert("measured", frame, _MEASURED)
+
+    def last_measured(self) -> pd.Timestamp | None:
+        """Stamp of the last measurement, None where there is none."""
+        return self._last("measured", "time")
+
+    def last_origin(self) -> pd.Timestamp | None:
+        """Origin of the last forecast, None where there is none."""
+        return self._last("forecast", "origin")
+
+    def finished(self, since: pd.Timestamp) -> pd.DataFrame:
+        """The forecasts whose rows are all in the past, with what was measured.
+
+        Parameters
+        ----------
+        since : Timestamp, earliest origin
+
+        Returns
+        -------
+        DataFrame
+            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC] and ``Q_hvac_measured`` [kW].
+        """
+        rows = self._database.execute(_FINISHED, _texts(pd.DatetimeIndex([since])))
+        found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description])
+        return found.astype({name: np.float64 for name in found if name not in ("origin", "time")})
+
+    def _last(self, table: str, column: str) -> pd.Timestamp | None:
+        (text,) = self._database.execute(f"SELECT max({column}) FROM {table}").fetchone()
+        return None if text is None else pd.Timestamp(text)
+
+    def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
+        """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
+        numbers = frame.reindex(columns=list(values)).astype(object)
+        rows = numbers.where(numbers.notna(), None).to_numpy().tolist()
+        stamps = _texts(pd.DatetimeIndex(frame.index))
+        marks = ", ".join("?" * (len(keys) + 1 + len(values)))
+        self._database.executemany(
+            f"INSERT OR REPLACE INTO {table} VALUES ({marks})",
+            [(*keys, stamp, *row) for stamp, row in zip(stamps, rows, strict=True)],
+        )
+
+
+@contextmanager
+def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
+    """The archive in a file, which is created where there is none.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    BlockingIOError
+        If another process is writing to it.
+    OSError
+        If the file cannot be read or written.
+    """
+    try:
+        with closing(sqlite3.connect(fspath(path), timeout=_PATIENCE, isolation_level=None)) as database:
+            for statement in _TABLES:
+                database.execute(statement)
+            yield ForecastArchive(database)
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise BlockingIOError(
+                f"another command is at work on {fspath(path)}; try again when it has ended."
+            ) from None
+        raise OSError(
+            f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
+            "archive."
+        ) from error
+
+
+def _texts(index: pd.DatetimeIndex) -> list[str]:
+    """Stamps as the archive keeps them."""
+    if index.tz is None:
+        return list(index.strftime("%Y-%m-%dT%H:%M:%S"))
+    return list(index.tz_convert("UTC").strftime("%Y-%m-%dT%H:%M:%SZ"))

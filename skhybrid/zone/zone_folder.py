@@ -1,0 +1,296 @@
+"""A folder per zone: configuration, model and archive, and the tick that keeps them up to date."""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+from .._files import atomic_path
+from ..logs.log_findings import without_standstills
+from ..study import propose_settings, read_log, read_settings
+from ..study.settings import Settings
+from ..study.thermostat import Schedule
+from .day_ahead import DayAhead, day_ahead
+from .forecast_archive import ForecastArchive, open_archive
+from .zone_model import ZoneModel, stretches
+
+_REFIT_AFTER = pd.Timedelta(days=28)
+_REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewer where the model knows fewer
+_CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
+_SCORED = pd.Timedelta(days=28)
+#: settings that a model does not depend on
+_FREE = ("name", "thermostat", "train", "test", "load", "origin_step")
+
+
+class Tick(NamedTuple):
+    """What a tick did."""
+
+    forecast: DayAhead
+    n_new: int  # rows of the log that were new
+    learned: str  # why the model was fitted again, "" where it was not
+    remarks: tuple[str, ...]
+
+
+class ZoneFolder:
+    """A folder that holds ``zone.toml``, ``model.skops`` and ``archive.sqlite``.
+
+    A process that writes to it may be killed at any moment: files are replaced in one step, the archive changes in one
+    transaction, and the next tick repeats what was lost.
+
+    Parameters
+    ----------
+    path : path-like
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.path = Path(path)
+        self.config, self.model = self.path / "zone.toml", self.path / "model.skops"
+        self.archive = self.path / "archive.sqlite"
+
+    @classmethod
+    def init(
+        cls, path: str | PathLike[str], log: str | PathLike[str], config: str | PathLike[str] | None = None
+    ) -> Self:
+        """Make a folder from a log: its configuration, a fitted model, and an archive of what was measured.
+
+        Parameters
+        ----------
+        path : path-like, the folder
+        log : path-like, as for :func:`skhybrid.study.read_log`
+        config : path-like, optional
+            Configuration to copy; by default that of the folder, else a proposal, which stays for a correction if the
+            fit fails.
+
+        Raises
+        ------
+        FileExistsError
+            If the folder has a model.
+        ValueError
+            If the log or the configuration cannot be used.
+        """
+        folder = cls(path)
+        folder._refuse_model()
+        folder.path.mkdir(parents=True, exist_ok=True)
+        with open_archive(folder.archive) as archive:
+            with archive.transaction():
+                folder._refuse_model()  # another process may have made one meanwhile
+                folder._remove_leftovers()
+                if config is not None or not folder.config.exists():
+                    text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
+                    with atomic_path(folder.config) as made:
+                        made.write_text(text, encoding="utf-8")
+                settings = read_settings(folder.config)
+                frame, _ = read_log(log, settings)
+                zone = ZoneModel.fit(settings, frame)
+                archive.add_measured(_measured(frame, zone.history(frame).index[-1]))
+                zone.save(folder.model)
+        return folder
+
+    def load(self) -> ZoneModel:
+        """The model.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is none.
+        """
+        self._require_model()
+        return ZoneModel.load(self.model)
+
+    def tick(
+        self,
+        log: str | PathLike[str],
+        weather: str | PathLike[str] | None = None,
+        schedule: Schedule | None = None,
+        refit_after: pd.Timedelta = _REFIT_AFTER,
+    ) -> Tick:
+        """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
+
+        The model is fitted again where its errors have drifted, where it is old, where an outage lies between what it
+        knows and the last two weeks of the log, and where the configuration has changed.
+
+        Parameters
+        ----------
+        log, weather, schedule
+            As for :func:`day_ahead`; a new fit needs a log of two weeks or more.
+        refit_after : Timedelta, age of the model from which on it is fitted again
+
+        Raises
+        ------
+        BlockingIOError
+            If another process is at work in the folder.
+        FileNotFoundError, ValueError
+            If there is no model, or the log or the weather cannot be used.
+        """
+        self._require_model()
+        with open_archive(self.archive) as archive, archive.transaction():
+            self._remove_leftovers()
+            zone, settings = self.load(), read_settings(self.config)
+            changed = _of_model(settings) != _of_model(zone.settings)
+            zone.settings = settings
+            frame, _ = read_log(log, settings)
+            n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
+            remarks = []
+            if why:
+                try:
+                    zone = _fitted_anew(zone, frame)
+                except ValueError as error:
+                    if changed:
+                        raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
+                    remarks, why = [f"the model should be fitted again, because {why}, but {error}"], ""
+            found = day_ahead(zone, frame, weather, schedule)
+            origin = zone.history(frame).index[-1]
+            last = archive.last_measured()
+            archive.add_measured(_measured(frame, origin, last))
+            archive.add_forecast(origin, found.frame)
+            if n_new or why:
+                zone.save(self.model)
+        return Tick(found, n_new, why, (*remarks, *found.remarks))
+
+    def status(self) -> dict[str, Any]:
+        """What the zone knows and how its forecasts did, as plain values.
+
+        Raises
+        ------
+        FileNotFoundError, OSError
+            If there is no zone, or its archive cannot be read.
+        """
+        zone = self.load()
+        with open_archive(self.archive) as archive:
+            return {
+                "name": zone.settings.name,
+                "last row": _shown(archive.last_measured(), zone),
+                "last forecast from": _shown(archive.last_origin(), zone),
+                "learned until": str(zone.learned_until),
+                "drift": drift_of(zone),
+                **_scores(archive, zone),
+            }
+
+    def _require_model(self) -> None:
+        if not self.model.exists():
+            raise FileNotFoundError(f"{self.path} holds no zone; make it with skhybrid zone init.")
+
+    def _refuse_model(self) -> None:
+        if self.model.exists():
+            raise FileExistsError(f"{self.path} holds a zone already; use skhybrid zone tick, or give another folder.")
+
+    def _remove_leftovers(self) -> None:
+        """Remove the temporary files of processes that were killed."""
+        for file in (self.config, self.model):
+            for left in self.path.glob(f".{file.name}.*"):
+                left.unlink(missing_ok=True)
+
+
+def drift_of(zone: ZoneModel) -> dict[str, Any]:
+    """Whether errors have grown since the model learned: ``drifted``, ``since``, ``kind`` and the statistic.
+
+    Empty where no whole day has passed since, or the training has too few days to compare with.
+    """
+    try:
+        days = zone.predictor.drift()
+    except ValueError as error:
+        if "seven or more" not in str(error):
+            raise
+        return {}
+    if days.empty:
+        return {}
+    last = days.iloc[-1]
+    since = None if pd.isna(last["since"]) else f"{last['since']:%Y-%m-%d}"
+    return {"drifted": bool(last["drifted"]), "since": since, "kind": last["kind"] or None} | {
+        name: round(float(last[name]), 2) for name in ("statistic", "threshold")
+    }
+
+
+def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
+    """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
+    new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
+    if len(new):
+        known = new.index[0] - step
+        gap = len(stretches(new, step)) > 1 or abs(known - _like(zone.known_until, new.index)) > pd.Timedelta(0)
+        if gap:
+            return len(new), f"rows are missing after {zone.known_until}"
+        zone.update(frame)
+    age = zone.known_until - zone.learned_until
+    if age > refit_after:
+        return len(new), f"it last learned {age.days} days ago"
+    drift = drift_of(zone)
+    if drift.get("drifted"):
+        return len(new), f"its errors have grown since {drift['since']} ({drift['kind']})"
+    return len(new), ""
+
+
+def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
+    """A model of the rows after the last gap of a log."""
+    step = pd.Timedelta(zone.settings.step)
+    rows = stretches(zone.complete(frame), step)[-1]
+    needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
+    if len(rows) * step < needed:
+        raise ValueError(
+            f"the log ends with {len(rows) * step / pd.Timedelta('1D'):.1f} days without a gap, and "
+            f"{needed / pd.Timedelta('1D'):.1f} are needed."
+        )
+    return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])
+
+
+def _measured(frame: pd.DataFrame, origin: pd.Timestamp, last: pd.Timestamp | None = None) -> pd.DataFrame:
+    """Temperature and heat up to an origin: of all rows, or of those after the last archived ones and a week before."""
+    rows = frame.assign(T_za=without_standstills(frame["T_za"])).loc[:origin]
+    return rows if last is None else rows[rows.index > _like(last, rows.index) - _CORRECTED]
+
+
+def _scores(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
+    """Errors of the last forecast that has been measured, and of those of the last four weeks."""
+    last = archive.last_measured()
+    rows = archive.finished(pd.Timestamp(0) if last is None else last - _SCORED)
+    if rows.empty:
+        return {"yesterday's forecast": None, "last four weeks": None}
+    newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
+    return {
+        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **_errors(newest)},
+        "last four weeks": {"forecasts": rows["origin"].nunique(), **_errors(rows)},
+    }
+
+
+def _errors(rows: pd.DataFrame) -> dict[str, Any]:
+    """Root mean square error, bias and share inside of the 80 % interval; None where nothing can be compared."""
+    out: dict[str, Any] = {}
+    for what, role, low, high in (
+        ("temperature [K]", "T_za", "q_0.1", "q_0.9"),
+        ("load [kW]", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9"),
+    ):
+        measured = rows[f"{role}_measured"]
+        error = (rows[role] - measured).dropna()
+        if error.empty:
+            out[what] = None
+            continue
+        known = rows.loc[error.index].dropna(subset=[low, high])
+        inside = measured[known.index].between(known[low], known[high])
+        out[what] = {
+            "rmse": round(float(np.sqrt((error**2).mean())), 3),
+            "bias": round(float(error.mean()), 3),
+            "coverage": round(float(inside.mean()), 3) if len(known) else None,
+        }
+    return out
+
+
+def _of_model(settings: Settings) -> str:
+    """The settings that a model depends on, as text."""
+    return json.dumps({k: v for k, v in settings.as_dict().items() if k not in _FREE}, default=str, sort_keys=True)
+
+
+def _like(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:
+    """A stamp in the time zone of an index, or without one."""
+    tz = pd.DatetimeIndex(index).tz
+    if tz is None:
+        return stamp.tz_localize(None)
+    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
+
+
+def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:
+    """A stamp of the archive as the log shows it."""
+    return None if stamp is None else str(_like(stamp, pd.DatetimeIndex([zone.learned_until])))

@@ -1,0 +1,281 @@
+"""A folder per zone: what a tick keeps, when the model is fitted again, and that kills leave the folder whole."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.cli import main
+from skhybrid.datasets import load_small_office
+from skhybrid.study.thermostat import Schedule
+from skhybrid.zone import ZoneFolder, ZoneModel, forecast_archive, zone_folder
+
+DAYS = 10  # of the log that the zone is made from
+SCHEDULE = Schedule.of_text("20,25")
+CHILDREN = multiprocessing.get_context("forkserver" if os.name == "posix" else "spawn")
+CHILDREN.set_forkserver_preload(["skhybrid.zone.zone_folder"])
+
+
+@pytest.fixture(scope="module")
+def log():
+    """Hourly rows of the small office, from a Monday on."""
+    office = load_small_office("irregular")
+    frame = office.frame.drop(columns=[c for c in office.X if c in office.frame]).join(office.X)
+    names = {"set_heat": "T_heat_set", "set_cool": "T_cool_set"}
+    roles = ["T_oa", "q_sol", "Q_hvac", "T_heat_set", "T_cool_set", "T_za"]
+    hourly = frame.rename(columns=names)[roles].resample("1h").mean()
+    return hourly.loc["2018-09-17":].iloc[: 24 * 45].rename_axis("time")
+
+
+def write(log, path, until, *, without=None):
+    """A log up to the end of a day, with the weather of the day after it."""
+    rows = log.iloc[: 24 * (until + 1)].copy()
+    rows.iloc[24 * until :, rows.columns.get_indexer(["Q_hvac", "T_heat_set", "T_cool_set", "T_za"])] = np.nan
+    if without is not None:
+        rows = rows.drop(rows.index[without])
+    rows.to_csv(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(log, tmp_path_factory):
+    """A zone from ten days of log."""
+    path = tmp_path_factory.mktemp("made")
+    folder = ZoneFolder.init(path / "kitchen", write(log, path / "log.csv", DAYS))
+    return folder.path
+
+
+@pytest.fixture
+def zone(made, tmp_path):
+    shutil.copytree(made, tmp_path / "kitchen")
+    return ZoneFolder(tmp_path / "kitchen")
+
+
+def tables(folder):
+    with closing(sqlite3.connect(folder.archive)) as database:
+        assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        return [database.execute(f"SELECT * FROM {name}").fetchall() for name in ("forecast", "measured")]
+
+
+def test_init_tick_and_status_from_the_command_line(log, tmp_path, capsys):
+    folder = ZoneFolder(tmp_path / "kitchen")
+    arguments = ["zone", "init", str(folder.path), "--log", str(write(log, tmp_path / "log.csv", DAYS))]
+    assert main([*arguments, "--json", "-q"]) == 0
+    assert json.loads(capsys.readouterr().out)["thermostat"] == "learned"
+    assert {p.name for p in folder.path.iterdir()} == {"zone.toml", "model.skops", "archive.sqlite"}
+    assert main(arguments) == 1
+    assert "holds a zone already" in capsys.readouterr().err
+    tick = ["zone", "tick", str(folder.path), "--setpoint", "20,25", "--log"]
+    made = []
+    for day in (DAYS, DAYS + 1, DAYS + 2):
+        assert main([*tick, str(write(log, tmp_path / "log.csv", day)), "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["new rows"] == 24 * (day > DAYS)
+        made.append(pd.DataFrame(found["forecast"]).set_index("time"))
+        assert len(made[-1]) == 24
+    assert main(["zone", "status", str(folder.path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    forecast, truth = made[1], log.loc[made[1].index]
+    error = forecast["T_za"] - truth["T_za"]
+    yesterday = found["yesterday's forecast"]
+    assert yesterday["from"] == str(log.index[24 * (DAYS + 1) - 1])
+    assert yesterday["temperature [K]"] == {
+        "rmse": pytest.approx(np.sqrt((error**2).mean()), abs=2e-3),
+        "bias": pytest.approx(error.mean(), abs=2e-3),
+        "coverage": pytest.approx(truth["T_za"].between(forecast["q_0.1"], forecast["q_0.9"]).mean(), abs=2e-3),
+    }
+    assert yesterday["load [kW]"]["rmse"] == pytest.approx(
+        np.sqrt(((forecast["Q_hvac"] - truth["Q_hvac"]) ** 2).mean()), abs=2e-3
+    )
+    assert found["last four weeks"]["forecasts"] == 2
+    assert found["last row"] == str(log.index[24 * (DAYS + 2) - 1])
+    assert found["drift"]["drifted"] is False
+    assert main(["zone", "status", str(folder.path)]) == 0
+    assert "drifted False" in capsys.readouterr().out
+
+
+def test_a_tick_may_be_repeated(log, zone, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS + 1)
+    assert zone.tick(source, schedule=SCHEDULE).n_new == 24
+    once = tables(zone), zone.model.read_bytes()
+    assert zone.tick(source, schedule=SCHEDULE).n_new == 0
+    assert (tables(zone), zone.model.read_bytes()) == once
+    assert len(once[0][0]) == 24
+    assert len(once[0][1]) == 24 * (DAYS + 1)
+
+
+def test_a_tick_that_fails_changes_nothing(log, zone, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS + 1)
+    before = tables(zone), zone.model.read_bytes()
+    with pytest.raises(ValueError, match="give --setpoint"):
+        zone.tick(source)
+    assert (tables(zone), zone.model.read_bytes()) == before
+
+
+# --------------------------------------------------------------------------------------------------------------- kills
+def _die(*_, **__):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _after(function):
+    def run(*args, **kwargs):
+        function(*args, **kwargs)
+        _die()
+
+    return run
+
+
+MOMENTS = {
+    "before a row is written": lambda: setattr(forecast_archive.ForecastArchive, "add_measured", _die),
+    "between the tables": lambda: setattr(forecast_archive.ForecastArchive, "add_forecast", _die),
+    "before the model is replaced": lambda: setattr(os, "replace", _die),
+    "between the model and the end of the transaction": lambda: setattr(ZoneModel, "save", _after(ZoneModel.save)),
+}
+
+
+def _tick_until(moment, path, source, found):
+    MOMENTS[moment]()
+    zone_folder.day_ahead = lambda *_: found
+    ZoneFolder(path).tick(source)
+
+
+def _init_until(moment, path, source):
+    MOMENTS[moment]()
+    ZoneFolder.init(path, source)
+
+
+def _hold(path, ready):
+    with forecast_archive.open_archive(path) as archive, archive.transaction():
+        ready.set()
+        signal.pause()
+
+
+def _killed(target, *arguments):
+    child = CHILDREN.Process(target=target, args=arguments)
+    child.start()
+    child.join(60)
+    assert child.exitcode == -signal.SIGKILL
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
+def test_a_kill_at_any_moment_leaves_a_folder_that_the_next_tick_completes(log, zone, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS + 1)
+    shutil.copytree(zone.path, tmp_path / "whole")
+    whole = ZoneFolder(tmp_path / "whole")
+    found = whole.tick(source, schedule=SCHEDULE).forecast
+    before = tables(zone)
+    for moment in MOMENTS:
+        _killed(_tick_until, moment, zone.path, source, found)
+        assert tables(zone) == before
+        assert zone.status()["last forecast from"] is None
+    assert zone.tick(source, schedule=SCHEDULE).n_new == 0  # the last kill came after the model was saved
+    assert tables(zone) == tables(whole)
+    assert zone.load().known_until == whole.load().known_until
+    assert {p.name for p in zone.path.iterdir()} == {"zone.toml", "model.skops", "archive.sqlite"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
+def test_init_is_repeated_after_a_kill(log, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS)
+    _killed(_init_until, "before the model is replaced", tmp_path / "kitchen", source)
+    folder = ZoneFolder(tmp_path / "kitchen")
+    with pytest.raises(FileNotFoundError, match="make it with skhybrid zone init"):
+        folder.tick(source)
+    ZoneFolder.init(folder.path, source)
+    assert {p.name for p in folder.path.iterdir()} == {"zone.toml", "model.skops", "archive.sqlite"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
+def test_a_second_tick_is_told_of_the_first_whose_lock_ends_with_it(log, zone, tmp_path, capsys):
+    source, ready = write(log, tmp_path / "log.csv", DAYS), CHILDREN.Event()
+    child = CHILDREN.Process(target=_hold, args=(zone.archive, ready))
+    child.start()
+    assert ready.wait(60)
+    assert main(["zone", "tick", str(zone.path), "--log", str(source), "--setpoint", "20,25"]) == 1
+    assert "another command is at work" in capsys.readouterr().err
+    assert zone.status()["last row"] == str(log.index[24 * DAYS - 1])  # reading needs no lock
+    child.kill()
+    child.join()
+    zone.tick(source, schedule=SCHEDULE)
+
+
+# --------------------------------------------------------------------------------------------------- fitting it again
+def test_the_model_is_fitted_again_where_its_errors_grow(log, zone, tmp_path):
+    changed = log.copy()
+    hours = (changed.index >= changed.index[24 * DAYS]) & (changed.index.hour >= 8) & (changed.index.hour < 20)
+    changed.loc[hours, "T_za"] -= 4.0
+    reasons = {}
+    for day in range(DAYS + 1, DAYS + 8):
+        done = zone.tick(write(changed, tmp_path / "log.csv", day), schedule=SCHEDULE)
+        if done.learned:
+            reasons[day] = done.learned
+            break
+    assert reasons
+    assert "its errors have grown since 2018-09-2" in done.learned
+    assert zone.load().learned_until == zone.load().known_until
+    assert zone.status()["drift"] == {}
+
+
+def test_an_old_model_is_fitted_again(log, zone, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS + 2)
+    assert zone.tick(source, schedule=SCHEDULE, refit_after=pd.Timedelta(days=2)).learned == ""
+    assert "2 days ago" in zone.tick(source, schedule=SCHEDULE, refit_after=pd.Timedelta(days=1)).learned
+    assert zone.load().learned_until == log.index[24 * (DAYS + 2) - 1]
+
+
+def test_rows_after_an_outage_are_learned_from_when_there_are_enough(log, zone, tmp_path):
+    gap = slice(24 * DAYS + 6, 24 * DAYS + 12)
+    done = zone.tick(write(log, tmp_path / "log.csv", DAYS + 2, without=gap), schedule=SCHEDULE)
+    assert len(done.forecast.frame) == 24
+    assert any("rows are missing after" in text and "1.5 days without a gap" in text for text in done.remarks)
+    done = zone.tick(write(log, tmp_path / "log.csv", 2 * DAYS + 1, without=gap), schedule=SCHEDULE)
+    assert "rows are missing after" in done.learned
+    assert zone.tick(tmp_path / "log.csv", schedule=SCHEDULE).learned == ""
+
+
+def test_a_changed_configuration(log, zone, tmp_path):
+    source = write(log, tmp_path / "log.csv", DAYS)
+    text = zone.config.read_text()
+    zone.config.write_text(text + "\n[thermostat]\nheat = 20\ncool = 25\n")
+    assert zone.tick(source).learned == ""
+    zone.config.write_text(zone.config.read_text().replace("T_cool_set =", "# T_cool_set ="))
+    done = zone.tick(source)
+    assert done.learned == "zone.toml has changed"
+    assert "T_cool_set" not in zone.load().settings.columns
+    zone.config.write_text(text)
+    with pytest.raises(ValueError, match=r"zone.toml has changed, so the model must be fitted again, but the log ends"):
+        zone.tick(write(log, tmp_path / "short.csv", DAYS, without=slice(0, 24 * (DAYS - 4))), schedule=SCHEDULE)
+
+
+def test_a_log_with_an_outage_has_a_model_of_its_longest_stretch(log, tmp_path):
+    folder = ZoneFolder.init(
+        tmp_path / "kitchen", write(log, tmp_path / "log.csv", DAYS, without=slice(24 * 7, 24 * 7 + 9))
+    )
+    assert folder.load().learned_until == log.index[24 * 7 - 1]
+
+
+def test_an_archive_that_is_none_is_refused(log, zone, tmp_path):
+    zone.archive.write_bytes(b"not a database" * 100)
+    with pytest.raises(OSError, match=r"archive.sqlite cannot be used: .*move the file away"):
+        zone.tick(write(log, tmp_path / "log.csv", DAYS), schedule=SCHEDULE)
+
+
+def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
+    (tmp_path / "log.csv").write_text(log.iloc[: 24 * 2].to_csv())
+    with pytest.raises(ValueError, match="a model needs 3"):
+        ZoneFolder.init(tmp_path / "kitchen", tmp_path / "log.csv")
+    assert Path(tmp_path / "kitchen" / "zone.toml").exists()
+    given = tmp_path / "mine.toml"
+    given.write_text((tmp_path / "kitchen" / "zone.toml").read_text().replace('name = "log"', 'name = "mine"'))
+    ZoneFolder.init(tmp_path / "kitchen", write(log, tmp_path / "log.csv", DAYS), given)
+    assert ZoneFolder(tmp_path / "kitchen").status()["name"] == "mine"
