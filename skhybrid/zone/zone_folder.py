@@ -76,19 +76,18 @@ class ZoneFolder:
         folder = cls(path)
         folder._refuse_model()
         folder.path.mkdir(parents=True, exist_ok=True)
-        with open_archive(folder.archive) as archive:
-            with archive.transaction():
-                folder._refuse_model()  # another process may have made one meanwhile
-                folder._remove_leftovers()
-                if config is not None or not folder.config.exists():
-                    text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
-                    with atomic_path(folder.config) as made:
-                        made.write_text(text, encoding="utf-8")
-                settings = read_settings(folder.config)
-                frame, _ = read_log(log, settings)
-                zone = ZoneModel.fit(settings, frame)
-                archive.add_measured(_measured(frame, zone.history(frame).index[-1]))
-                zone.save(folder.model)
+        with open_archive(folder.archive) as archive, archive.transaction():
+            folder._refuse_model()  # another process may have made one meanwhile
+            folder._remove_leftovers()
+            if config is not None or not folder.config.exists():
+                text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
+                with atomic_path(folder.config) as made:
+                    made.write_text(text, encoding="utf-8")
+            settings = read_settings(folder.config)
+            frame, _ = read_log(log, settings)
+            zone = ZoneModel.fit(settings, frame)
+            archive.add_measured(_measured(frame, zone.history(frame).index[-1]))
+            zone.save(folder.model)
         return folder
 
     def load(self) -> ZoneModel:
