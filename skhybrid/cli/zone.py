@@ -22,8 +22,8 @@ _LOG = click.option("--log", required=True, metavar="LOG", help="Log up to now, 
 def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     """Make the folder of a zone: configuration, model, and an archive of what was measured.
 
-    Without --config one is proposed from the log as zone.toml in the folder.  Correct it there if the fit fails, and run
-    the command again.
+    Without --config one is proposed from the log, as zone.toml in the folder.  If the fit fails, correct it there and
+    run the command again.
     """
     from ..zone import ZoneFolder
 

@@ -209,9 +209,7 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
     if len(new):
-        known = new.index[0] - step
-        gap = len(stretches(new, step)) > 1 or abs(known - _like(zone.known_until, new.index)) > pd.Timedelta(0)
-        if gap:
+        if new.index[0] - step != _like(zone.known_until, new.index) or len(stretches(new, step)) > 1:
             return len(new), f"rows are missing after {zone.known_until}"
         zone.update(frame)
     age = zone.known_until - zone.learned_until

@@ -113,7 +113,8 @@ class ZoneModel:
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows."""
         rows = self.complete(frame)
-        until = self.known_until if rows.index.tz is not None else self.known_until.tz_localize(None)
+        aware = pd.DatetimeIndex(rows.index).tz is not None
+        until = self.known_until if aware else self.known_until.tz_localize(None)
         return rows[rows.index > until]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
@@ -201,7 +202,7 @@ def complete_rows(frame: pd.DataFrame) -> pd.DataFrame:
 
 def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:
     """The rows between gaps, in their order."""
-    breaks = np.flatnonzero(np.diff(rows.index.as_unit("ns").asi8) != step.value) + 1
+    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) != step.value) + 1
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
 
 
