@@ -70,7 +70,10 @@ def tick(
     for text in done.remarks:
         say.warn(text)
     found = {"new rows": done.n_new, "fitted again because": done.learned or None}
-    _print(found | (forecast_content(done.forecast) if as_json else done.forecast.summary), as_json)
+    if as_json:
+        _print(found | forecast_content(done.forecast) | {"remarks": list(done.remarks)}, as_json)
+    else:
+        _print(found | done.forecast.summary, as_json)
     return DONE
 
 
@@ -96,14 +99,13 @@ command = click.Group(
 
 def _print(found: dict[str, Any], as_json: bool) -> None:
     """Values by name, one per line."""
-    if as_json:
-        print_json(found)
-        return
+    print_json(found) if as_json else print("\n".join(_lines(found)))
+
+
+def _lines(found: dict[str, Any], indent: str = "") -> list[str]:
+    lines = []
     for name, value in found.items():
-        print(f"{name}: {_text(value)}")
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, dict):
-        return "; ".join(f"{name} {_text(part)}" for name, part in value.items()) or "not known yet"
-    return "-" if value is None else str(value)
+        nested = isinstance(value, dict) and value
+        lines.append(f"{indent}{name}:" + ("" if nested else " -" if value in (None, {}) else f" {value}"))
+        lines += _lines(value, indent + "  ") if nested else []
+    return lines
