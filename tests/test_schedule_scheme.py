@@ -18,7 +18,7 @@ from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.members import ARXMember, DayBeforeMember, NumberedTable
+from skhybrid.hybrid.members import DayBeforeMember, NumberedTable
 from skhybrid.hybrid.plausible_range import PlausibleRange
 from skhybrid.hybrid.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.model_selection import RollingOriginSplit
@@ -297,10 +297,11 @@ def test_refitted_coefficients_are_of_training_and_what_is_known(arx, X):
         np.testing.assert_allclose(path, list(own.path(coef, origin, DAY)), atol=1e-8)
 
 
-def test_the_black_box_knows_its_errors_as_of_the_morning(fitted, X):
+@pytest.mark.parametrize("name", ["ARX", "multi-step ARX"])
+def test_the_black_boxes_know_their_errors_as_of_the_morning(name, fitted, X):
     """Coefficients of a day of the history are those at its start; errors are those of its forecasts."""
     scheme = fitted._scheme
-    box = next(m for m in scheme._others if isinstance(m, ARXMember))
+    box = next(m for m in scheme._others if m.names == (name,))
     rows, _ = scheme._numbered(fitted._with_history(X[N_TRAIN:])[0])
     assert rows.table.index[rows.begin] == X.index[N_TRAIN]
     origin, leads = rows.begin + 3 * DAY, np.array([1, 8, 48])
@@ -369,7 +370,7 @@ def test_short_tables(n_rows, office):
     assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
     assert list(model.weights_)[-1] == "day before"  # nothing can be left out
-    np.testing.assert_allclose(model.weights_, [[0.0625, 0.0625, 0.125, 0.75]] * 3)
+    np.testing.assert_allclose(model.weights_, [[0.25 / 6, 0.25 / 6, 0.25 / 3, 0.25 / 3, 0.75]] * 3)
     first = model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0]
     model.adapt = None
     np.testing.assert_allclose(model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0], first, atol=0.01)
@@ -386,7 +387,7 @@ def test_a_short_training_trusts_what_it_learned_less(days, share, pull, office)
     n_rows = int(days * DAY)
     model = HybridPredictor().fit(office.X[:n_rows], office.y[:n_rows])
     record = model._scheme._record
-    np.testing.assert_allclose(record.prior, [(1.0 - share) / 4.0] * 2 + [(1.0 - share) / 2.0, share])
+    np.testing.assert_allclose(record.prior, [(1.0 - share) / 6.0] * 2 + [(1.0 - share) / 3.0] * 2 + [share])
     assert record.pull == pytest.approx(pull)
     own = np.diagonal(record.products, axis1=1, axis2=2)
     size = len(own[0]) / np.sum(1.0 / own, axis=1)
@@ -396,7 +397,7 @@ def test_a_short_training_trusts_what_it_learned_less(days, share, pull, office)
         quadratic = np.einsum("gi,gij,gj->g", w, record.products, w) / size
         return quadratic + pull * np.sum((w - record.prior) ** 2, axis=1)
 
-    for other in np.random.default_rng(0).dirichlet(np.ones(4), 50):
+    for other in np.random.default_rng(0).dirichlet(np.ones(5), 50):
         assert (loss(weights) <= loss(np.tile(other, (3, 1))) + 1e-9).all()
 
 

@@ -27,6 +27,7 @@ class NumberedTable(NamedTuple):
     joined: bool  # whether the rows before ``begin`` are the training's own
     first: int = 0  # the table's first row, where it holds the last ones only
     whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
+    before: ZoneTable | None = None  # some of the rows before ``first``
 
 
 class RollingMember(Protocol):
@@ -109,16 +110,20 @@ class RollingSchedule(RollingNetwork):
 
 
 class ARXMember:
-    """ARX on all inputs and the last ``n_lags`` temperatures."""
+    """ARX on all inputs and the last ``n_lags`` temperatures, fitted on errors of one step or at all leads."""
 
     names: tuple[str, ...] = ("ARX",)
     is_rule = False
 
-    def __init__(self, n_lags: int) -> None:
-        self.n_lags = n_lags
+    def __init__(self, n_lags: int, *, multi_step: bool = False) -> None:
+        self.n_lags, self.multi_step = n_lags, multi_step
+        if multi_step:
+            self.names = ("multi-step ARX",)
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
+        if self.multi_step:
+            self.arx_.set_params(objective="multi_step", adapt="refit")
         self.arx_.fit(training.replace(history={}), training.history["T_za"])
         return self
 
@@ -128,7 +133,7 @@ class ARXMember:
         return _errors(T, sample, paths[:, sample.leads - 1])
 
     def view(self, rows: NumberedTable) -> ARXData:
-        return self.arx_.view(rows.table, rows.T, rows.first)
+        return self.arx_.view(rows.table, rows.T, rows.first, rows.before)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
         return RollingARX(self.arx_, rows.begin, sample.leads, adapt)

@@ -32,6 +32,7 @@ _LAGS = 24  # temperatures that the black box regresses on
 #: a week of training or less, and with two weeks or more
 _UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
+_FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _FREE = (-np.inf, np.inf)  # set-points of rows that have none
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
@@ -71,7 +72,9 @@ class ScheduleScheme(Scheme):
         self.disturbance_step_ = measured.step
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known)
-        self._others: list[Member] = [ARXMember(_LAGS), DayBeforeMember()]
+        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
+        multi_step = [] if _has_trace(training) else [ARXMember(_LAGS, multi_step=True)]
+        self._others: list[Member] = [ARXMember(_LAGS), *multi_step, DayBeforeMember()]
         for member in self._members:
             member.fit(training, n_leads)
         fit = self._physics.fit_
@@ -243,11 +246,13 @@ class ScheduleScheme(Scheme):
         known = last_rows(self.rows.tables, n_known - first)
         while not np.isfinite(known.history["T_za"][0]) and known.n_rows < n_known:
             known = last_rows(self.rows.tables, 2 * known.n_rows)
-        table = concatenate_tables([known, ahead])
-
-        begin, first = self.rows.training.n_rows, n_known - known.n_rows
+        n_before = min(int(_FILTERED / known.step), n_known - known.n_rows)
+        known = last_rows(self.rows.tables, n_before + known.n_rows)
+        longer = concatenate_tables([known, ahead])
+        table, before = longer.rows(slice(n_before, None)), longer.rows(slice(n_before))
+        begin, first = self.rows.training.n_rows, n_known - known.n_rows + n_before
         return NumberedTable(
-            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2]
+            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2], before
         )
 
     def relearned(self, measured: ZoneTable | None) -> Self:
@@ -284,6 +289,11 @@ def _prior(members: Sequence[Member], rule: float) -> np.ndarray:
     n_rules = sum(member.is_rule for member in members)
     each = {True: rule / max(n_rules, 1), False: (1.0 - rule) / max(len(members) - n_rules, 1)}
     return np.concatenate([np.full(len(m.names), each[m.is_rule] / len(m.names)) for m in members])
+
+
+def _has_trace(training: ZoneTable) -> bool:
+    """Whether a plant ran, but so little that the training does not tell what its heat does."""
+    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())
 
 
 def _midnights(table: ZoneTable) -> np.ndarray:
