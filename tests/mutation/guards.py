@@ -66,7 +66,7 @@ GUARDS = {
     "hybrid/known_rows.py": [_UPDATES],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
     "model_selection/splitters.py": ["test_model_selection -k not processes"],
-    "model_selection/scorers.py": ["test_model_selection -k errors_are or missing"],
+    "model_selection/scorers.py": ["test_manners -k scorer"],
     "model_selection/backtest.py": ["test_model_selection -k not processes"],
     "model_selection/weather_paths.py": ["test_weather_error"],
     "model_selection/compare.py": ["test_compare"],
