@@ -151,7 +151,9 @@ def _table(
     gains = sum(each(f"gain_{part}") for part in ("convective", "radiant", "visible"))
     delivered = each("heating") - each("cooling")
     if heat is not None:  # EnergyPlus counts it among the gains
-        replayed = np.nan_to_num(np.column_stack(list(heat.values())))
+        forced, replayed = np.isfinite(next(iter(heat.values()))), np.nan_to_num(np.column_stack(list(heat.values())))
+        if np.abs(delivered[forced]).max() > 0.01 * np.abs(replayed).max():
+            raise RuntimeError(f"the plant of {building.name} ran while other people's heat was replayed.")
         gains, delivered = gains - replayed, delivered + replayed
     offset = f"{site(building.climate)['time_zone']:+03.0f}:00"
     table = pd.DataFrame(
@@ -170,7 +172,7 @@ def _table(
         index=run.index.tz_localize(offset),
     )
     if heat is not None:
-        table["replayed"] = np.isfinite(next(iter(heat.values()))).astype(int)
+        table["replayed"] = forced.astype(int)
     return table
 
 

@@ -269,6 +269,9 @@ class _Recorder:
         for name, key in [*self.held.values(), *self.averaged.values()]:
             self.exchange.request_variable(state, name, key)
         api.runtime.callback_begin_zone_timestep_before_init_heat_balance(state, self._guard(self._set))
+        if self.replay:  # set at the start of a step alone, the status had no effect
+            for point in ("after_predictor_after_hvac_managers", "inside_system_iteration_loop"):
+                getattr(api.runtime, f"callback_{point}")(state, self._guard(self._switch))
         api.runtime.callback_end_system_timestep_after_hvac_reporting(state, self._guard(self._read))
 
     def _guard(self, work):
@@ -325,13 +328,17 @@ class _Recorder:
         row = self._row(state)
         for handle, values in self.handles[2]:
             self.exchange.set_actuator_value(state, handle, float(values[row]))
-        if self.replay:
-            forced = np.isfinite(next(iter(self.replay.values()))[row])
-            for handle in self.switches:
-                if forced:
-                    self.exchange.set_actuator_value(state, handle, _FORCE_OFF)
-                else:
-                    self.exchange.reset_actuator(state, handle)
+
+    def _switch(self, state) -> None:
+        """Air loops off where heat is replayed."""
+        if self.handles is None:
+            return
+        forced = np.isfinite(next(iter(self.replay.values()))[self._row(state)])
+        for handle in self.switches:
+            if forced:
+                self.exchange.set_actuator_value(state, handle, _FORCE_OFF)
+            else:
+                self.exchange.reset_actuator(state, handle)
 
     def _read(self, state) -> None:
         if self.handles is None or self.exchange.warmup_flag(state):

@@ -275,6 +275,7 @@ def test_replayed_heat_stands_in_for_the_air_loop_where_there_is_some(makers):
     recorder = energyplus._Recorder(_served(("Z",)), ("Z",), {}, (), {"Z": heat})
     recorder.exchange = exchange = _Exchange()
     recorder._guard(recorder._set)(None)
+    recorder._guard(recorder._switch)(None)
     assert recorder.error is None
     assert exchange.set == {8: 0.0, 9: None}
     heat = heat.copy()
@@ -282,6 +283,7 @@ def test_replayed_heat_stands_in_for_the_air_loop_where_there_is_some(makers):
     recorder = energyplus._Recorder(_served(("Z",)), ("Z",), {}, (), {"Z": heat})
     recorder.exchange = exchange = _Exchange()
     recorder._guard(recorder._set)(None)
+    recorder._guard(recorder._switch)(None)
     assert exchange.set == {8: -1500.0, 9: energyplus._FORCE_OFF}
 
 
