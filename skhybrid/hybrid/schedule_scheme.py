@@ -22,7 +22,7 @@ from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, PULL, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
+from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
@@ -71,7 +71,7 @@ class ScheduleScheme(Scheme):
         self.disturbance_step_ = measured.step
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known)
-        self._others: list[Member] = [ARXMember(_LAGS), DayBeforeMember()]
+        self._others: list[Member] = [ARXMember(_LAGS), DailyProfileMember()]
         for member in self._members:
             member.fit(training, n_leads)
         fit = self._physics.fit_
