@@ -369,7 +369,9 @@ def test_short_tables(n_rows, office):
     assert np.isfinite(model.predict(X[5 * DAY : 6 * DAY])).all()
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
     assert list(model.weights_)[-1] == "daily profile"  # nothing can be left out
-    np.testing.assert_allclose(model.weights_, [[0.0625, 0.0625, 0.125, 0.75]] * 3)
+    share = max(n_rows / DAY - 1.0, 0.0) / 13.0  # of what holds from two weeks on
+    prior = (1.0 - share) * np.array([0.0, 0.0, 0.4, 0.6]) + share * np.array([0.225, 0.225, 0.45, 0.1])
+    np.testing.assert_allclose(model.weights_, [prior] * 3)
     first = model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0]
     model.adapt = None
     np.testing.assert_allclose(model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0], first, atol=0.01)
@@ -379,22 +381,24 @@ def test_short_tables(n_rows, office):
 
 
 @pytest.mark.parametrize(
-    ("days", "share", "pull"), [(7, 1.0 / 3.0, 1.2), (10.5, 0.65 / 3.0, 0.75), (14, 0.1, 0.3), (16, 0.1, 0.3)]
+    ("days", "rule", "network", "pull"),
+    [(7.5, 0.35, 0.225, 2.15), (10.75, 0.225, 0.3375, 1.225), (14, 0.1, 0.45, 0.3), (16, 0.1, 0.45, 0.3)],
 )
-def test_a_short_training_trusts_what_it_learned_less(days, share, pull, office):
-    """The share of the daily profile, and how hard weights are drawn to it, fall from one week of training to two."""
+def test_a_short_training_trusts_what_it_learned_less(days, rule, network, pull, office):
+    """The share of the daily profile, and how hard weights are drawn to it, fall up to two weeks."""
     n_rows = int(days * DAY)
     model = HybridPredictor().fit(office.X[:n_rows], office.y[:n_rows])
     record = model._scheme._record
-    np.testing.assert_allclose(record.prior, [(1.0 - share) / 4.0] * 2 + [(1.0 - share) / 2.0, share])
-    assert record.pull == pytest.approx(pull)
+    prior, found = record.caution(0.0)
+    np.testing.assert_allclose(prior, [network / 2.0] * 2 + [1.0 - network - rule, rule])
+    assert found == pytest.approx(pull)
     own = np.diagonal(record.products, axis1=1, axis2=2)
     size = len(own[0]) / np.sum(1.0 / own, axis=1)
     weights = model.weights_.to_numpy()
 
     def loss(w):
         quadratic = np.einsum("gi,gij,gj->g", w, record.products, w) / size
-        return quadratic + pull * np.sum((w - record.prior) ** 2, axis=1)
+        return quadratic + pull * np.sum((w - prior) ** 2, axis=1)
 
     for other in np.random.default_rng(0).dirichlet(np.ones(4), 50):
         assert (loss(weights) <= loss(np.tile(other, (3, 1))) + 1e-9).all()

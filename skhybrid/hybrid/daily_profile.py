@@ -31,44 +31,44 @@ class ProfileRows(NamedTuple):
 
 
 class MeanDay:
-    """Mean temperature of the days so far, ``mean`` where there is none."""
+    """Mean temperature of the days so far by step of the day and type of day, of which a week ago counts half."""
 
-    def __init__(self, per_day: int, mean: float) -> None:
-        self._per_day, self._mean = per_day, mean
-        self._last = -1  # the last place
-        #: (n, 2, 2) sum and number of measurements up to each of the last places at its step of the day, by type of day
-        self._sums = np.zeros((per_day, 2, 2))
+    def __init__(self, per_day: int, mean: float, place: int) -> None:
+        self._per_day, self._mean = per_day, mean  # the mean where no day is known
+        self._last = place - 1  # the last place
+        #: (n, 3, 2) weighted sum, weight and mean of the days up to each of the last places, by type of day
+        self._days = np.zeros((per_day, 3, 2))
+        self._days[:, 2] = mean
 
     def starting_at(self, place: int) -> MeanDay:
         """A mean day that has seen the same and is to go through rows from a place on."""
         other, moved = copy(self), self._last + 1 - place
         if moved:
-            other._last, other._sums = place - 1, np.roll(self._sums[-self._per_day :], moved, axis=0)
+            other._last, other._days = place - 1, np.roll(self._days[-self._per_day :], moved, axis=0)
         return other
 
     def extend(self, rows: ProfileRows, begin: int, end: int) -> None:
         """Take in the rows from ``begin`` on, before ``end``."""
         chosen = slice(begin - rows.first, end - rows.first)
         T, place, weekend = rows.T[chosen], rows.place[chosen], rows.weekend[chosen]
-        n, day = len(self._sums), self._per_day
+        n, day = len(self._days), self._per_day
         at = place - self._last - 1 + n
         new = np.isfinite(T) & (at >= n)  # the hour that comes twice in autumn counts once
-        sums = np.concatenate([self._sums, np.zeros((max(int(at.max(initial=0)) + 1 - n, 0), 2, 2))])
-        sums[at[new], 0, weekend[new]], sums[at[new], 1, weekend[new]] = T[new], 1.0
-        for k in range(n, len(sums), day):
-            sums[k : k + day] += _KEPT * sums[k - day : min(k, len(sums) - day)]
-        self._sums, self._last = sums, self._last + len(sums) - n
+        days = np.concatenate([self._days, np.zeros((max(int(at.max(initial=0)) + 1 - n, 0), 3, 2))])
+        days[at[new], 0, weekend[new]], days[at[new], 1, weekend[new]] = T[new], 1.0
+        for k in range(n, len(days), day):
+            days[k : k + day, :2] += _KEPT * days[k - day : min(k, len(days) - day), :2]
+        total, weight = days[n:, 0], days[n:, 1]
+        any_total, any_weight = total.sum(axis=1, keepdims=True), weight.sum(axis=1, keepdims=True)
+        of_any = np.divide(any_total, any_weight, out=np.full_like(any_total, self._mean), where=any_weight > 0.0)
+        days[n:, 2] = np.divide(total, weight, out=np.repeat(of_any, 2, axis=1), where=weight > 0.0)
+        self._days, self._last = days, self._last + len(days) - n
 
     def forget(self, n_places: int) -> None:
         """Drop what is older than some places and two days."""
-        self._sums = self._sums[-n_places - 2 * self._per_day :]
+        self._days = self._days[-n_places - 2 * self._per_day :]
 
     def at(self, rows: ProfileRows, chosen: np.ndarray, known: np.ndarray) -> np.ndarray:
         """Mean of the days up to the places ``known``, at chosen rows: of their type of day, else of any."""
-        place, weekend = rows.place[chosen], rows.weekend[chosen]
-        day = self._per_day
-        total, count = np.moveaxis(self._sums[place + (known - place) // day * day - self._last - 1], -2, 0)
-        own = np.eye(2, dtype=bool)[weekend]
-        alike = own | ~(count > 0.0)[own].reshape(weekend.shape)[..., None]
-        total, count = np.sum(total * alike, axis=-1), np.sum(count * alike, axis=-1)
-        return np.where(count > 0.0, total / np.where(count > 0.0, count, 1.0), self._mean)
+        place, day = rows.place[chosen], self._per_day
+        return self._days[place + (known - place) // day * day - self._last - 1, 2, rows.weekend[chosen]]

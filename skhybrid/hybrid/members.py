@@ -54,6 +54,7 @@ class Member(Protocol):
 
     names: tuple[str, ...]  # of its ways to forecast
     is_rule: bool  # whether it is a simple rule, which learns next to nothing
+    needs_days: bool  # whether it forecasts badly after a day of training
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         """Learn from a training table, whose history ``T_za`` is the target."""
@@ -72,7 +73,7 @@ class ScheduleMember:
     """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW."""
 
     names: tuple[str, ...] = ("network", "network, short memory")
-    is_rule = False
+    is_rule, needs_days = False, True
     fit_: LeadFit
 
     def __init__(self, network: RCNetwork, known: dict[str, float]) -> None:
@@ -115,7 +116,7 @@ class ARXMember:
     """ARX on all inputs and the last ``n_lags`` temperatures."""
 
     names: tuple[str, ...] = ("ARX",)
-    is_rule = False
+    is_rule, needs_days = False, False
 
     def __init__(self, n_lags: int) -> None:
         self.n_lags = n_lags
@@ -207,7 +208,7 @@ class DailyProfileMember:
     """The mean day so far, to which the temperature returns: a rule that is hard to beat after a short training."""
 
     names: tuple[str, ...] = ("daily profile",)
-    is_rule = True
+    is_rule, needs_days = True, False
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         self.every = rows_per_hour(training.step)
@@ -220,8 +221,8 @@ class DailyProfileMember:
         """The rows of a training, and the mean day as it was known at each of them."""
         T = training.history["T_za"]
         rows, known = ProfileRows.of(training, T), T[np.isfinite(T)]
-        mean_day = MeanDay(rows_per_day(training.step), float(known.mean()) if len(known) else 0.0)
-        mean_day = mean_day.starting_at(int(rows.place[0]))
+        mean = float(known.mean()) if len(known) else 0.0
+        mean_day = MeanDay(rows_per_day(training.step), mean, int(rows.place[0]))
         mean_day.extend(rows, 0, training.n_rows)
         return rows, mean_day
 
