@@ -80,7 +80,9 @@ class ScheduleScheme(Scheme):
         per_day = rows_per_day(training.step)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
-        priors = np.array([_prior(self._members, share, first) for share, first in zip(_RULE_SHARES, (True, False), strict=True)])
+        priors = np.array(
+            [_prior(self._members, share, first) for share, first in zip(_RULE_SHARES, (True, False), strict=True)]
+        )
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
@@ -281,7 +283,10 @@ def _prior(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarra
     """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
     learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
     n_rules = sum(m.is_rule for m in members)
-    shares = [rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has for m, has in zip(members, learned, strict=True)]
+    shares = [
+        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
+        for m, has in zip(members, learned, strict=True)
+    ]
     return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
 
 
