@@ -361,7 +361,7 @@ def test_hourly_rows(office):
     assert rmse(predicted, hourly["T_za"][10 * 24 :]) < 1.5
 
 
-@pytest.mark.parametrize("n_rows", [5, 3 * DAY], ids=["five rows", "three days"])
+@pytest.mark.parametrize("n_rows", [5, DAY, 3 * DAY], ids=["five rows", "one day", "three days"])
 def test_short_tables(n_rows, office):
     X, y = office.X, office.y
     model = HybridPredictor().fit(X[:n_rows], y[:n_rows])
@@ -374,7 +374,8 @@ def test_short_tables(n_rows, office):
     np.testing.assert_allclose(model.weights_, [prior] * 3)
     first = model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0]
     model.adapt = None
-    np.testing.assert_allclose(model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0], first, atol=0.01)
+    tolerance = 0.05 if n_rows == DAY else 0.01  # a row more moves an ARX that has seen one day
+    np.testing.assert_allclose(model.predict_from(X[n_rows : n_rows + 2 * DAY], [0])[0], first, atol=tolerance)
     model.adapt = "full"
     now = model.update(X[n_rows : n_rows + 3]).forecast(None, X[n_rows + 3 : n_rows + 20])
     assert np.isfinite(now).all(axis=None)
