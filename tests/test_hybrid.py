@@ -90,7 +90,7 @@ def test_the_default_blends_a_network_and_arx(office):
     model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[: 7 * DAY], office.y[: 7 * DAY])
     assert model.gray_box is None
     assert model.forecaster is None
-    assert set(model.weights_.columns) == {"network", "network, short memory", "ARX", "multi-step ARX", "day before"}
+    assert set(model.weights_.columns) == {"network", "network, short memory", "ARX", "multi-step ARX", "daily profile"}
     np.testing.assert_allclose(model.weights_.sum(axis=1), 1.0)
 
 
