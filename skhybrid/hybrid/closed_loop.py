@@ -31,8 +31,7 @@ _TAIL = 2.0 / 3.0  # share of the training after which it is forecast by what ha
 _DAYS_BACK = 21  # days whose errors count
 _WIDER = 1.1  # loads may be so much larger than the largest known
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
-#: independent errors per day of the load, which starts and stops, and of a room that a thermostat holds
-_INDEPENDENT_PER_DAY = (24.0, 6.0)
+_INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
 _LEADS = 18  # leads at which errors are evaluated
 
 
