@@ -16,11 +16,13 @@ if TYPE_CHECKING:
         forecasting,
         identification,
         inspection,
+        logs,
         model_selection,
         persistence,
         preprocessing,
         study,
         thermal,
+        zone,
     )
     from .forecasting import ARXRegressor, DisturbanceForecaster
     from .hybrid import HybridPredictor, SchedulePredictor, TwoStagePredictor
@@ -53,11 +55,13 @@ __all__ = [
     "forecasting",
     "identification",
     "inspection",
+    "logs",
     "model_selection",
     "persistence",
     "preprocessing",
     "study",
     "thermal",
+    "zone",
 ]
 _SUBMODULES = {*__all__} - {*_MODULE_OF, "__version__"}
 

@@ -26,6 +26,8 @@ class TrainingRecord:
     n_rows : int
     step : Timedelta
     versions : dict of package to version
+    ranges : dict of role to (float, float)
+        Lowest and highest value of each input.
     """
 
     first: Any
@@ -33,13 +35,15 @@ class TrainingRecord:
     n_rows: int
     step: pd.Timedelta
     versions: dict[str, str]
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
         """Of a table, or of all even rows from its first to the last of ``latest``."""
         versions = {"skhybrid": __version__, "scikit-learn": sklearn.__version__, "numpy": np.__version__}
         if latest is None:
-            return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions)
+            ranges = {role: (float(v.min()), float(v.max())) for role, v in table.inputs.items()}
+            return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions, ranges)
         first, last = (part.time if part.utc is None else part.utc for part in (table, latest))
         n_rows = round((last[-1] - first[0]) / table.step) + 1
         return cls(table.index[0], latest.index[-1], n_rows, table.step, versions)

@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import zipfile
+from collections.abc import Mapping
 from datetime import date, datetime
 from typing import Any
 
@@ -27,7 +28,7 @@ from ._skops import import_skops
 from ._warnings import first_sentence
 from .exceptions import ModelFileError
 
-__all__ = ["load_model", "save_model"]
+__all__ = ["load_metadata", "load_model", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
@@ -51,7 +52,7 @@ _TRUSTED = [
 _PLAIN = (str, bytes, bool, int, float, complex, type(None), np.ndarray, np.generic)
 
 
-def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
+def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[str, str] | None = None) -> None:
     """Write a fitted estimator to a file.
 
     Parameters
@@ -60,6 +61,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
         An estimator of this package, or a scikit-learn estimator (a Pipeline, a search) that contains one.
     path : path-like
         The file to write; it is replaced in one step, so that nobody reads a half-written file.
+    metadata : mapping of str to str, optional
+        Texts that go with it, for :func:`load_metadata`, such as how its log is read.
 
     Raises
     ------
@@ -70,6 +73,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str]) -> None:
     io = import_skops()
     try:
         data = _to_data(estimator, type(estimator).__name__)
+        if metadata:
+            data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
         body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
         if is_tight(body):  # load_model refuses what looks like a bomb
             body = io.dumps(data)
@@ -102,6 +107,26 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skhybrid.exceptions.ModelFileError
         If the file is truncated, altered, from another version (major.minor), or not a model file.
     """
+    return _parts(path)[0]
+
+
+def load_metadata(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The texts that :func:`save_model` wrote beside an estimator; empty if there were none.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    skhybrid.exceptions.ModelFileError
+        As :func:`load_model`.
+    """
+    return _parts(path)[1]
+
+
+def _parts(path: str | os.PathLike[str]) -> tuple[Any, dict[str, str]]:
+    """Estimator and metadata of a file."""
     version, digest, body = _read(path)
     if _digest(version, body) != digest:
         raise ModelFileError(f"{path} was truncated or altered after it was saved; save the model again.")
@@ -110,7 +135,13 @@ def load_model(path: str | os.PathLike[str]) -> Any:
             f"{path} was saved by skhybrid {version.decode()}, but this is {__version__}; load it with that version, "
             "or fit again."
         )
-    return _decode(body, path)
+    found = _decode(body, path)
+    if type(found) is not dict:  # a model alone
+        return found, {}
+    texts = found.get("metadata")
+    if "model" not in found or not isinstance(texts, dict):
+        raise ModelFileError(f"{path} holds no model; save the model again.")
+    return found["model"], {str(key): str(text) for key, text in texts.items()}
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[bytes, bytes, bytes]:

@@ -281,7 +281,7 @@ def test_the_module_runs_and_tells_its_version():
         ("start = 2024-01-11", "start = 2031-01-11", "[test] from 2031-01-11"),
         ("start = 2024-01-11", "start = 2024-01-05", "[train] ends at"),
         ('step = "1h"', "step = ", "is not valid TOML"),
-        ("[units]", "[scale]\nu_heat = 0.1\n[units]", "[scale] names 'u_heat'"),
+        ("[units]", "[scale]\nu_heat = 0.1\n[units]", "a scale is given for 'u_heat'"),
         ('step = "1h"', 'step = "1h"\nlabel = "middle"', "label = 'middle'"),
         ('step = "1h"', 'step = "1h"\norigin_step = "90min"', "origin_step="),
         ('name = "Test room"', "name = 5", "name = 5 must be text"),
@@ -319,7 +319,7 @@ def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
     assert main(["run", str(files / "none.csv"), "--config", str(files / "zone.toml"), "--out", str(files / "o")]) == 1
     assert "none.csv" in capsys.readouterr().err
     assert main(["run", str(files / "log.csv"), "--out", str(files / "o")]) == 2
-    assert "needs --config" in capsys.readouterr().err
+    assert "--config is missing" in capsys.readouterr().err
     assert main(["fly"]) == 2
     assert main(["run", "--help"]) == 0
 
@@ -524,7 +524,7 @@ def test_a_stop_inside_an_exec_keeps_its_code(tmp_path):
     """``python -m`` exits with SIGINT's code after a KeyboardInterrupt in an exec of text, though it was caught."""
     program = (
         "import os, signal, sys\nfrom skhybrid.cli import demo, main\n"
-        "demo.execute = lambda _: exec('os.kill(os.getpid(), signal.SIGTERM)', globals())\nsys.exit(main())"
+        "demo.command.callback = lambda **_: exec('os.kill(os.getpid(), signal.SIGTERM)', globals())\nsys.exit(main())"
     )
     (tmp_path / "stopped.py").write_text(program)
     path = os.pathsep.join([str(tmp_path), str(Path(skhybrid.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
@@ -569,7 +569,6 @@ def test_a_log_of_another_country_is_proposed_and_read(tmp_path, sep, decimal, d
     log = _log()
     log.to_csv(tmp_path / "log.csv", sep=sep, decimal=decimal, date_format=dates, encoding="utf-8-sig")
     settings = settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv")))
-    assert (settings.sep, settings.decimal) == (sep, decimal)
     frame, _ = read_log(tmp_path / "log.csv", settings)
     np.testing.assert_allclose(frame["T_za"], log["room_temp"])
 
@@ -585,20 +584,24 @@ def test_a_proposal_keeps_out_of_a_long_gap(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "comment"),
     [
-        (lambda log: log.iloc[: 4 * 24], "a study needs 4 whole days"),
-        (lambda log: log.set_axis(log.index.normalize()), "give date and time in one column"),
-        (
-            lambda log: log.astype(object).mask(np.arange(len(log))[:, None] == [7, -1, -1, -1], "ERR"),
-            "row 9 of 'log.csv'",
-        ),
-        (lambda log: log.iloc[:1], "fewer than two rows"),
+        (lambda log: log.iloc[: 4 * 24], "# too few days without a long gap"),
+        (lambda log: log.drop(columns="room_temp"), '# T_za = "..."  # room temperature: not found'),
+        (lambda log: log.rename(columns={"room_temp": "Sensor 3"}), "perhaps 'Sensor 3'"),
+        (lambda log: log[["room_temp", "outdoor_temp"]], '# u_heat = "..."  # no column looks like heating'),
     ],
 )
-def test_a_log_that_cannot_be_studied_gets_no_proposal(tmp_path, change, message):
+def test_what_a_proposal_could_not_find_is_a_comment(tmp_path, change, comment):
     change(_log()).to_csv(tmp_path / "log.csv")
-    with pytest.raises(ValueError, match=message):
+    text = propose_settings(tmp_path / "log.csv")
+    assert comment in text
+    tomllib.loads(text)
+
+
+def test_a_log_of_one_row_gets_no_proposal(tmp_path):
+    _log().iloc[:1].to_csv(tmp_path / "log.csv")
+    with pytest.raises(ValueError, match="two are the least"):
         propose_settings(tmp_path / "log.csv")
 
 
@@ -613,27 +616,28 @@ def test_a_room_number_is_no_room_temperature_and_an_infinite_cell_no_unit(tmp_p
 
 
 def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
-    assert main(["run", "--write-config", str(files / "log.csv")]) == 0
-    text = capsys.readouterr().out
+    assert main(["check", str(files / "log.csv"), "--config", str(files / "new.toml")]) == 0
+    text = (files / "new.toml").read_text(encoding="utf-8")
     proposed = tomllib.loads(text)
     assert proposed["columns"] == {
         "T_za": "room_temp", "T_oa": "outdoor_temp", "q_sol": "solar_W_m2", "Q_hvac": "hvac_kW",
     }  # fmt: skip
     assert proposed["units"] == {"q_sol": "W/m2"}
     assert proposed["forecaster"] == {"model": "schedule"}
-    assert proposed["network"] == {}
-    assert tomllib.loads(text.replace("# [site]", "[site]").replace("# l", "l"))["site"]["latitude"] == 52.4
+    assert tomllib.loads(text.replace("# [site]", "[site]").replace("# lat", "lat"))["site"]["latitude"] == 52.4
     data = split_log(read_log(files / "log.csv", settings_from(proposed))[0], settings_from(proposed))
     assert len(data.train)
     assert data.test_start > data.train.index[-1]
 
 
-def test_a_proposal_is_written_to_a_file_that_is_not_there_yet(files, capsys):
-    path = files / "new.toml"
-    assert main(["run", "--write-config", str(files / "log.csv"), "--config", str(path)]) == 0
-    assert settings_from(tomllib.loads(path.read_text())).columns["T_za"] == "room_temp"
-    assert main(["run", "--write-config", str(files / "log.csv"), "--config", str(path)]) == 1
-    assert "exists" in capsys.readouterr().err
+def test_a_configuration_that_is_there_is_used_and_kept(files, capsys):
+    text = (files / "zone.toml").read_text()
+    assert main(["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["columns"]["room_temp"]["reason"] == "it was given"
+    assert (files / "zone.toml").read_text() == text
+    assert main(["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--overwrite"]) == 0
+    assert settings_from(tomllib.loads((files / "zone.toml").read_text())).columns["T_za"] == "room_temp"
 
 
 def test_the_columns_of_real_logs_are_found(shared_data):
@@ -641,19 +645,13 @@ def test_the_columns_of_real_logs_are_found(shared_data):
     assert home["columns"] == {
         "T_za": "T_in_degC", "T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd",
     }  # fmt: skip
-    highest = pd.read_csv(shared_data / "dutch_home_2.csv")["heat_cmd"].max()
-    assert home["scale"]["u_heat"] * highest == pytest.approx(1.0, rel=1e-3)
+    assert home["units"]["u_heat"] == "percent"  # not 1/largest value, which depends on the log's length
+    assert "scale" not in home
     office = tomllib.loads(propose_settings(shared_data / "small_office_chicago_irregular.csv"))
     assert office["columns"]["Q_hvac"] == "q_hvac_kW"
     assert (office["label"], office["timezone"]) == ("right", "-06:00")
     assert (home["label"], home["timezone"]) == ("left", "UTC")
     assert "truth_gains_kW" not in office["columns"].values()
-
-
-def test_a_log_without_temperatures_gets_no_proposal(tmp_path, capsys):
-    (tmp_path / "log.csv").write_text("time,a,b\n2024-01-01T00:00,1,2\n")
-    assert main(["run", "--write-config", str(tmp_path / "log.csv")]) == 1
-    assert "looks like the room temperature" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["dutch_home_2", "small_office"])
@@ -734,7 +732,7 @@ def test_a_study_fits_and_back_tests_every_model_once_on_shared_tables(profile_s
     monkeypatch.setattr("skhybrid.study.run.backtest", backtested)
     result = run_study(settings, data)
     assert fitted == [_table.ZoneTable] * 4  # the hybrid and three baselines
-    assert len({model for model, *_ in tested}) == len(tested) == len(result.table)
+    assert len({model for model, *_ in tested}) == len(tested) == len(result.frames)
     assert [quantiles for *_, quantiles in tested] == [INTERVAL] + [None] * (len(tested) - 1)
     assert sum(kind is pd.DataFrame for _, kind, _ in tested) == 1  # yesterday, which is not an estimator of tables
 

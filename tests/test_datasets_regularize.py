@@ -141,3 +141,46 @@ def test_missing_cells_of_an_input():
 def test_refused(log, make, options, message):
     with pytest.raises(ValueError, match=message):
         regularize(make(log), **options)
+
+
+# ------------------------------------------------------------------------------------------------ logged by change
+CHANGES = pd.DataFrame(
+    {"T_za": [20.0, np.nan, 20.5, np.nan], "u_heat": [1.0, 0.0, np.nan, 1.0], "T_oa": [5.0, np.nan, np.nan, 6.0]},
+    index=pd.DatetimeIndex(["2024-01-01 00:00", "2024-01-01 00:20", "2024-01-01 01:10", "2024-01-01 04:45"]),
+)
+
+
+def test_a_held_value_holds_until_the_next_one():
+    out = regularize(CHANGES, "1h", held=list(CHANGES))
+    assert out["T_za"].tolist() == [20.0, 20.0, 20.5, 20.5, 20.5]
+    assert out["T_oa"].tolist() == [5.0] * 5  # the value at 04:45 is not known at 04:00
+    np.testing.assert_allclose(out["u_heat"], [1 / 3, 0.0, 0.0, 0.0, 0.25])
+
+
+def test_a_held_value_ends_after_the_longest_hold():
+    out, report = regularize(CHANGES, "1h", held=list(CHANGES), max_hold="90min", return_report=True)
+    np.testing.assert_array_equal(out["T_za"], [20.0, 20.0, 20.5, np.nan, np.nan])
+    # known from 00:20 to 01:50, then for the last quarter of the last hour only
+    np.testing.assert_allclose(out["u_heat"], [1 / 3, 0.0, np.nan, np.nan, np.nan])
+    assert report.missing == {"T_za": 2, "u_heat": 3, "T_oa": 3}
+    assert not report.filled
+
+
+def test_held_columns_beside_sampled_ones(log):
+    changes = log["u_heat"].where(log["u_heat"] != log["u_heat"].shift())
+    worn = log.assign(u_heat=changes)
+    pd.testing.assert_frame_equal(regularize(worn, held=["u_heat"], max_hold="10D"), regularize(log), check_freq=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"held": ["x"]}, "held= names 'x', which is not among the columns: 'T_za', 'u_heat', 'T_oa'"),
+        ({"held": "T_za"}, "held='T_za' is one text"),
+        ({"held": ["T_za"], "max_hold": "0h", "step": "1h"}, "max_hold='0h' is not a positive duration"),
+        ({"held": ["T_za", "u_heat", "T_oa"]}, "a log of changes has no step of its own; pass step="),
+    ],
+)
+def test_refusals_of_held_columns(options, message):
+    with pytest.raises(ValueError, match=message):
+        regularize(CHANGES, **options)

@@ -59,7 +59,7 @@ FOUND = {
     Call("make_office", _COMPLEX): "weather column 'q_sol' is not numeric",
     Call("compare_models", Table(spoilt=(Spoilt("q_sol", "-1e300", "every seventh"),))): "no model could be fitted",
     Call("DesignMatrixSearchCV, ARXRegressor.score", target="some 1e300"): "y holds numbers beyond 1e100",
-    Call("skhybrid run --write-config", Table(container="dict")): "looks like the room temperature",
+    Call("skhybrid check", Table(container="dict")): "time stamp",
     Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric",
     Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",

@@ -29,16 +29,20 @@ MAY_IMPORT: dict[str, set[str]] = {
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
     "persistence": {"_archive", "_files", "_skops"},
     "preprocessing": set(),
-    "datasets": {"thermal", "preprocessing"},
+    "logs": {"preprocessing"},
+    "datasets": {"thermal", "preprocessing", "logs"},
     "model_selection": {"identification", "forecasting", "hybrid"},
     "inspection": {"thermal", "identification", "forecasting", "hybrid", "model_selection"},
     "study": {
-        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
         "model_selection", "inspection",
     },
+    "zone": {
+        "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
+    },
     "cli": {
-        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "datasets",
-        "model_selection", "inspection", "study",
+        "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
+        "model_selection", "inspection", "study", "zone",
     },
 }  # fmt: skip
 #: these may import less than BASE.
@@ -62,7 +66,7 @@ STRICT = {
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "study", "cli"}
+READERS = {"model_selection", "inspection", "study", "zone", "cli"}
 _BAYES = (
     "identification/uncertainty/posterior.py",
     "model_selection/choice/pattern_expressiveness.py",
@@ -77,6 +81,10 @@ HOMES = {
     "pytensor": ("identification/uncertainty/posterior.py",),
     "matplotlib": ("inspection/",),
     "holidays": ("_holidays.py",),
+    "click": ("cli/",),
+    "openpyxl": ("logs/spreadsheet.py",),
+    "pyarrow": ("logs/columnar.py",),
+    "sqlalchemy": ("logs/sql_table.py",),
 }
 
 
@@ -240,8 +248,8 @@ def test_a_heavy_library_stays_where_it_lives(library):
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor"])
-def test_a_plotting_or_sampling_library_is_imported_inside_functions(library):
+@pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor", "openpyxl", "pyarrow", "sqlalchemy"])
+def test_a_plotting_sampling_or_file_library_is_imported_inside_functions(library):
     wrong = [
         _shown(path, one) for path, imports in MODULES.items() for one in imports if one.top == library if one.on_load
     ]

@@ -1,4 +1,4 @@
-"""The command line: ``skhybrid demo`` and ``skhybrid run``."""
+"""The command line: one module per command."""
 
 from __future__ import annotations
 
@@ -6,16 +6,30 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from ._output import DONE, FAILED, end_on_signals, is_stopped, one_line, report_error, report_stop, stop_on_signals
+from ._output import (
+    DONE,
+    FAILED,
+    MISUSED,
+    end_on_signals,
+    is_stopped,
+    one_line,
+    report_error,
+    report_stop,
+    stop_on_signals,
+)
 
 __all__ = ["main"]
+
+#: modules of the commands, in the order in which a user needs them
+_COMMANDS = ("check", "fit", "forecast", "update", "backtest", "identify", "run", "search", "demo")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line with the given arguments, by default those of the process.
 
-    Returns 0: done; 1: the input was refused or could not be read, with one line on stderr that says why; 2: the
-    command line was misused; 130: it was interrupted (Ctrl-C or SIGTERM), and no file is half written.
+    Returns 0: done; 1: the input was refused or could not be read, with one line on stderr that says why, or with
+    ``--strict`` something was warned of; 2: the command line was misused; 130: it was interrupted (Ctrl-C or SIGTERM),
+    and no file is half written.
     """
     if argv is not None or threading.current_thread() is not threading.main_thread():
         return _run(argv)
@@ -30,13 +44,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str] | None) -> int:
     """Run the command line and return its exit code."""
+    import click  # here, since signals are handled by now
+
     try:
-        arguments = _parser().parse_args(argv)
-    except SystemExit as stop:  # argparse has said why
-        return report_stop() if is_stopped() else int(stop.code or DONE)
-    try:
-        return int(arguments.execute(arguments))
-    except (KeyboardInterrupt, SystemExit):
+        found = _group().main(None if argv is None else list(argv), prog_name="skhybrid", standalone_mode=False)
+        return int(found or DONE)
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except click.UsageError as error:
+        context = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
+        report_error(f"{one_line(error.format_message()).removesuffix('.')}{context}.")
+        return MISUSED
+    except (KeyboardInterrupt, SystemExit, click.Abort):
         return report_stop()
     except Exception as error:
         if is_stopped():  # it may have arrived inside an import, or have ended a worker
@@ -47,20 +66,26 @@ def _run(argv: Sequence[str] | None) -> int:
         return FAILED
 
 
-def _parser() -> Any:
-    # imported here, since signals are handled by now; a command has ``add_parser(commands)`` and ``execute(arguments)``
-    import argparse
+def _group() -> Any:
+    """The commands, each loaded when it is called or asked for help."""
+    from importlib import import_module
+
+    import click
 
     from .. import __version__
-    from . import demo, run
 
-    modules = (demo, run)
-    parser = argparse.ArgumentParser(
-        prog="skhybrid", description="Day-ahead forecast of room temperature and heating/cooling load from a log."
+    class Commands(click.Group):
+        def list_commands(self, ctx: click.Context) -> list[str]:
+            return list(_COMMANDS)
+
+        def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+            return import_module(f".{name}", __name__).command if name in _COMMANDS else None
+
+    doc = (
+        "Day-ahead forecast of room temperature and heating or cooling load from a log.\n\n"
+        "\b\nA log to tomorrow's forecast:\n"
+        "  skhybrid check LOG --config zone.toml\n"
+        "  skhybrid fit LOG --config zone.toml --model zone.skops\n"
+        "  skhybrid forecast --model zone.skops --log LOG --weather WEATHER --setpoint 21,24"
     )
-    parser.add_argument("--version", action="version", version=f"skhybrid {__version__}")
-    names = ",".join(command.__name__.rpartition(".")[2] for command in modules)
-    commands = parser.add_subparsers(dest="command", required=True, metavar=f"{{{names}}}")
-    for command in modules:
-        command.add_parser(commands)
-    return parser
+    return click.version_option(__version__, message="skhybrid %(version)s")(Commands("skhybrid", help=doc))

@@ -13,15 +13,24 @@ _received: list[int] = []  # signals received so far
 
 
 class Progress:
-    """Writes steps to stderr, each with the time since the beginning; nothing if ``quiet``."""
+    """Writes steps to stderr: a bar with the time left on a terminal, else lines; nothing if ``quiet``."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet
         self.begun = time.perf_counter()
+        self.n_warnings = 0
 
     def __call__(self, number: int, total: int, text: str) -> None:
         """Write that a step begins."""
-        self.note(f"[{number}/{total}] {time.perf_counter() - self.begun:6.1f} s  {text}")
+        elapsed = time.perf_counter() - self.begun
+        left = f", about {elapsed / (number - 1) * (total - number + 1):.0f} s left" if number > 1 else ""
+        line = f"[{number}/{total}] {elapsed:6.1f} s  {text}"
+        if self.quiet or not sys.stderr.isatty():
+            self.note(line)
+            return
+        check_stopped()
+        end = "\n" if number == total else ""
+        print(f"\r\033[K{line}{left}", end=end, file=sys.stderr, flush=True)
 
     def note(self, text: str) -> None:
         """Write a line."""
@@ -29,10 +38,10 @@ class Progress:
         if not self.quiet:
             print(text, file=sys.stderr, flush=True)
 
-
-def add_quiet(parser: Any) -> None:
-    """Add the option ``--quiet``."""
-    parser.add_argument("-q", "--quiet", action="store_true", help="write no progress to stderr")
+    def warn(self, text: str) -> None:
+        """Write a warning, which ``--strict`` counts."""
+        self.n_warnings += 1
+        self.note(f"warning: {one_line(text)}")
 
 
 def report_error(text: str) -> None:

@@ -9,11 +9,17 @@ import pandas as pd
 
 from ..study import Settings, StudyData, run_study, write_outputs
 from ..study.outputs import format_table
-from ._output import DONE, Progress, check_stopped, one_line
+from ._output import DONE, Progress, check_stopped
 
 
 def study_to_folder(
-    settings: Settings, data: StudyData, out: Path, progress: Progress, heat_gain: pd.Series | None = None
+    settings: Settings,
+    data: StudyData,
+    out: Path,
+    progress: Progress,
+    heat_gain: pd.Series | None = None,
+    *,
+    as_json: bool = False,
 ) -> int:
     """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
     _refuse_unwritable(out)
@@ -21,7 +27,10 @@ def study_to_folder(
     truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
     written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
     for text in result.warnings:
-        progress.note(f"warning: {one_line(text)}")
+        progress.warn(text)
+    if as_json:
+        print((out / "metrics.json").read_text(encoding="utf-8"))
+        return DONE
     print(format_table(result.table))
     print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
     return DONE

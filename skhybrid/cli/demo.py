@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
-from ._output import Progress, add_quiet
+import click
+
+from ._options import as_command
+from ._output import Progress
 
 _NAME = "Small office, Chicago (EnergyPlus)"
 _END = "2018-11-12"  # last day of the log that is used, the day after the tested weeks
@@ -17,23 +19,23 @@ _QUICK_SPANS = {
 }
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command to the subparsers of ``skhybrid``."""
-    parser = commands.add_parser("demo", help="forecast the log that ships with the package, next to simple baselines")
-    parser.add_argument("--out", type=Path, default=Path("skhybrid-demo"), help="folder to write to (%(default)s)")
-    parser.add_argument("--quick", action="store_true", help="shorter spans, to see that it works")
-    add_quiet(parser)
-    parser.set_defaults(execute=execute)
-
-
-def execute(arguments: argparse.Namespace) -> int:
-    """Run the command and return its exit code."""
-    # imported here so that --help and --version need not wait for it
+@as_command("demo", "skhybrid demo --quick")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("skhybrid-demo"),
+    show_default=True,
+    help="Folder to write to.",
+)
+@click.option("--quick", is_flag=True, help="Shorter spans, to see that it works.")
+def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:
+    """Forecast the log that ships with the package, beside simple models."""
+    # imported here so that --help need not wait for it
     from ..datasets import load_small_office
     from ._study import study_to_folder
 
-    settings, data = office_study(quick=arguments.quick)
-    return study_to_folder(settings, data, arguments.out, Progress(arguments.quiet), load_small_office().heat_gain)
+    settings, data = office_study(quick=quick)
+    return study_to_folder(settings, data, out, say, load_small_office().heat_gain, as_json=as_json)
 
 
 def office_study(*, quick: bool = False, **settings: Any) -> tuple[Any, Any]:

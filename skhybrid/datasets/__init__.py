@@ -1,14 +1,14 @@
 """The paper's synthetic office, an EnergyPlus run of a small office, and readers of logs and weather files."""
 
+from ..logs import RegularizeReport, read_zone_csv, regularize
 from ._benchmark import BenchmarkLog, load_benchmark
 from ._dutch_homes import load_dutch_home
 from ._epw import read_epw
 from ._office import make_office
-from ._readers import read_zone_csv
-from ._regularize import RegularizeReport, regularize
 from ._small_office import load_small_office
 from ._thermostat_plan import make_prbs
 from ._weather import make_weather
+from ._weather_files import read_weather, weather_on_steps
 
 __all__ = [
     "BenchmarkLog",
@@ -20,6 +20,8 @@ __all__ = [
     "make_prbs",
     "make_weather",
     "read_epw",
+    "read_weather",
     "read_zone_csv",
     "regularize",
+    "weather_on_steps",
 ]

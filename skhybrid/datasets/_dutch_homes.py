@@ -6,7 +6,7 @@ from importlib.resources import as_file, files
 
 from sklearn.utils import Bunch
 
-from ._readers import read_zone_csv
+from ..logs import read_zone_csv
 
 _COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
 _HIGHEST = 78.0  # of the boiler's signal

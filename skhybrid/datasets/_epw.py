@@ -106,8 +106,8 @@ def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:
     return np.asarray((stamps.month * 100 + stamps.day) * 100 + stamps.hour)
 
 
-def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
-    """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
+def checked_weather(weather: pd.DataFrame) -> pd.DataFrame:
+    """``T_oa`` and ``q_sol`` as finite numbers at increasing stamps; what cannot be used is refused."""
     for column in ("T_oa", "q_sol"):
         if not isinstance(weather, pd.DataFrame):
             raise ValueError(f"weather is a {type(weather).__name__}; give a DataFrame with columns T_oa and q_sol.")
@@ -121,9 +121,15 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
             )
     if not isinstance(weather.index, pd.DatetimeIndex) or len(weather) < 2:
         raise ValueError("weather needs a DatetimeIndex of at least two time stamps.")
-    frame = weather[["T_oa", "q_sol"]].apply(_numbers).set_axis(_standard_time(weather.index), axis=0)
-    if not (frame.index.is_monotonic_increasing and frame.index.is_unique):
+    if not (weather.index.is_monotonic_increasing and weather.index.is_unique):
         raise ValueError("the time stamps of weather must increase; sort them and drop duplicates.")
+    return weather[["T_oa", "q_sol"]].apply(_numbers)
+
+
+def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
+    """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
+    frame = checked_weather(weather)
+    frame.index = _standard_time(pd.DatetimeIndex(frame.index))
     frame.attrs |= weather.attrs
     if weather.attrs.get("typical_year"):
         frame = _repeat_typical_year(frame, time)

@@ -120,6 +120,18 @@ class BaseHybrid(FramesForecastMixin, RegressorMixin, BaseEstimator):
     disturbance_step_ = _of_scheme("disturbance_step_", "Step of the disturbance.")
     weights_ = _of_scheme("weights_", "Shares of the blend's members by group of leads (schedule model only).")
 
+    @property
+    def known_until_(self) -> pd.Timestamp | None:
+        """Stamp of the last row that the model knows; None where the training had no stamps."""
+        check_is_fitted(self)
+        return self._scheme.rows.last_stamp
+
+    @property
+    def thermostat_learned_(self) -> bool:
+        """Whether the training had set-points, so that a thermostat was learned."""
+        check_is_fitted(self)
+        return self._law is not None
+
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
         return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)

@@ -20,6 +20,15 @@ from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
+YESTERDAY = "yesterday"  # label of the simplest rule
+#: labels in words for those who do not know the paper
+PLAIN_WORDS = {
+    "OD alone": "building model, last disturbance fades",
+    "OD, no disturbance": "building model, no disturbance",
+    "CONV alone": "building model identified without a disturbance",
+    "ARX": "black box (ARX)",
+    "ARX re-fitted": "black box (ARX), fitted at every origin",
+}
 #: baselines of the disturbance in the two-stage scheme: label and note
 _TWO_STAGE = {
     "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),
@@ -113,7 +122,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         if given is None or name != given.model:
             baseline, _ = _two_stage(settings, DisturbanceForecaster(name), memory)
             made.append(StudyModel(label, baseline.set_params(intervals=False), note))
-    return [*made, StudyModel("yesterday", Yesterday(), "the temperature 24 h before")]
+    return [*made, StudyModel(YESTERDAY, Yesterday(), "the temperature 24 h before")]
 
 
 def identified_by(settings: Settings) -> str:

@@ -9,18 +9,23 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, numeric, refuse_infinite_columns, refuse_shape
+from .._table import HISTORY_ROLES, SETPOINT_ROLES, numeric, refuse_infinite_columns, refuse_shape
 from .._time import even_step, spell
-from ..datasets import RegularizeReport, read_zone_csv, regularize
+from ..logs import RawLog, RegularizeReport, regularize
+from ..logs import read_log as read_any_log
+from ..logs.conversion import Channel, channels_of, to_roles
+from ..logs.log_findings import standstills, without_standstills
+from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
+from .plant import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
+_WARMEST_SETPOINT = 45.0  # of a room [degC]
 _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
-_STANDSTILL = pd.Timedelta("1D")  # a temperature that does not change for this long comes from a stuck sensor
 
 
 class StudyData(NamedTuple):
@@ -34,6 +39,7 @@ class StudyData(NamedTuple):
     history, future : DataFrame, rows before the next day, and the next day, with ``T_za`` as far as it was measured
     setpoint : Series, temperature to hold [degC], over history and future
     held_out : bool, whether the next day is the last day of the log, and so was measured
+    remarks : tuple of str, what was found on the way
     """
 
     train: pd.DataFrame
@@ -43,6 +49,7 @@ class StudyData(NamedTuple):
     future: pd.DataFrame
     setpoint: pd.Series
     held_out: bool
+    remarks: tuple[str, ...] = ()
 
 
 def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
@@ -50,7 +57,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
 
     Parameters
     ----------
-    path : path-like, CSV file
+    path : path-like, a file in any format of :func:`skhybrid.logs.read_log`, or the URL of a database
     settings : Settings
 
     Raises
@@ -62,28 +69,57 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
         columns[SETPOINT] = wanted
-    raw = read_zone_csv(
-        path,
-        columns,
-        timezone=settings.timezone,
-        label=settings.label,
-        units=dict(settings.units),
-        time_column=settings.time_column,
-        dayfirst=settings.dayfirst,
-        sep=settings.sep,
-        decimal=settings.decimal,
-    )
-    for role, factor in settings.scale.items():
-        if role not in raw:
-            raise ValueError(f"[scale] names {role!r}, which [columns] does not have ({', '.join(map(repr, raw))}).")
-        raw[role] = raw[role] * factor
-    frame, report = cast("tuple[pd.DataFrame, RegularizeReport]", regularize(raw, settings.step, return_report=True))
+    raw = read_raw_log(path, settings)
+    channels = channels_of(raw, columns, settings.units, settings.scale)
+    frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw)), settings)
+    if settings.timezone is not None and frame.index.tz is not None:
+        frame = frame.tz_convert(settings.timezone)
+    if settings.label == "right":
+        frame = to_left_label(frame.sort_index(kind="stable"))
+    frame, report = _on_even_steps(frame, settings, [c.role for c in channels if c.name in raw.held])
     if 2 * report.step < report.source_step:  # then T_za is missing in most rows
         given, logged = spell(report.step), spell(report.source_step)
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
     return frame, str(report)
+
+
+def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
+    """The channels of a log as its source has them, by the format that the settings name or its content tells."""
+    given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
+    options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
+    options.pop("max_hold", None)
+    return read_any_log(path, settings.format, **options)
+
+
+def _on_even_steps(frame: pd.DataFrame, settings: Settings, held: list[str]) -> tuple[pd.DataFrame, RegularizeReport]:
+    """The rows at the step of the settings, with values that are logged by change held until the next."""
+    held = [role for role in held if role in frame]
+    longest = settings.log.get("max_hold", "1D")
+    made = regularize(frame, settings.step, return_report=True, held=held, max_hold=longest)
+    return cast("tuple[pd.DataFrame, RegularizeReport]", made)
+
+
+def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
+    """Set-points without a unit of their own are logged as the room's temperature is, where their values allow it."""
+    of_room = next((c.unit for c in channels if c.role == "T_za"), None)
+    plain = [c for c in channels if c.unit is None and c.role in (*SETPOINT_ROLES, SETPOINT)]
+    warm = {c.role for c in plain if raw.frame[c.name].median() > _WARMEST_SETPOINT}
+    return [c._replace(unit=(of_room or "degF") if c.role in warm else c.unit) for c in channels]
+
+
+def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
+    parts = {role: frame[role] for role in ("Q_heat", "Q_cool") if role in frame}
+    if parts and "Q_hvac" not in frame:
+        total = sum((-values.abs() if role == "Q_cool" else values for role, values in parts.items()), 0.0)
+        frame = frame.drop(columns=list(parts)).assign(Q_hvac=total)
+    performance = Performance.of(settings.plant)
+    if performance is None or not settings.plant.get("electricity") or "Q_hvac" not in frame:
+        return frame
+    T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()
+    return frame.assign(Q_hvac=performance.heat(frame["Q_hvac"].to_numpy(), T_oa))
 
 
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
@@ -103,8 +139,11 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         If a span has no rows, or the test begins before the training ends.
     """
     frame = _checked(frame)
+    stuck = standstill(frame["T_za"])
+    frame = frame.assign(T_za=without_standstills(frame["T_za"]))
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
+    _refuse_empty_ahead(frame, inputs)
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
     frame = frame.iloc[complete[0] : complete[-1] + 1]
@@ -136,17 +175,20 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         future,
         _setpoint(frame, settings.load, history, future),
         held_out,
+        () if stuck is None else (stuck,),
     )
 
 
 def standstill(temperature: pd.Series) -> str | None:
     """A remark on the longest time without any change in ``T_za`` [degC], at even stamps, if no room could do that."""
-    known = temperature.dropna()
-    spell = (known != known.shift()).cumsum()
-    longest = known[spell == spell.mode().iloc[0]]
-    if longest.index[-1] - longest.index[0] < _STANDSTILL:
+    found = standstills("T_za", temperature)
+    if found.empty:
         return None
-    return f"T_za is {longest.iloc[0]:g} from {longest.index[0]} to {longest.index[-1]}: is the sensor stuck?"
+    longest = found.loc[(found["last"] - found["first"]).idxmax()]
+    return (
+        f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows "
+        "are taken as missing."
+    )
 
 
 def _checked(frame: Any) -> pd.DataFrame:
@@ -163,6 +205,23 @@ def _checked(frame: Any) -> pd.DataFrame:
 
 def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.drop(columns=[*HISTORY_ROLES, SETPOINT], errors="ignore")
+
+
+def _refuse_empty_ahead(frame: pd.DataFrame, inputs: pd.DataFrame) -> None:
+    """Refuse rows ahead with weather but without heat: else they would go, and a past day would be forecast."""
+    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+    ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
+    for role in ahead:
+        step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
+        if (
+            str(role).startswith(("u_", "Q_"))
+            and ahead[role].isna().all()
+            and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE
+        ):
+            raise ValueError(
+                f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or let the "
+                "thermostat act with skhybrid forecast --setpoint 21,24."
+            )
 
 
 def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:

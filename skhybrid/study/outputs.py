@@ -15,7 +15,7 @@ import pandas as pd
 from .. import __version__
 from .._files import named_in_errors
 from ..persistence import save_model
-from .compared_models import HYBRID
+from .compared_models import HYBRID, PLAIN_WORDS
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 
@@ -32,10 +32,14 @@ def format_table(table: pd.DataFrame) -> str:
     for place, (name, row) in enumerate(table.iterrows()):
         load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"
         mark = "* " if place == 0 else "  "
-        lines.append(
-            f"{mark + str(name):{width}}  {row['rmse']:8.3f}  {row['mae']:7.3f}  {load}  {row['seconds']:8.1f}"
-        )
+        cells = [_cell(row["rmse"], 8, 3), _cell(row["mae"], 7, 3), load, _cell(row["seconds"], 8, 1)]
+        lines.append("  ".join([f"{mark + str(name):{width}}", *cells]))
     return "\n".join([*lines, "", verdict(table, HYBRID)])
+
+
+def _cell(value: float, width: int, digits: int) -> str:
+    """A number of so many digits, or a dash."""
+    return f"{value:{width}.{digits}f}" if np.isfinite(value) else f"{'-':>{width}}"
 
 
 #: every file that a study writes, in the order in which it is listed
@@ -104,8 +108,8 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     write_report(
         out / "report.html",
         title=result.settings.name,
-        table=result.table,
-        frames=result.frames,
+        table=result.table.rename(index=PLAIN_WORDS),
+        frames={PLAIN_WORDS.get(name, name): frame for name, frame in result.frames.items()},
         forecast=result.forecast,
         parameters=result.parameters,
         label=HYBRID,
@@ -115,9 +119,12 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
         coverage=result.coverage,
         spans=_spans(result),
         settings=result.settings.as_dict(),
+        verdicts=result.verdicts,
+        scaled=result.scaled,
         notes=result.warnings,
     )
-    ordered = {name: result.frames[name] for name in [HYBRID, *result.table.index.drop(HYBRID)]}
+    names = [HYBRID, *result.table.index.drop(HYBRID)]
+    ordered = {name: result.frames[name] for name in names if name in result.frames}
     study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
 
 
@@ -161,6 +168,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "name": result.settings.name,
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
+        "verdicts": [one._asdict() for one in result.verdicts],
         "models": numbers.where(numbers.notna(), None).to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **_spans(result),

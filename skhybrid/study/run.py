@@ -16,9 +16,11 @@ from .._table import ZoneTable
 from .._threads import one_blas_thread
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
-from .compared_models import HYBRID, StudyModel, identified_by, make_models
-from .data import StudyData, standstill
+from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
+from .data import StudyData
+from .judgement import is_scaled, judge_load, judge_temperature, loads_by_rule
 from .settings import Settings
+from .verdict import Verdict
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
 Progress = Callable[[int, int, str], None]  # called before every step with its number, the number of steps and a text
@@ -44,6 +46,7 @@ class StudyResult:
     zeta : Series, disturbance of the training rows as the identification estimates it [kW]
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
+    verdicts : list of Verdict, on temperature and, where the plant's heat is known, on the load
     warnings : list of str, all warnings, each once
     seconds : float
     """
@@ -57,8 +60,14 @@ class StudyResult:
     forecast: pd.DataFrame
     zeta: pd.Series
     parameters: pd.DataFrame
+    verdicts: list[Verdict] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the log fixes what a kW is."""
+        return is_scaled(self.settings, self.data)
 
     @property
     def best(self) -> str:
@@ -114,8 +123,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         warnings.simplefilter("always")
         models = make_models(settings, memory=folder)
         say = _counted(progress, len(models) + 1)
-        stuck = standstill(pd.concat([data.train["T_za"], data.later["T_za"]]))
-        remarks = [] if stuck is None else [stuck]
+        remarks = list(data.remarks)
         train, later = _Span(data.train, read_once(data.train)), _Span(data.later, read_once(data.later, fits=False))
         tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
         say("forecast of the next day")
@@ -123,19 +131,28 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
         forecast = _next_day(model, identification, data, "q_0.1" in tested[HYBRID].frame)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
-    return StudyResult(
+        delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
+        rules = {} if delivered is None else loads_by_rule(data, delivered)
+    result = StudyResult(
         settings,
         data,
         model,
         identification,
         {label: one.frame for label, one in tested.items()},
-        _compared(models, tested, identification, data),
+        _compared(models, tested, identification, data, rules),
         forecast,
         zeta,
         _parameters(identification),
+        [],
         list(dict.fromkeys([*remarks, *(str(w.message) for w in caught if issubclass(w.category, UserWarning))])),
         time.perf_counter() - begun,
     )
+    load = tested[HYBRID].load
+    result.verdicts.append(judge_temperature(result.frames[HYBRID], result.frames[YESTERDAY], data, result.coverage))
+    if load is not None and delivered is not None:
+        own = _in_kilowatts(load, identification, data.later)["Q_hvac"]
+        result.verdicts.append(judge_load(own, rules, delivered, data, scaled=result.scaled))
+    return result
 
 
 def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
@@ -206,7 +223,11 @@ def _plant_roles(rows: pd.DataFrame) -> list[str]:
 
 
 def _compared(
-    models: Sequence[StudyModel], tested: dict[str, _Tested], identification: Any, data: StudyData
+    models: Sequence[StudyModel],
+    tested: dict[str, _Tested],
+    identification: Any,
+    data: StudyData,
+    rules: dict[str, pd.Series],
 ) -> pd.DataFrame:
     """The table of results, over the forecasts that every model made, the best first."""
     errors = pd.DataFrame({name: one.frame["y_pred"] - one.frame["y_true"] for name, one in tested.items()}).dropna()
@@ -221,17 +242,24 @@ def _compared(
             "note": {one.label: one.note for one in models if one.label in tested},
         }
     )
-    return table.loc[list(tested)].sort_values("rmse").rename_axis("model")
+    table = table.loc[list(tested)].sort_values("rmse")
+    for name, load in rules.items():
+        table.loc[name, ["load_rmse", "note"]] = _rmse_of_load(load, identification, data), "a rule for the load alone"
+    return table.rename_axis("model")
 
 
 def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
     """RMSE [kW] between the load that would have held the measured temperature and the heat that was delivered."""
-    rows = data.later
-    delivered = delivered_heat(identification, rows)
-    if load is None or delivered is None:
+    if load is None or delivered_heat(identification, data.later) is None:
         return np.nan
+    return _rmse_of_load(_in_kilowatts(load, identification, data.later)["Q_hvac"], identification, data)
+
+
+def _rmse_of_load(load: pd.Series, identification: Any, data: StudyData) -> float:
+    """RMSE [kW] of a load on the rows of the test whose temperature is known before and after."""
+    rows = data.later
     known = rows["T_za"].notna() & rows["T_za"].shift(-1).notna() & (rows.index >= data.test_start)
-    return float(np.sqrt(((_in_kilowatts(load, identification, rows)["Q_hvac"] - delivered)[known] ** 2).mean()))
+    return float(np.sqrt(((load - delivered_heat(identification, rows))[known] ** 2).mean()))
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:

@@ -16,6 +16,8 @@ import pandas as pd
 from .._holidays import read_holidays
 from .._table import ROLES, role_of
 from .._time import positive_duration
+from .plant import Performance
+from .thermostat import Schedule
 
 SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification
@@ -25,7 +27,11 @@ ESTIMATORS = {
     "output": "OutputDisturbanceID",
     "periodic": "PeriodicDisturbanceID",
 }
-_TABLES = ("columns", "units", "scale", "network", "estimator", "forecaster", "train", "test", "load", "site")
+_TABLES = (
+    "columns", "units", "scale", "log", "network", "estimator", "forecaster", "train", "test", "load", "site", "plant",
+    "thermostat",
+)  # fmt: skip
+_PLANT = ("electricity", "cop", "eer", "tariff", "most_heat", "most_cold")
 _SPAN = ("start", "end")
 _NETWORK = ("name", "capacitances", "resistors", "solar", "measured", "disturbed", "heated", "bounds")
 _SITE = {"latitude": 90.0, "longitude": 180.0}
@@ -41,7 +47,7 @@ class Settings:
     timezone : str, optional, local time zone, such as ``"Europe/Amsterdam"``
     label : {"left", "right"}, whether a row is stamped with the start or the end of its step
     time_column, dayfirst, sep, decimal
-        Format of stamps and cells in the log, as for :func:`skhybrid.datasets.read_zone_csv`.
+        Format of stamps and cells in the log, where its content does not tell, as for :func:`skhybrid.logs.read_log`.
     step : str, sampling time to which the log is resampled
     horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
     random_state : int, seed of the random starts
@@ -63,6 +69,16 @@ class Settings:
         are parameters of :class:`skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping, ``start`` and ``end`` (a whole day where no time is given)
     load : mapping, ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log
+    format : str, optional
+        Format of the log, as :func:`skhybrid.logs.read_log` names it; by default its content tells.
+    log : mapping
+        Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
+    plant : mapping
+        ``electricity`` (whether the columns of the plant are electricity, not heat), ``cop`` of heating and ``eer`` of
+        cooling (a number, or pairs ``[T_oa, value]``), ``tariff`` (price of a kWh of electricity, or of heat where
+        there is no ``cop``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
+    thermostat : mapping
+        ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point.
     site : mapping
         ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
         the schedule model and for ARX.
@@ -73,8 +89,8 @@ class Settings:
     label: str = "left"
     time_column: str | None = None
     dayfirst: bool | None = None
-    sep: str = ","
-    decimal: str = "."
+    sep: str | None = None
+    decimal: str | None = None
     step: str = "15min"
     horizon: str = "1D"
     origin_step: str = "1D"
@@ -90,6 +106,10 @@ class Settings:
     test: Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
     site: Mapping[str, float] = field(default_factory=dict)
+    format: str | None = None
+    log: Mapping[str, Any] = field(default_factory=dict)
+    plant: Mapping[str, Any] = field(default_factory=dict)
+    thermostat: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_plain(self)
@@ -107,6 +127,8 @@ class Settings:
             if not _is_number(factor) or not factor:
                 raise ValueError(f"[scale] {role} = {factor!r} must be a number other than 0.")
         _check_tables(self)
+        _check_plant(self.plant)
+        Schedule.of_tables(self.thermostat)
         _check_site(self.site, self.columns)
 
     def as_dict(self) -> dict[str, Any]:
@@ -176,12 +198,13 @@ def _is_number(value: Any) -> bool:
 
 def _check_plain(settings: Settings) -> None:
     """Check the values outside tables."""
-    for key in ("name", "timezone", "label", "time_column", "sep", "decimal"):
+    optional = ("timezone", "time_column", "format", "sep", "decimal")
+    for key in ("name", "label", *optional):
         value = getattr(settings, key)
-        if not isinstance(value, str) and (value is not None or key not in ("timezone", "time_column")):
+        if not isinstance(value, str) and (value is not None or key not in optional):
             raise ValueError(f"{key} = {value!r} must be text in quotes.")
     for key in ("sep", "decimal"):
-        if len(getattr(settings, key)) != 1:
+        if getattr(settings, key) is not None and len(getattr(settings, key)) != 1:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
     seed = settings.random_state
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
@@ -215,6 +238,14 @@ def _check_tables(settings: Settings) -> None:
         raise ValueError(f"[load] setpoint = {held!r} must be a temperature [degC], 'measured' or a column in quotes.")
 
 
+def _check_plant(plant: Mapping[str, Any]) -> None:
+    _check_keys("plant", plant, _PLANT)
+    Performance.of(plant)
+    for key in ("tariff", "most_heat", "most_cold"):
+        if key in plant and not (_is_number(plant[key]) and plant[key] >= 0):
+            raise ValueError(f"[plant] {key} = {plant[key]!r} must be a number of at least 0.")
+
+
 def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
     _check_keys("site", site, tuple(_SITE))
     for key, bound in _SITE.items():
@@ -240,3 +271,10 @@ def _check_duration(name: str, value: Any) -> None:
         positive = False
     if not positive:
         raise ValueError(f"{name} = {value!r} is not a duration such as '15min' or '1D'.")
+
+
+def as_toml(value: Any) -> str:
+    """A value as TOML."""
+    if not isinstance(value, str):
+        return str(value)
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t") + '"'

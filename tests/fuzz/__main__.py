@@ -1,7 +1,7 @@
 """Fuzzing that goes on until a time or a number is reached.
 
     python tests/fuzz tables --count 100000 --seconds 3600   # calls of all entry points on odd tables
-    python tests/fuzz csv --seconds 1800                     # mutants of logs; likewise toml, model, store
+    python tests/fuzz csv --seconds 1800                     # mutants of CSV logs; likewise logs, toml, model, store
     python tests/fuzz report                                 # benchmarks/results/fuzz.md from what has been run
     python tests/fuzz call "Call('ARXRegressor.fit')"        # one call, with its traceback
 

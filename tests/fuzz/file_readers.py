@@ -1,4 +1,4 @@
-"""Mutants of CSV logs, TOML settings, model files and stores, and what becomes of reading them."""
+"""Mutants of logs, TOML settings, model files and stores, and what becomes of reading them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from estimators import NETWORKS, fitted
 from outcomes import Outcome, observe, wrong_numbers
 from zone_tables import training
 
-from skhybrid.datasets import read_epw, read_zone_csv, regularize
+from skhybrid.datasets import read_epw, read_weather, read_zone_csv, regularize
+from skhybrid.logs import ecobee, epa_thermostat, home_assistant, influx
+from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import make_models, propose_settings, read_log, read_settings, split_log
@@ -125,6 +127,8 @@ _READ = (
     {"columns": {"T_za": "T_za", "T_oa": "T_oa"}}, {"sep": ";", "decimal": ","}, {"time_column": "time"},
 )  # fmt: skip
 
+_READ_LOG = ({}, {"timezone": "Europe/Amsterdam"}, {"dayfirst": True}, {"format": "CSV"}, {"format": "change of value"})
+
 
 def _finite(result: Any, warned: bool) -> str | None:
     return wrong_numbers(result, missing=True)
@@ -138,6 +142,9 @@ def csv(content: bytes, choice: int, folder: Path) -> Outcome:
         return observe(lambda: read_epw(path), _finite)
     if choice % 4 == 0:
         return observe(lambda: propose_settings(path), lambda text, warned: None if text else "no proposal")
+
+    if choice % 4 == 1:
+        return observe(lambda: read_any_log(path, **_READ_LOG[choice // 4 % len(_READ_LOG)]).frame, _finite)
 
     def read() -> Any:
         frame = read_zone_csv(path, **_READ[choice % len(_READ)])
@@ -346,6 +353,41 @@ def store(content: bytes, choice: int, folder: Path) -> Outcome:
     return observe(use, lambda result, warned: None)
 
 
+# ------------------------------------------------------------------------------------------- logs of other formats
+_FORMATS = (ecobee, epa_thermostat, home_assistant, influx)
+_SAMPLES = Path(__file__).parents[1] / "log_samples"
+_RECORDER = """
+CREATE TABLE states (state_id INTEGER, entity_id VARCHAR(255), state TEXT, attributes TEXT, last_updated DATETIME);
+INSERT INTO states VALUES (1, 'sensor.room', '20.5', '{"unit_of_measurement": "C"}', '2024-01-01 00:00:00.000000');
+INSERT INTO states VALUES (2, 'sensor.room', '21.5', '{}', '2024-01-01 01:00:00.000000');
+INSERT INTO states VALUES (3, 'climate.room', 'heat', '{"hvac_action": "idle", "temperature": 20}', '2024-01-01');
+"""
+
+
+@cache
+def _samples() -> list[bytes]:
+    db = sqlite3.connect(":memory:")
+    db.executescript(_RECORDER)
+    names = ("ecobee_portal.csv", "donate_your_data.csv", "epa_interval.csv", "home_assistant_history.csv")
+    files = [(_SAMPLES / name).read_bytes() for name in (*names, "influx_annotated.csv", "open_meteo.json")]
+    return [*files, db.serialize()]
+
+
+def logs(content: bytes, choice: int, folder: Path) -> Outcome:
+    """Read a log with the reader that claims it, or with any of them; or the weather of a forecast."""
+    path = folder / ("weather.json" if content.startswith(b'{"latitude"') else "log.csv")
+    path.write_bytes(content)
+    if path.suffix == ".json":
+        return observe(lambda: read_weather(path, window_azimuth=(None, 180.0)[choice % 2]), _finite)
+    head = content[:8000].decode("utf-8", "replace")
+
+    def read() -> Any:
+        claims = [format for format in _FORMATS if format.looks_like(path, head)]
+        return (claims or [_FORMATS[choice % len(_FORMATS)]])[0].read(path).frame
+
+    return observe(read, _finite)
+
+
 class Reader(NamedTuple):
     """A reader, the good files that mutants are made of, and how they are made."""
 
@@ -355,6 +397,7 @@ class Reader(NamedTuple):
 
 
 READERS = {
+    "logs": Reader(lambda folder: _samples(), mutate, logs),
     "csv": Reader(lambda folder: [*_logs() * 3, _weather()], mutate, csv),
     "toml": Reader(_settings, mutate, toml),
     "model": Reader(_models, _forged, model),

@@ -17,7 +17,7 @@ from outcomes import Printed
 from sklearn.base import clone
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, cli
-from skhybrid.datasets import make_office, regularize
+from skhybrid.datasets import make_office, regularize, weather_on_steps
 from skhybrid.forecasting import fit_many
 from skhybrid.hybrid import DriftMonitor
 from skhybrid.identification import (
@@ -30,6 +30,7 @@ from skhybrid.identification import (
     profile_likelihood,
 )
 from skhybrid.inspection import DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, ResidualDisplay
+from skhybrid.logs import LogReport
 from skhybrid.model_selection import (
     DayAheadScorer,
     RollingOriginSplit,
@@ -78,15 +79,15 @@ def _there_and_back(estimator: Any, X: Any) -> Any:
         return load_model(Path(folder) / "m").predict(X)
 
 
-def _command(X: Any, arguments: tuple[str, ...], config: str | None) -> None:
-    """Run the command line on a table that has been written to a file; a refusal on stderr is raised."""
+def _command(X: Any, command: str, arguments: tuple[str, ...], config: str | None) -> None:
+    """Run a command of the command line on a table that has been written to a file; a refusal on stderr is raised."""
     said, out = io.StringIO(), io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         log.write_text(X.to_csv() if isinstance(X, pd.DataFrame | pd.Series) else str(X))
         if config is not None:
             (Path(folder) / "zone.toml").write_text(SETTINGS[config])
-        given = ["run", str(log), *(text.replace("FOLDER", folder) for text in arguments)]
+        given = [command, str(log), *(text.replace("FOLDER", folder) for text in arguments)]
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
             code = cli.main(given)
         written = {path.name for path in (Path(folder) / "out").glob("*")}
@@ -100,6 +101,13 @@ def _command(X: Any, arguments: tuple[str, ...], config: str | None) -> None:
 def _days(X: Any) -> Any:
     """The forecasts of the rows of a table that is taken for days."""
     return X * 0.99 if isinstance(X, pd.DataFrame) and all(map(pd.api.types.is_float_dtype, X.dtypes)) else X
+
+
+def _steps_of(X: Any) -> pd.DatetimeIndex:
+    """Steps of a quarter of an hour from the first stamp of a table."""
+    index = getattr(X, "index", None)
+    start = index[0] if isinstance(index, pd.DatetimeIndex) and len(index) else pd.Timestamp("2024-10-26", tz="UTC")
+    return pd.date_range(start, periods=8, freq="15min")
 
 
 def _as_backtest(X: Any) -> Any:
@@ -162,28 +170,31 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cross_correlation": lambda X: cross_correlation(_column(X), _column(X), [0, 1]),
     "cumulative_periodogram": lambda X: cumulative_periodogram(_column(X)),
     "ljung_box": lambda X: ljung_box(_column(X), [1, 2]),
+    "weather_on_steps": lambda X: weather_on_steps(X, _steps_of(X)),
     "make_office": lambda X: make_office(1, weather=X, sampling_time="1h", start="2024-10-26", random_state=0).X,
     "ForecastDisplay, ARXRegressor": lambda X, y: _shown(ForecastDisplay, "ARXRegressor", X, y, horizon="6h"),
     "LeadErrorDisplay, ARXRegressor": lambda X, y: _shown(LeadErrorDisplay, "ARXRegressor", X, y, horizon="6h"),
     "DisturbanceWeekDisplay": lambda X, kind: _shown(DisturbanceWeekDisplay, "InputDisturbanceID", X, kind=kind),
     "ResidualDisplay": lambda X, max_lag: _shown(ResidualDisplay, "InputDisturbanceID", X, max_lag=max_lag),
     "skhybrid run": lambda X, config: _command(
-        X, ("--config", "FOLDER/zone.toml", "--out", "FOLDER/out", "--quiet"), config
+        X, "run", ("--config", "FOLDER/zone.toml", "--out", "FOLDER/out", "--quiet"), config
     ),
-    "skhybrid run --write-config": lambda X: _command(X, ("--write-config",), None),
+    "skhybrid check": lambda X: _command(X, "check", ("--quiet",), None),
+    "LogReport": lambda X: LogReport(X).frame if str(LogReport(X)) else None,
 }
 _DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14))
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
 NO_ZONE = (
     "score_", "RollingOriginSplit", "DriftMonitor", "autocorrelation", "cross_correlation", "cumulative_periodogram",
-    "ljung_box", "diagnose_residuals", "make_office", "skhybrid run",
+    "ljung_box", "diagnose_residuals", "make_office", "weather_on_steps", "skhybrid run",
+    "skhybrid check", "LogReport",
 )  # fmt: skip
 
 _MADE, _NUMBERS = "is made by what is called", "takes names and numbers, no table"
 _SAMPLES = "samples for seconds from the table of a search"
 #: public names that are neither estimators nor functions above
 NOT_CALLED = {
-    **dict.fromkeys(("RegularizeReport", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
+    **dict.fromkeys(("RegularizeReport", "RawLog", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
     **dict.fromkeys(("Identifiability", "StudyData", "StudyModel"), _MADE),
     **dict.fromkeys(
         (
@@ -202,14 +213,15 @@ NOT_CALLED = {
     **dict.fromkeys(("frequency_response", "BodeDisplay", "StepResponseDisplay", "ScheduleDisplay"), _NUMBERS),
     **dict.fromkeys(("DesignMatrix", "design_matrix", "CATALOGUE", "Parameter", "Source", "draw"), _NUMBERS),
     **dict.fromkeys(("list_networks", "MatrixBuilder", "WeatherError"), _NUMBERS),
-    **dict.fromkeys(("read_zone_csv", "read_epw"), "the target csv"),
+    **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the targets csv and logs"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
-    "propose_settings": "skhybrid run --write-config, and the targets csv and toml",
+    "propose_settings": "skhybrid check, and the targets csv and toml",
     **dict.fromkeys(("run_study", "write_outputs", "write_report", "StudyResult", "Yesterday"), "skhybrid run"),
     **dict.fromkeys(("PatternExpressiveness", "RobustnessComparison", "select_case", "CaseChoice"), _SAMPLES),
     **dict.fromkeys(("RobustnessDisplay", "PosteriorDisplay", "sample_posterior", "Posterior"), _SAMPLES),
     **dict.fromkeys(("plan_experiment", "ExperimentPlan"), "simulates a week many times, for seconds"),
     **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay"), "draws what another call has made"),
-    **dict.fromkeys(("save_model", "load_model"), "save and load, and the target model"),
+    **dict.fromkeys(("save_model", "load_model", "load_metadata"), "save and load, and the target model"),
+    **dict.fromkeys(("ZoneModel", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"),
 }

@@ -81,8 +81,8 @@ GUARDS = {
     "datasets/_weather.py": ["test_datasets_weather", "test_datasets_small_office"],
     "datasets/_small_office.py": ["test_datasets_small_office"],
     "datasets/_benchmark.py": ["test_datasets_benchmark"],
-    "datasets/_stamps.py": ["test_datasets_readers"],
-    "datasets/_regularize.py": ["test_datasets_regularize"],
+    "logs/stamps.py": ["test_datasets_readers"],
+    "logs/even_steps.py": ["test_datasets_regularize"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
 _NOISE = 0.05  # relative differences below this are noise with a few dozen origins
@@ -30,6 +31,11 @@ p { margin: 0.4rem 0 0.8rem; max-width: 46rem; } .soft { color: var(--soft); }
 .cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: 0.7rem; margin: 1rem 0; }
 .card { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 0.7rem 0.9rem; }
 .card b { display: block; font-size: 1.5rem; line-height: 1.25; } .card span { color: var(--soft); font-size: 0.86rem; }
+.verdicts { display: grid; grid-template-columns: repeat(auto-fit, minmax(15rem, 1fr)); gap: 0.7rem; margin: 1rem 0; }
+.judged { border: 1px solid var(--line); border-radius: 8px; padding: 0.5rem 0.9rem; }
+.judged b { font-size: 1.1rem; } .judged ul { margin: 0.3rem 0; padding-left: 1.1rem; color: var(--soft); }
+.judged.fine { border-left: 6px solid #009e73; } .judged.care { border-left: 6px double #e69f00; }
+.judged.not { border-left: 6px dashed #d55e00; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-size: 0.92rem; }
 th, td { text-align: right; padding: 0.32rem 0.6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } td.text, th.text { text-align: left; white-space: normal; }
@@ -84,6 +90,8 @@ def write_report(
     coverage: float | None = None,
     spans: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
+    verdicts: Sequence[Verdict] = (),
+    scaled: bool = True,
     notes: Iterable[str] = (),
 ) -> None:
     """Write a study as one self-contained HTML file, in one step.
@@ -106,12 +114,14 @@ def write_report(
         Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
     coverage : float, optional, share of the test measurements inside the intervals
     spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
+    verdicts : sequence of Verdict, on temperature and load
+    scaled : bool, whether the log fixes what a kW is; else no kW are put in front
     notes : iterable of str, warnings
     """
     listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
-        _head(title, table, frames, forecast, label),
-        _tomorrow(forecast),
+        _head(title, table, frames, forecast, label, verdicts, scaled),
+        _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
         _accuracy(table, frames, label, coverage),
         _learned(schedule, weights, label),
         _week(zeta, truth),
@@ -131,7 +141,13 @@ def write_report(
 
 
 def _head(
-    title: str, table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, label: str
+    title: str,
+    table: pd.DataFrame,
+    frames: Mapping[str, pd.DataFrame],
+    forecast: pd.DataFrame,
+    label: str,
+    verdicts: Sequence[Verdict],
+    scaled: bool,
 ) -> str:
     own = table.loc[label]
     n_origins = frames[label]["origin"].nunique()
@@ -139,17 +155,28 @@ def _head(
         (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model in {n_origins} forecasts"),
         (f"{own['mae']:.2f} K", "mean absolute temperature error"),
     ]
-    if np.isfinite(own.get("load_rmse", np.nan)):
+    if scaled and np.isfinite(own.get("load_rmse", np.nan)):
         cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {_day(forecast.index)}"))
-    cards += _energy(forecast)
+    cards += _energy(forecast) if scaled else []
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
-        f'<p class="verdict">{escape(verdict(table, label))}</p>\n<div class="cards">'
+        f'{_verdicts(verdicts)}<p class="verdict">{escape(verdict(table, label))}</p>\n<div class="cards">'
         + "".join(f'<div class="card"><b>{escape(v)}</b><span>{escape(t)}</span></div>' for v, t in cards)
         + "</div>"
     )
+
+
+def _verdicts(verdicts: Sequence[Verdict]) -> str:
+    """Temperature and load: usable, use with care or not usable, with reasons."""
+    kinds = {CARE: "care", NOT: "not"}
+    boxes = "".join(
+        f'<div class="judged {kinds.get(one.level, "fine")}"><b>{escape(one.quantity.capitalize())}: '
+        f"{escape(one.level)}</b><ul>{''.join(f'<li>{escape(reason)}</li>' for reason in one.reasons)}</ul></div>"
+        for one in verdicts
+    )
+    return f'<div class="verdicts">{boxes}</div>\n' if boxes else ""
 
 
 def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
@@ -163,14 +190,16 @@ def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
     return [(f"{value:.0f}\u00a0kWh", text) for value, text in found if value >= 0.5]
 
 
-def _tomorrow(forecast: pd.DataFrame) -> str:
+def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
     day = "This is the day after the last measurement."
+    held = "that would hold the set-point instead"
     if "T_za_measured" in forecast:
-        day = "This is the last day of the log. The forecast used no measurement of that day; the measurements are "
-        day += "drawn for comparison."
+        day = "This is the last day of the log. The temperature forecast used no measurement of that day; the "
+        day += "measurements are drawn for comparison."
+        held = "that would hold the temperature that was measured that day" if holds_measured else held
     words = (
         f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
-        "that would hold the set-point instead, within the limits of the plant."
+        f"{held}, within the limits of the plant."
         + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
         + "</p>"
     )
@@ -209,7 +238,7 @@ def _results(table: pd.DataFrame) -> str:
     rows = []
     for name, row in table.iterrows():
         errors = (_number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
-        rows.append((str(name), *errors, f"{row['seconds']:.1f}", str(row.get("note", ""))))
+        rows.append((str(name), *errors, _number(row["seconds"], 1), str(row.get("note", ""))))
     return (
         _table(heads, rows, n_texts=1, of_models=True)
         + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,7 +64,13 @@ class RegularizeReport:
 
 
 def regularize(
-    frame: pd.DataFrame, step: Any = None, max_gap: Any = "1h", *, return_report: bool = False
+    frame: pd.DataFrame,
+    step: Any = None,
+    max_gap: Any = "1h",
+    *,
+    held: Collection[str] = (),
+    max_hold: Any = "1D",
+    return_report: bool = False,
 ) -> pd.DataFrame | tuple[pd.DataFrame, RegularizeReport]:
     """Resample a log to an even step.
 
@@ -75,6 +82,10 @@ def regularize(
         Step of the result; default is the typical spacing of the stamps.
     max_gap : timedelta-like
         Longest gap in an input to fill by linear interpolation; longer gaps stay NaN.
+    held : collection of str
+        Columns that were logged by change (:attr:`skhybrid.logs.RawLog.held`): a value holds until the next one.
+    max_hold : timedelta-like
+        Longest time for which a value of a held column holds; after it the column is missing.
     return_report : bool
 
     Returns
@@ -89,19 +100,27 @@ def regularize(
     An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
     or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
     (``T_...``) is interpolated linearly.  History (``T_za``, ``zeta``) takes the measurement nearest to the stamp and
-    is never filled, so no later measurement leaks into it.
+    is never filled, so no later measurement leaks into it.  A held temperature is the last value at the stamp.
     """
     _check_frame(frame)
+    _check_held(frame, held)
+    hold = positive_duration(max_hold, "max_hold")
     span = duration_from_zero(max_gap, "max_gap")
     ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
     names = list(ordered.columns)
     stamps = pd.DatetimeIndex(ordered.index)
-    source = _typical_step(stamps)
+    source = _source_step(ordered, held, step)
     target = source if step is None else positive_duration(step, "step")
-    grid = _even_index(stamps, target, source)
-    raw = {name: _resample_column(name, numeric(ordered[name]), stamps, grid, target, source) for name in names}
+    slack = pd.Timedelta(0) if len(held) == len(names) else min(target, source) / 2
+    grid = _even_index(stamps, target, source, slack)
+    raw = {
+        name: _held_column(name, numeric(ordered[name]), stamps, grid, target, hold)
+        if name in held
+        else _resample_column(name, numeric(ordered[name]), stamps, grid, target, source)
+        for name in names
+    }
     hours = stamp_hours(grid)
-    full = {name: v if name in HISTORY_ROLES else fill_gaps(v, hours, span) for name, v in raw.items()}
+    full = {n: v if n in held or n in HISTORY_ROLES else fill_gaps(v, hours, span) for n, v in raw.items()}
     out = pd.DataFrame(full, index=grid, columns=names)
     missing = out.isna()
     report = RegularizeReport(
@@ -132,6 +151,25 @@ def _check_frame(frame: pd.DataFrame) -> None:
         raise ValueError(f"column {frame.columns[frame.columns.duplicated()][0]!r} appears twice; keep one of them.")
 
 
+def _check_held(frame: pd.DataFrame, held: Collection[str]) -> None:
+    if isinstance(held, str):
+        raise ValueError(f"held={held!r} is one text; give a list of columns.")
+    for name in held:
+        if name not in frame:
+            raise ValueError(f"held= names {name!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
+
+
+def _source_step(frame: pd.DataFrame, held: Collection[str], step: Any) -> pd.Timedelta:
+    """The typical spacing of the rows of columns that are not held: a log of changes has no step of its own."""
+    sampled = frame.drop(columns=list(held))
+    rows = frame.index[sampled.notna().any(axis=1)] if held else frame.index
+    if len(rows) > 1:
+        return typical_step(pd.DatetimeIndex(rows))
+    if step is None:
+        raise ValueError("all columns are held, and a log of changes has no step of its own; pass step='15min'.")
+    return positive_duration(step, "step")
+
+
 def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
     """Rows with increasing stamps, the number out of order, and the number of duplicates after the first, dropped."""
     backwards = int((np.diff(pd.DatetimeIndex(frame.index).as_unit("ns").asi8) < 0).sum())
@@ -142,7 +180,7 @@ def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
     return ordered[~twice], backwards, int(twice.sum())
 
 
-def _typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
+def typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The median spacing of the stamps, rounded to a common step if it is within 10 % of one."""
     seconds = float(np.median(np.diff(index.as_unit("ns").asi8))) / 1e9
     if seconds < 1e-3:
@@ -152,9 +190,13 @@ def _typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     return pd.Timedelta(seconds=nearest if abs(nearest - seconds) <= 0.1 * nearest else round(seconds, 3))
 
 
-def _even_index(index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelta) -> pd.DatetimeIndex:
-    """Every multiple of the step that the log covers, counted from local midnight of the first day."""
-    slack = min(step, source) / 2  # a stamp a little before the start of a step still belongs to that step
+def _even_index(
+    index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelta, slack: pd.Timedelta
+) -> pd.DatetimeIndex:
+    """Every multiple of the step that the log covers, counted from local midnight of the first day.
+
+    A stamp that is up to ``slack`` before the start of a step still belongs to that step.
+    """
     first = index[0] + slack
     offset = first.utcoffset() or pd.Timedelta(0)
     ticks = index.as_unit("ns").asi8
@@ -189,10 +231,34 @@ def _resample_column(
     if name in HISTORY_ROLES:
         return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
-    own = (_typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
+    own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
     if str(name).startswith("T_"):
         return _interpolated(wanted, logged, values[known], own)
     return _time_weighted_means(wanted, logged, values[known], step.total_seconds(), own)
+
+
+def _held_column(
+    name: str,
+    values: np.ndarray,
+    index: pd.DatetimeIndex,
+    grid: pd.DatetimeIndex,
+    step: pd.Timedelta,
+    hold: pd.Timedelta,
+) -> np.ndarray:
+    """One column that was logged by change, at the even stamps: each value holds until the next, at most ``hold``."""
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(len(grid), np.nan)
+    ticks = index.as_unit("ns").asi8
+    wanted, logged = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
+    longest = hold.total_seconds()
+    if str(name).startswith("T_") or name in HISTORY_ROLES:
+        last = np.searchsorted(logged, wanted, side="right") - 1
+        inside = (last >= 0) & (wanted - logged[last] <= longest)
+        return np.where(inside, values[known][last], np.nan)
+    seconds = step.total_seconds()
+    spans = np.minimum(np.diff(logged, append=wanted[-1] + seconds), longest)  # the last one holds to the end
+    return _means(wanted, logged, values[known], seconds, spans)
 
 
 def _nearest(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
@@ -220,7 +286,11 @@ def _time_weighted_means(
 ) -> np.ndarray:
     """Means over [t, t + step) of a signal that holds each logged value until the next one."""
     spacing = np.append(np.diff(logged), source)
-    held = np.where(spacing <= _CONTIGUOUS * source, spacing, source)
+    return _means(wanted, logged, values, step, np.where(spacing <= _CONTIGUOUS * source, spacing, source))
+
+
+def _means(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, held: np.ndarray) -> np.ndarray:
+    """Means over [t, t + step) of a signal that holds each logged value for its time; NaN where half is not covered."""
     edges = np.column_stack([logged, logged + held]).ravel()
 
     def integral(signal: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from pandas.tseries.api import guess_datetime_format
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
 _YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
+_BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 
 
@@ -36,24 +37,45 @@ def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) 
     )
 
 
-def parse_stamps(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
-    """Time stamps of a log, in their own zone or in ``timezone``, else naive; unclear or impossible ones refused."""
-    text = cells.astype(str).str.strip()
+def parse_stamps(
+    cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str, next_day: np.ndarray | None = None
+) -> pd.DatetimeIndex:
+    """Time stamps of a log, in their own zone or in ``timezone``, else naive; unclear or impossible ones refused.
+
+    Rows of ``next_day`` are a day later than they say.
+    """
+    text = cells.astype(str)
     absent = cells.isna().to_numpy()
-    offsets = text.str.extract(_OFFSET)[0]
-    zoned = offsets.notna().to_numpy()
+    zoned = np.zeros(len(text), dtype=bool)
+    offsets: set[str] = set()
+    for rows in blocks(len(text)):
+        found = text.iloc[rows].str.strip().str.extract(_OFFSET)[0]
+        zoned[rows] = found.notna().to_numpy()
+        offsets.update(found.dropna())
     if zoned.any() and not zoned[~absent].all():
         row = int(np.argmax(~zoned & ~absent))
         raise ValueError(
             f"row {line(text.index[row])} of {where}: the time stamp {cell(text.iloc[row])} has no offset from UTC, "
             "but others have one."
         )
-    stamps = _parse(text, absent, bool(zoned.any()), _day_first(text, dayfirst, where), where)
+    day_first, form = _day_first(text, dayfirst, where), text.iloc[0].strip()
+    parts = [
+        _parse(text.iloc[rows].str.strip(), absent[rows], bool(zoned.any()), day_first, form, where)
+        for rows in blocks(len(text))
+    ]
+    stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
+    if next_day is not None and next_day.any():
+        stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
     if not zoned.any():
-        return stamps if timezone is None else _localize(stamps, _zone(timezone), text, where)
+        return stamps if timezone is None else localize(stamps, timezone, text, where)
     if timezone is not None:
-        return stamps.tz_convert(_zone(timezone))
-    return stamps.tz_convert(pd.Timestamp(text.iloc[0]).tz) if len(offsets.unique()) == 1 else stamps
+        return stamps.tz_convert(zone_of(timezone))
+    return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
+
+
+def blocks(n: int) -> list[slice]:
+    """Blocks of rows, so that the regular expressions on millions of stamps take little memory."""
+    return [slice(i, i + _BLOCK) for i in range(0, max(n, 1), _BLOCK)]
 
 
 def line(row: int) -> int:
@@ -61,11 +83,19 @@ def line(row: int) -> int:
     return row + 2
 
 
+def numbered_dates(text: pd.Series) -> pd.DataFrame:
+    """First and second number of dates such as 31/01/2024, one row per different pair, in the order of the log."""
+    pairs = [text.iloc[rows].str.strip().str.extract(_NUMBERED).drop_duplicates() for rows in blocks(len(text))]
+    return pd.concat(pairs).drop_duplicates().astype(np.float64)
+
+
 def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     """Whether dates begin with the day, as one such as 31/01/2024 shows."""
-    numbers = text.str.extract(_NUMBERED).astype(np.float64)
-    if dayfirst is not None or numbers[0].isna().all():
+    if dayfirst is not None:
         return bool(dayfirst)
+    numbers = numbered_dates(text)
+    if numbers[0].isna().all():
+        return False
     if (numbers[0] > 12).any():
         return True
     if (numbers[1] > 12).any():
@@ -76,9 +106,10 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     )
 
 
-def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, where: str) -> pd.DatetimeIndex:
+def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
+    """Stamps of a block of rows; ``form`` is the first stamp of the log."""
     known = text.mask(absent)
-    guess = guess_datetime_format(text.iloc[0], dayfirst=day_first)
+    guess = guess_datetime_format(form, dayfirst=day_first)
     parsed = _to_stamps(known, utc, guess or "mixed", day_first, where)
     again = parsed.isna().to_numpy() & ~absent & ~_contradicts(text, day_first)
     if again.any():  # some loggers omit the time at midnight, or seconds that are zero
@@ -114,7 +145,7 @@ def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: st
 
 def cell(text: object) -> str:
     """A cell as a message shows it."""
-    shown = str(text)
+    shown = str(text).strip()
     return repr(shown if len(shown) <= 40 else f"{shown[:37]}...")
 
 
@@ -124,15 +155,17 @@ def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
     return (numbers[1 if day_first else 0] > 12).to_numpy()
 
 
-def _zone(timezone: str) -> Any:
+def zone_of(timezone: str) -> Any:
+    """The time zone of a name."""
     try:
         return pd.Timestamp("2001-01-01").tz_localize(timezone).tz
     except Exception as error:  # the class differs between zoneinfo and pytz
         raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
 
 
-def _localize(stamps: pd.DatetimeIndex, zone: Any, text: pd.Series, where: str) -> pd.DatetimeIndex:
+def localize(stamps: pd.DatetimeIndex, timezone: str, text: pd.Series, where: str) -> pd.DatetimeIndex:
     """Localize wall-clock stamps; in the hour that occurs twice in autumn, the first pass is summer time."""
+    zone = zone_of(timezone)
     skipped = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT").isna()
     if skipped.any():
         row = int(np.argmax(skipped))

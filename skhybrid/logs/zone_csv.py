@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._table import role_of
 from ..preprocessing._units import conversion_of, convert
-from ._stamps import cell, find_stamp_column, line, parse_stamps
+from .stamps import cell, find_stamp_column, line, parse_stamps
 
 
 def read_zone_csv(

@@ -1,0 +1,75 @@
+"""Options that several commands share, and how a command runs: its warnings, its JSON and its exit code."""
+
+from __future__ import annotations
+
+import functools
+import json
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._output import DONE, FAILED, Progress, one_line
+
+LOG = click.argument("log", metavar="LOG")
+CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
+MODEL = click.option(
+    "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
+)
+
+
+def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]], click.Command]:
+    """A command with ``--json``, ``--strict`` and ``--quiet``, whose help ends with an example.
+
+    The function gets ``say`` (a :class:`Progress`) and ``as_json`` besides its own options.  Warnings are written to
+    stderr, once each.
+    """
+
+    def decorate(function: Callable[..., int | None]) -> click.Command:
+        @functools.wraps(function)
+        def run(*, as_json: bool, strict: bool, quiet: bool, **options: Any) -> int:
+            say = Progress(quiet)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                code = function(say=say, as_json=as_json, **options) or DONE
+            texts = dict.fromkeys(one_line(w.message) for w in caught if issubclass(w.category, UserWarning))
+            for text in texts:
+                say.note(f"warning: {text}")
+            return FAILED if strict and (texts or say.n_warnings) and code == DONE else code
+
+        for option in (
+            click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
+            click.option("--strict", is_flag=True, help="End with exit code 1 where something is warned of."),
+            click.option("-q", "--quiet", is_flag=True, help="Write no progress and no warnings to stderr."),
+        ):
+            run = option(run)
+        epilog = "\b\nExample:\n" + "\n".join(f"  {line}" for line in example.splitlines())
+        return click.command(name, epilog=epilog, context_settings={"help_option_names": ["-h", "--help"]})(run)
+
+    return decorate
+
+
+def print_json(content: Any) -> None:
+    """Write plain values to stdout as JSON; a NaN is null."""
+    print(json.dumps(_plain(content), indent=2, default=str, allow_nan=False, ensure_ascii=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
+        value = value.item()
+    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+
+
+def settings_at(config: Path | None) -> Any:
+    """The settings of a file; a sentence on how to make one where none is given."""
+    from ..study import read_settings
+
+    if config is None:
+        raise click.UsageError("--config is missing: skhybrid check LOG --config zone.toml proposes one")
+    return read_settings(config)

@@ -1,0 +1,36 @@
+"""``skhybrid backtest``: how well a model would have forecast the last weeks of a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ._options import CONFIG, LOG, as_command, print_json, settings_at
+from ._output import DONE, Progress
+
+
+@as_command("backtest", "skhybrid backtest thermostat.csv --config zone.toml --out backtest.csv")
+@LOG
+@CONFIG
+@click.option("--out", type=click.Path(path_type=Path), metavar="backtest.csv", help="File to write all forecasts to.")
+def command(log: str, config: Path | None, out: Path | None, say: Progress, as_json: bool) -> int:
+    """Fit on [train], forecast every day of [test], and compare with simple rules."""
+    settings = settings_at(config)
+    from .._files import atomic_path
+    from ..study import read_log, split_log
+    from ..zone.zone_backtest import backtest_zone
+
+    frame, _ = read_log(log, settings)
+    found = backtest_zone(settings, split_log(frame, settings), say)
+    if out is not None:
+        with atomic_path(out) as made:
+            found.frame.to_csv(made, index=False, float_format="%.6g")
+        say.note(f"wrote {out}")
+    if as_json:
+        print_json({"table": found.table.to_dict(orient="index"), "coverage": found.coverage})
+    else:
+        print(found.table.round(3).to_string(na_rep="-"))
+        if found.coverage is not None:
+            print(f"\n80 % intervals of the hybrid hold {found.coverage:.0%} of the measurements")
+    return DONE

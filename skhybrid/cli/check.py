@@ -1,0 +1,64 @@
+"""``skhybrid check``: what a log holds, before anything is fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._options import CONFIG, LOG, as_command, print_json
+from ._output import DONE, Progress
+
+
+@as_command("check", "skhybrid check thermostat.csv --config zone.toml")
+@LOG
+@CONFIG
+@click.option("--format", "format_", help="Format of the log, where its content does not tell.")
+@click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
+@click.option("--overwrite", is_flag=True, help="Replace a configuration that is there.")
+def command(
+    log: str, config: Path | None, format_: str | None, timezone: str | None, overwrite: bool, **given: Any
+) -> int:
+    """Show what a log holds: columns, units, gaps, sensors, and what can be learned from it.
+
+    With --config, a configuration is proposed there; what could not be found is a comment in it.  A configuration that
+    is there already is used, and left as it is.
+    """
+    return _check(log, config, {"format": format_, "timezone": timezone}, overwrite, **given)
+
+
+def _check(
+    log: str, config: Path | None, reading: dict[str, Any], overwrite: bool, say: Progress, as_json: bool
+) -> int:
+    # imported here so that --help need not wait for it
+    from .._files import atomic_path
+    from ..logs import LogReport
+    from ..logs import read_log as read_any_log
+    from ..study import propose_settings, read_settings
+    from ..study.data import read_raw_log
+
+    given = {name: value for name, value in reading.items() if value is not None}
+    if config is not None and config.exists() and not overwrite:
+        settings = read_settings(config)
+        report = LogReport(
+            read_raw_log(log, settings),
+            settings.columns,
+            settings.units,
+            settings.scale,
+            label=settings.label,
+            holidays=settings.holidays,
+        )
+    else:
+        report = LogReport(read_any_log(log, given.pop("format", None), **given))
+        if config is not None:
+            text = propose_settings(log, report)
+            with atomic_path(config) as made:
+                made.write_text(text, encoding="utf-8")
+            say.note(f"wrote {config}")
+    if as_json:
+        print_json(report.to_dict())
+    else:
+        print(report)
+    say.n_warnings += sum(finding.level != "note" for finding in report.findings)
+    return DONE

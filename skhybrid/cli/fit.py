@@ -1,0 +1,37 @@
+"""``skhybrid fit``: learn a model of a zone from its log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ._options import CONFIG, LOG, MODEL, as_command, print_json, settings_at
+from ._output import DONE, Progress
+
+
+@as_command("fit", "skhybrid fit thermostat.csv --config zone.toml --model zone.skops")
+@LOG
+@CONFIG
+@MODEL
+@click.option("--days", type=click.IntRange(3), default=56, show_default=True, help="Days at the end to learn from.")
+def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> int:
+    """Learn a model from the last weeks of a log, and save it with the settings of the log."""
+    settings = settings_at(config)
+    from ..study import read_log
+    from ..zone import ZoneModel
+
+    say(1, 2, "reading the log")
+    frame, report = read_log(log, settings)
+    for line in report.splitlines():
+        say.note(line)
+    say(2, 2, "learning")
+    zone = ZoneModel.fit(settings, frame, days)
+    zone.save(model)
+    facts = zone.facts()
+    if as_json:
+        print_json({"model": str(model), **facts})
+    else:
+        print("\n".join(f"{name}: {value}" for name, value in facts.items()))
+        print(f"wrote {model}")
+    return DONE

@@ -1,0 +1,67 @@
+"""``skhybrid forecast``: tomorrow's temperature and load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._options import MODEL, as_command, print_json
+from ._output import DONE, Progress
+
+_HOURS = 3  # of a row of the table on the terminal
+
+
+@as_command(
+    "forecast",
+    "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24",
+)
+@MODEL
+@click.option("--log", required=True, metavar="LOG", help="Log up to now; rows after it may hold what is planned.")
+@click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
+@click.option("--setpoint", help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
+def command(
+    model: Path, log: str, weather: Path | None, setpoint: str | None, out: Path | None, say: Progress, as_json: bool
+) -> int:
+    """Forecast the zone's temperature and the plant's heat from the end of a log.
+
+    With set-points the thermostat acts inside the forecast, within the limits of the plant; with heat or stages planned
+    in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
+    """
+    from .._files import atomic_path
+    from ..study.thermostat import Schedule
+    from ..zone import ZoneModel, day_ahead
+
+    zone = ZoneModel.load(model)
+    schedule = None if setpoint is None else Schedule.of_text(setpoint)
+    found = day_ahead(zone, log, weather, schedule)
+    for text in found.remarks:
+        say.warn(text)
+    if out is not None:
+        with atomic_path(out) as made:
+            found.frame.to_csv(made, float_format="%.6g")
+        say.note(f"wrote {out}")
+    if as_json:
+        print_json(_content(found))
+    else:
+        print(_text(found))
+    return DONE
+
+
+def _content(found: Any) -> dict[str, Any]:
+    frame = found.frame
+    rows = [
+        {"time": stamp.isoformat(), **row} for stamp, row in zip(frame.index, frame.to_dict("records"), strict=True)
+    ]
+    return {"summary": found.summary, "remarks": list(found.remarks), "forecast": rows}
+
+
+def _text(found: Any) -> str:
+    """A row for some hours, and the sums of the day."""
+    frame = found.frame
+    step = frame.index[1] - frame.index[0] if len(frame) > 1 else 1
+    shown = frame.iloc[:: max(1, round(_HOURS * 3600 / step.total_seconds()))].round(2)
+    lines = [shown.to_string(na_rep="-"), ""]
+    return "\n".join([*lines, *(f"{name}: {value}" for name, value in found.summary.items())])

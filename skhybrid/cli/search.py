@@ -1,0 +1,34 @@
+"""``skhybrid search``: choose the disturbance model from the design matrix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ._options import CONFIG, LOG, as_command, print_json, settings_at
+from ._output import DONE, Progress
+
+
+@as_command("search", "skhybrid search thermostat.csv --config zone.toml --store search --models mlp,ridge")
+@LOG
+@CONFIG
+@click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
+@click.option("--models", default="mlp", show_default=True, help="Separated by commas: mlp,cnn,rnn,lstm,ridge.")
+@click.option("--size", type=click.Choice(["small", "paper"]), default="small", show_default=True, help="Sizes.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+def command(
+    log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool
+) -> int:
+    """Train the cases of the design matrix on [train], score them on [test]; a stopped search goes on."""
+    settings = settings_at(config)
+    from ..study import read_log, split_log
+    from ..zone.zone_search import search_zone
+
+    frame, _ = read_log(log, settings)
+    table = search_zone(settings, split_log(frame, settings), store, models.split(","), size, jobs)
+    if as_json:
+        print_json(table.to_dict(orient="records"))
+    else:
+        print(table.head(20).to_string(index=False, float_format="{:.3g}".format))
+    return DONE

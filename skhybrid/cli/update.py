@@ -1,0 +1,32 @@
+"""``skhybrid update``: take new rows into a saved model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ._options import MODEL, as_command, print_json
+from ._output import DONE, Progress
+
+
+@as_command("update", "skhybrid update --model zone.skops --log today.csv")
+@MODEL
+@click.option("--log", required=True, metavar="LOG", help="Log with rows after those that the model knows.")
+@click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
+def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> int:
+    """Take the new rows of a log into a saved model, so that forecasts start from them."""
+    from ..study import read_log
+    from ..zone import ZoneModel
+
+    zone = ZoneModel.load(model)
+    frame, _ = read_log(log, zone.settings)
+    n_new = zone.update(frame, relearn=relearn)
+    if n_new:
+        zone.save(model)
+    found = {"new rows": n_new, "known until": str(zone.known_until)}
+    if as_json:
+        print_json(found)
+    else:
+        print("\n".join(f"{name}: {value}" for name, value in found.items()))
+    return DONE

@@ -1,0 +1,285 @@
+"""Readers of weather for a forecast: CSV, EPW and Open-Meteo's JSON; and its values on the steps of a forecast."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.interpolate import PchipInterpolator
+
+from .._ranges import check_range
+from .._table import listed
+from ..logs.known_table import YEARS
+from ..logs.stamps import cell
+from ..logs.zone_csv import read_zone_csv
+from ..preprocessing._sun import split
+from ..preprocessing._units import conversion_of, convert
+from ._epw import checked_weather, read_epw
+from ._weather import ALBEDO, clear_sky
+
+_UNITS = {"°C": "degC", "°F": "degF", "W/m²": "W/m2", "kW/m²": "kW/m2", "BTU/h/ft²": "Btu/(h ft2)"}
+#: hourly variables that are read, also by their names before 2023 -> role that has their kind of unit
+_KNOWN = {
+    "temperature_2m": "T_oa", "shortwave_radiation": "q_sol", "direct_normal_irradiance": "q_sol",
+    "diffuse_radiation": "q_sol", "cloud_cover": "u_cloud", "cloudcover": "u_cloud",
+}  # fmt: skip
+_LIGHT = ("shortwave_radiation", "direct_normal_irradiance", "diffuse_radiation")
+_DULL, _POWER = 0.75, 3.4  # Kasten and Czeplak (1980): share of clear-sky irradiance that full cloud takes, and power
+_HOUR = pd.Timedelta("1h")
+
+
+def read_weather(
+    path: str | PathLike[str],
+    *,
+    latitude: float | None = None,
+    longitude: float | None = None,
+    window_azimuth: float | None = None,
+    window_tilt: float = 90.0,
+    year: int | None = None,
+    **options: Any,
+) -> pd.DataFrame:
+    """Read weather for a forecast from a CSV, an EPW or Open-Meteo's forecast (JSON).
+
+    Parameters
+    ----------
+    path : path-like
+        ``.epw``; ``.json`` as Open-Meteo's API returns it, with hourly ``temperature_2m`` and ``shortwave_radiation``
+        or ``cloud_cover``; anything else is a CSV for :func:`read_zone_csv`, with columns named ``T_oa`` and ``q_sol``.
+    latitude, longitude : float, optional
+        Site [degrees]; by default as the JSON gives it.
+    window_azimuth : float, optional
+        Orientation of the plane of ``q_sol`` [degrees]: 180 faces south.  By default global horizontal irradiance.  It
+        must be the plane of the log that the model was fitted to.
+    window_tilt : float
+        Tilt of that plane [degrees]: 90 is vertical.
+    year : int, optional
+        Year of the stamps of an EPW file.
+    **options
+        Passed to :func:`read_zone_csv` for a CSV: ``columns``, ``units``, ``timezone``, ``label`` ...
+
+    Returns
+    -------
+    DataFrame
+        ``T_oa`` [degC], the value at the stamp, and ``q_sol`` [kW/m2], the mean until the next stamp.
+        ``attrs["notes"]`` is a list of sentences on what was assumed.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or has no temperature or nothing that tells the irradiance.
+
+    Notes
+    -----
+    Open-Meteo's radiation is the mean of the preceding hour, so it moves to the row before.  Without radiation, the
+    irradiance is that of a clear sky (Haurwitz) times ``1 - 0.75 N**3.4`` for a cloud cover N (Kasten and Czeplak
+    1980).
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
+    if file.suffix.lower() == ".epw":
+        plane = {"window_azimuth": 180.0 if window_azimuth is None else window_azimuth, "window_tilt": window_tilt}
+        weather = read_epw(file, **plane, year=year)
+        if window_azimuth is None:
+            weather["q_sol"] = weather["ghi"]
+        weather.attrs["notes"] = []
+        return weather[["T_oa", "q_sol"]]
+    if file.suffix.lower() == ".json":
+        return _read_open_meteo(file, latitude, longitude, window_azimuth, window_tilt)
+    if window_azimuth is not None:
+        raise ValueError(f"window_azimuth= is of no use with the CSV {file.name!r}, whose q_sol is taken as it is.")
+    weather = read_zone_csv(file, **options)
+    for role in ("T_oa", "q_sol"):
+        if role not in weather:
+            raise ValueError(
+                f"{file.name!r} has no column {role!r}, only {listed(weather)}; pass columns={{role: column}}."
+            )
+        check_range(weather[role].to_numpy(), role, f"{role} of {file.name!r}", weather.index)
+    weather.attrs["notes"] = []
+    return weather[["T_oa", "q_sol"]]
+
+
+def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
+    """Put weather on the steps of a forecast.
+
+    Parameters
+    ----------
+    weather : DataFrame
+        ``T_oa`` and ``q_sol``, as :func:`read_weather` returns them.
+    time : DatetimeIndex
+        Stamps of the forecast, evenly spaced; with a zone if the weather has one.
+
+    Returns
+    -------
+    DataFrame
+        ``T_oa`` [degC] interpolated linearly at the stamps, ``q_sol`` [kW/m2] the mean of each step: over a row of the
+        weather its energy is kept.
+
+    Raises
+    ------
+    ValueError
+        If the weather does not cover the steps, or only one of the two has a time zone.
+    """
+    known = checked_weather(weather)
+    if not isinstance(time, pd.DatetimeIndex) or len(time) < 2:
+        raise ValueError("time must be a DatetimeIndex of at least two stamps.")
+    if weather.attrs.get("typical_year"):
+        raise ValueError("the weather is that of a typical year; give year= to stamp it.")
+    if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
+        lacks, other = ("forecast", "weather") if time.tz is None else ("weather", "forecast")
+        raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
+    origin = time[0]
+    hours, wanted = (np.asarray((pd.DatetimeIndex(i) - origin) / _HOUR, np.float64) for i in (known.index, time))
+    row, step = float(np.median(np.diff(hours))), float(np.median(np.diff(wanted)))
+    # a value at the last stamp holds to the end of its row; nothing is known beyond it
+    ends = wanted[-1] + step
+    _check_cover(hours, wanted, ends, row, known.index, time)
+    edges = np.append(hours, hours[-1] + row)
+    energy = np.concatenate([[0.0], np.cumsum(known["q_sol"].to_numpy() * np.diff(edges))])
+    asked = np.append(wanted, ends)
+    until = PchipInterpolator(edges, energy)(asked)  # monotone: no irradiance below zero, none at night
+    light = (np.diff(until) / np.diff(asked)).clip(min=0.0)
+    return pd.DataFrame({"T_oa": np.interp(wanted, hours, known["T_oa"].to_numpy()), "q_sol": light}, index=time)
+
+
+def _check_cover(
+    hours: np.ndarray, wanted: np.ndarray, ends: float, row: float, given: pd.Index, time: pd.DatetimeIndex
+) -> None:
+    """Refuse weather that begins too late, ends too early or has a gap of more than two rows."""
+    gap = np.flatnonzero((np.diff(hours) > 3.0 * row + 1e-9) & (hours[1:] > wanted[0]) & (hours[:-1] < ends))
+    if hours[0] > wanted[0] + 1e-9 or hours[-1] + row < ends - 1e-9 or len(gap):
+        first, last = (given[gap[0]], given[gap[0] + 1]) if len(gap) else (given[0], given[-1])
+        covers = f"has nothing between {first} and {last}" if len(gap) else f"reaches from {first} to {last}"
+        raise ValueError(
+            f"the weather {covers}, but the forecast needs {time[0]} to {time[-1]} and the step after it; give weather "
+            "for all of it."
+        )
+
+
+def _read_open_meteo(
+    file: Path, latitude: float | None, longitude: float | None, azimuth: float | None, tilt: float
+) -> pd.DataFrame:
+    where = repr(file.name)
+    answer = _answer(file, where)
+    hourly = answer["hourly"]
+    stamps = _stamps(answer, where)
+    named = {
+        n: _quantity(hourly[n], n, answer.get("hourly_units", {}), len(stamps), where) for n in hourly if n in _KNOWN
+    }
+    named |= {"cloud_cover": named["cloudcover"]} if "cloudcover" in named else {}
+    if "temperature_2m" not in named:
+        raise ValueError(f"{where} has no hourly temperature_2m; request it with hourly=temperature_2m.")
+    notes: list[str] = []
+    # radiation is the mean of the hour before its stamp: the row before has it, and the last row has none
+    light = {name: named[name][1:] for name in _LIGHT if name in named}
+    if azimuth is not None or "shortwave_radiation" not in light:
+        sun = _sun(stamps[:-1] + _HOUR / 2, answer, latitude, longitude, where)
+        if "shortwave_radiation" not in light:
+            light = {"shortwave_radiation": _from_clouds(named, sun["zenith"].to_numpy(), where)}
+            notes.append("no radiation in the file: q_sol comes from its cloud cover and a clear sky.")
+    q_sol = light["shortwave_radiation"] if azimuth is None else _on_plane(light, sun, azimuth, tilt)
+    weather = pd.DataFrame({"T_oa": named["temperature_2m"][:-1], "q_sol": q_sol}, index=stamps[:-1].rename("time"))
+    for role in ("T_oa", "q_sol"):
+        check_range(weather[role].to_numpy(), role, f"{role} of {where}", weather.index)
+    known = np.flatnonzero(weather.notna().all(axis=1).to_numpy())  # the last hours of a forecast may be null
+    if not len(known):
+        raise ValueError(f"{where} has no hour with a temperature and an irradiance; request it again.")
+    weather = weather.iloc[: known[-1] + 1]
+    weather.attrs["notes"] = notes
+    return weather
+
+
+def _answer(file: Path, where: str) -> Mapping[str, Any]:
+    """The JSON of one place."""
+    try:
+        answer = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{where} is no whole JSON file ({error}); download it again.") from error
+    if isinstance(answer, list):
+        raise ValueError(f"{where} holds {len(answer)} places; request the forecast of one place.")
+    if isinstance(answer, dict) and answer.get("error"):
+        raise ValueError(f"{where} holds an error message of Open-Meteo: {str(answer.get('reason')).rstrip('.')}.")
+    if not isinstance(answer, dict) or not isinstance(answer.get("hourly"), dict) or not answer["hourly"].get("time"):
+        raise ValueError(
+            f"{where} is no forecast of Open-Meteo with hourly values; request it with "
+            "hourly=temperature_2m,shortwave_radiation,direct_normal_irradiance,diffuse_radiation."
+        )
+    return answer
+
+
+def _stamps(answer: Mapping[str, Any], where: str) -> pd.DatetimeIndex:
+    """Stamps in the zone of the answer; they are local time at one fixed offset, or seconds since 1970."""
+    times, zone = answer["hourly"]["time"], str(answer.get("timezone") or "UTC")
+    if all(isinstance(time, int | float) for time in times):
+        utc = pd.to_datetime(pd.Series(times), unit="s", utc=True, errors="coerce")
+    else:
+        offset = answer.get("utc_offset_seconds") or 0
+        if not isinstance(offset, int) or abs(offset) > 86400:
+            raise ValueError(f"{where} has the utc_offset_seconds {cell(offset)}; download it again.")
+        local = pd.to_datetime(pd.Series(times, dtype=str), format="ISO8601", errors="coerce", utc=True)
+        utc = local - pd.Timedelta(seconds=offset)
+    wrong = ~utc.dt.year.between(*YEARS).to_numpy()
+    if wrong.any():
+        raise ValueError(f"{where} has the time stamp {cell(times[int(np.argmax(wrong))])}; download it again.")
+    try:
+        stamps = pd.DatetimeIndex(utc).tz_convert("UTC" if zone == "GMT" else zone)
+    except Exception as error:  # the class differs between zoneinfo and pytz
+        raise ValueError(f"{where} has the unknown timezone {cell(zone)}; request it with timezone=auto.") from error
+    if len(stamps) < 3 or not ((stamps[1:] - stamps[:-1]) == _HOUR).all():
+        raise ValueError(f"{where} has {len(stamps)} hourly stamps that are not one hour apart; request it again.")
+    return stamps
+
+
+def _quantity(values: Any, name: str, units: Mapping[str, Any], n: int, where: str) -> np.ndarray:
+    """Hourly values (n,) in the contract's unit; null is NaN."""
+    role = _KNOWN[name]
+    unit = str(units.get(name, {"T_oa": "°C", "q_sol": "W/m²"}.get(role, "%")))
+    try:
+        numbers = np.array([np.nan if v is None else float(v) for v in values])
+        if np.isinf(numbers).any():
+            raise ValueError
+    except (TypeError, ValueError):
+        raise ValueError(f"{where} has a {name} with values that are no numbers; download it again.") from None
+    if len(numbers) != n:
+        raise ValueError(f"{where} has {len(numbers)} values of {name} for {n} stamps; download it again.")
+    return convert(numbers, conversion_of(_UNITS.get(unit, unit), role))
+
+
+def _sun(
+    middle: pd.DatetimeIndex, answer: Mapping[str, Any], latitude: float | None, longitude: float | None, where: str
+) -> pd.DataFrame:
+    """Zenith and azimuth of the sun [degrees] at the place that is given, or else that of the file."""
+    from pvlib.solarposition import get_solarposition
+
+    place = [answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))]
+    if not all(isinstance(of, int | float) for of in place):
+        raise ValueError(f"{where} names no place, which its irradiance needs; give latitude= and longitude=.")
+    return get_solarposition(middle, place[0], place[1], method="ephemeris")
+
+
+def _from_clouds(named: Mapping[str, np.ndarray], zenith: np.ndarray, where: str) -> np.ndarray:
+    """Global horizontal irradiance (n,) [kW/m2] of each hour from its cloud cover."""
+    if "cloud_cover" not in named:
+        raise ValueError(
+            f"{where} has neither shortwave_radiation nor cloud_cover; request it with hourly=shortwave_radiation."
+        )
+    cover = named["cloud_cover"].clip(0.0, 1.0)
+    mean = 0.5 * (cover[:-1] + cover[1:])
+    return clear_sky(zenith) / 1000.0 * (1.0 - _DULL * mean**_POWER)
+
+
+def _on_plane(light: Mapping[str, np.ndarray], sun: pd.DataFrame, azimuth: float, tilt: float) -> np.ndarray:
+    """Irradiance (n,) [kW/m2] on a tilted plane, isotropic sky."""
+    from pvlib.irradiance import get_total_irradiance
+
+    zenith, day = sun["zenith"].to_numpy(), pd.DatetimeIndex(sun.index).day_of_year.to_numpy()
+    parts = split(light[_LIGHT[0]], light.get(_LIGHT[1]), light.get(_LIGHT[2]), zenith, day)
+    beam, total, diffuse = parts.direct, parts.total, parts.diffuse
+    facing = sun["azimuth"].to_numpy()
+    plane = get_total_irradiance(tilt, azimuth, zenith, facing, beam, total, diffuse, albedo=ALBEDO, model="isotropic")
+    return np.asarray(plane["poa_global"]).clip(min=0.0)

@@ -1,0 +1,95 @@
+"""What a log can identify, by what moved in it, and what to measure next."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+_FEW_HOURS = 5.0  # hours at full heat, below which a plant tells little
+_FEW_DAYS, _ENOUGH_DAYS = 3, 14
+_LEAST_SPREAD = 1.0  # range of a room's temperature [K] that tells of its time constants
+_LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that tells of the loss
+
+
+class Abilities(NamedTuple):
+    """What a log tells of a zone, what it does not tell, and what would help."""
+
+    can: list[str]
+    cannot: list[str]
+    next_steps: list[str]
+
+
+def excitation(frame: pd.DataFrame) -> pd.DataFrame:
+    """How each column by role moved: lowest, highest and mean value, share of rows with one; hours run and starts."""
+    hours = _row_hours(frame.index)
+    rows = {}
+    for role in frame:
+        values = frame[role].dropna().to_numpy(dtype=np.float64)
+        if not len(values):
+            continue
+        found = {
+            "lowest": values.min(), "highest": values.max(), "mean": values.mean(), "share": len(values) / len(frame)
+        }  # fmt: skip
+        if str(role).startswith(("u_", "Q_")) and np.abs(values).max() > 0.0:
+            on = np.abs(values) > 0.05 * np.abs(values).max()
+            found["hours run"] = np.abs(values).sum() / np.abs(values).max() * hours
+            found["starts"] = float((on[1:] & ~on[:-1]).sum())
+        rows[str(role)] = found
+    columns = ["lowest", "highest", "mean", "share", "hours run", "starts"]
+    return pd.DataFrame.from_dict(rows, orient="index").reindex(columns=columns).rename_axis("role")
+
+
+def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
+    """What can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale."""
+    can, cannot, steps = [], [], []
+    have = set(moved.index)
+    plants = [role for role in moved.index if role.startswith(("u_", "Q_"))]
+    for role, what in (("T_za", "room"), ("T_oa", "outdoor")):
+        if role not in have:
+            cannot.append(f"anything: there is no {what} temperature ({role}).")
+            steps.append(f"name the column of the {what} temperature as {role}, or log it.")
+    if {"T_za", "T_oa"} <= have:
+        _building(moved, n_days, can, cannot)
+    if not plants:
+        cannot.append("how the room answers to heating or cooling: no column tells when the plant ran.")
+        steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
+    for role in plants:
+        ran = moved["hours run"].get(role, 0.0)
+        if not ran >= _FEW_HOURS:
+            cannot.append(f"the effect of {role}: it ran for {0.0 if np.isnan(ran) else ran:.1f} h at its most.")
+            steps.append(f"let {role} run: two days of random set-points (skhybrid.plan_experiment) tell its effect.")
+        elif role in unsure:
+            can.append(f"the effect of {role} on the temperature.")
+            cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")
+            steps.append(f"give the nameplate capacity or the coefficient of performance of {role}.")
+        else:
+            can.append(f"the effect of {role}, which ran for {ran:.0f} h at its most.")
+    if not any(role.startswith("q_sol") for role in have):
+        cannot.append("the heat of the sun: no column has irradiance; it becomes part of the unmeasured heat.")
+        steps.append("add the global irradiance, from a sensor or a weather service.")
+    if not {"T_heat_set", "T_cool_set"} & have and plants:
+        cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
+        steps.append("log the set-points, with which the thermostat is learned.")
+    return Abilities(can, cannot, steps)
+
+
+def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str]) -> None:
+    spread = moved["highest"] - moved["lowest"]
+    if n_days < _FEW_DAYS:
+        cannot.append(f"a day's course: {n_days} days are too few; three are the least, two weeks are good.")
+    else:
+        better = "" if n_days >= _ENOUGH_DAYS else " (two weeks would be better)"
+        can.append(f"a day-ahead forecast of the temperature, from {n_days} days{better}.")
+    if spread["T_za"] < _LEAST_SPREAD:
+        cannot.append(f"time constants: the room moved by {spread['T_za']:.1f} K only.")
+    if spread["T_oa"] < _LEAST_WEATHER:
+        cannot.append(f"the loss to outdoors: the outdoor temperature moved by {spread['T_oa']:.1f} K only.")
+    elif spread["T_za"] >= _LEAST_SPREAD and n_days >= _FEW_DAYS:
+        can.append("the loss to outdoors and the time constants, relative to the heat.")
+
+
+def _row_hours(index: pd.Index) -> float:
+    ticks = pd.DatetimeIndex(index).as_unit("ns").asi8
+    return float(np.median(np.diff(ticks))) / 3.6e12 if len(ticks) > 1 else 0.0

@@ -1,0 +1,277 @@
+"""Pieces of a table, wide or long, put together to a log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from .cell_numbers import Channel
+from .raw_log import RawLog
+from .stamp_cells import read_stamps
+from .stamps import localize
+from .unit_names import unit_named, unit_text
+
+_EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
+_LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Options that all readers of general tables take.
+
+    Parameters
+    ----------
+    columns : sequence of str, optional
+        Channels to read; all by default.
+    time_column : str or pair of str, optional
+        The column of time stamps, or those of date and time.
+    timezone : str, optional
+        Zone of stamps without an offset, or the zone to convert stamps with an offset to.
+    dayfirst : bool, optional
+        Whether dates such as 02/03/2024 begin with the day.
+    held : bool or sequence of str, optional
+        Channels that keep their value until the next one; by default those that are logged by change.
+    """
+
+    columns: Sequence[str] | None = None
+    time_column: str | Sequence[str] | None = None
+    timezone: str | None = None
+    dayfirst: bool | None = None
+    held: bool | Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("columns", "held"):
+            if isinstance(getattr(self, name), str):
+                raise ValueError(f"{name}={getattr(self, name)!r} is one text; give a list of channels.")
+
+    def wanted(self, names: Iterable[str], stamps: Sequence[str], where: str) -> list[str]:
+        """The channels to read among the columns of a table, in its order."""
+        channels = [name for name in names if name not in stamps]
+        if self.columns is None:
+            return channels
+        for name in self.columns:
+            if name not in channels:
+                known = ", ".join(map(repr, channels))
+                raise ValueError(f"columns= names {name!r}, which is not in {where}; its channels are {known}.")
+        return [name for name in channels if name in set(self.columns)]
+
+
+@dataclass
+class Pieces:
+    """Pieces of a table, and what is known of it before they are read.
+
+    Parameters
+    ----------
+    frames : iterable of DataFrame
+        Rows of the table, cells as text, numbers or dates.
+    stamps : tuple of str
+        Columns of the time stamp, or of date and time.
+    where : str
+        The source as messages name it.
+    format : str
+    units : mapping of column to unit
+        Units beside those in the names, as the source writes them.
+    decimal : str
+    first_line : int
+        Line of the file that holds the first row.
+    notes : list of str
+    """
+
+    frames: Iterable[pd.DataFrame]
+    stamps: tuple[str, ...]
+    where: str
+    format: str
+    units: Mapping[str, str] = field(default_factory=dict)
+    decimal: str = "."
+    first_line: int = 2
+    notes: list[str] = field(default_factory=list)
+
+
+def assemble(pieces: Pieces, choice: Choice) -> RawLog:
+    """The log of a wide table, one column per channel."""
+    channels: dict[str, Channel] = {}
+    texts = []
+    for piece in pieces.frames:
+        kept = _with_stamp(piece, pieces)
+        texts.append(_stamp_cells(kept, pieces))
+        for name in kept.columns.drop(list(pieces.stamps)):
+            channels.setdefault(str(name), Channel()).add(kept[name], pieces.decimal)
+    stamps, order = _stamps(texts, pieces, choice)
+    kept_channels = _numeric_channels(channels, pieces)
+    frame = pd.DataFrame({n: c.values()[order] for n, c in kept_channels.items()}, index=stamps, copy=False)
+    if not frame.index.is_monotonic_increasing:
+        _note_disorder(stamps, pieces)
+        frame = frame.sort_index(kind="stable")
+    return _finish(frame, kept_channels, pieces, choice, sparse_only=True)
+
+
+def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
+    """The log of a long table, one row per value of a channel."""
+    channels: dict[str, Channel] = {}
+    rows: dict[str, list[np.ndarray]] = {}
+    texts, n_rows = [], 0
+    wanted = None if choice.columns is None else set(choice.columns)
+    for piece in pieces.frames:
+        kept = _with_stamp(piece, pieces)
+        kept = kept[kept[point].notna()] if wanted is None else kept[kept[point].isin(wanted)]
+        texts.append(_stamp_cells(kept, pieces))
+        for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
+            channels.setdefault(str(name).strip(), Channel()).add(kept[value].iloc[places], pieces.decimal)
+            rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
+        n_rows += len(kept)
+    if wanted is not None:
+        choice.wanted(channels, (), pieces.where)
+    places_of = {name: np.concatenate(parts) for name, parts in rows.items()}
+    stamps = _long_stamps(texts, places_of, pieces, choice)
+    kept_channels = _numeric_channels(channels, pieces)
+    index = stamps.unique().sort_values()
+    ticks, found = index.asi8, stamps.as_unit(index.unit).asi8
+    frame = {}
+    for name, channel in kept_channels.items():
+        column = np.full(len(index), np.nan)
+        column[np.searchsorted(ticks, found[places_of[name]])] = channel.values()
+        frame[name] = column
+    return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
+
+
+def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
+    """The rows that have a time stamp; a footer such as "Total" and a repeated header have none."""
+    cells = piece[pieces.stamps[0]]
+    known = cells.notna()
+    if not (pd.api.types.is_datetime64_any_dtype(cells) or pd.api.types.is_numeric_dtype(cells)):
+        known &= cells.astype(str).str.contains(r"\d", regex=True)
+    if known.all():
+        return piece
+    filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
+    if filled.any():
+        pieces.notes.append(f"{_several(int(filled.sum()), 'row')} without a time stamp left out")
+    return piece[known]
+
+
+def _stamp_cells(piece: pd.DataFrame, pieces: Pieces) -> pd.Series:
+    """The time stamps of a piece, date and time joined; the index says in which line of the file they stand."""
+    cells = piece[pieces.stamps[0]]
+    for other in pieces.stamps[1:]:
+        cells = cells.astype(str).str.strip() + " " + piece[other].astype(str).str.strip()
+    return cells.set_axis(cells.index + pieces.first_line - 2)
+
+
+def _joined(texts: list[pd.Series], where: str) -> pd.Series:
+    cells = pd.concat(texts) if texts else pd.Series(dtype=object)
+    texts.clear()
+    if cells.empty:
+        raise ValueError(f"{where} has no rows with a time stamp.")
+    if cells.dtype == object and not isinstance(first := cells.iloc[0], str) and hasattr(first, "year"):
+        mixed = any(getattr(one, "tzinfo", None) is not None for one in (first, cells.iloc[-1]))
+        return pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
+    return cells
+
+
+def _stamps(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.DatetimeIndex, slice]:
+    """Stamps in the order of time as far as the file has one, and the order of the rows: forwards or backwards."""
+    cells = _joined(texts, pieces.where)
+    ends = pd.to_datetime(cells.iloc[[0, -1]].astype(str), errors="coerce", utc=True, format="mixed")
+    order = slice(None, None, -1 if ends.iloc[0] > ends.iloc[1] else 1)
+    stamps, notes = read_stamps(cells.iloc[order], choice.timezone, choice.dayfirst, pieces.where)
+    pieces.notes.extend(notes)
+    return stamps.rename("time"), order
+
+
+def _long_stamps(
+    texts: list[pd.Series], places: Mapping[str, np.ndarray], pieces: Pieces, choice: Choice
+) -> pd.DatetimeIndex:
+    """Stamps of all rows of a long table, which may follow each other by time or by channel."""
+    cells = _joined(texts, pieces.where)
+    stamps, notes = read_stamps(cells, None, choice.dayfirst, pieces.where)
+    pieces.notes.extend(notes)
+    if stamps.tz is not None or choice.timezone is None:
+        return stamps if choice.timezone is None else stamps.tz_convert(choice.timezone)
+    if not (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any():
+        return localize(stamps, choice.timezone, cells.astype(str), pieces.where)
+    ticks = np.empty(len(stamps), dtype=np.int64)
+    for rows in places.values():  # one channel after the other: each has its own hour that occurs twice
+        ahead = rows if stamps[rows[0]] <= stamps[rows[-1]] else rows[::-1]
+        part = localize(stamps[ahead], choice.timezone, cells.iloc[ahead].astype(str), pieces.where)
+        ticks[ahead] = part.as_unit("ns").asi8
+    return pd.DatetimeIndex(ticks.astype("datetime64[ns]"), tz="UTC").tz_convert(choice.timezone)
+
+
+def _numeric_channels(channels: dict[str, Channel], pieces: Pieces) -> dict[str, Channel]:
+    """The channels of numbers, and notes on words that were found."""
+    kept = {}
+    for name, channel in channels.items():
+        word, n = channel.odd
+        if channel.is_text:
+            pieces.notes.append(f"{name!r} is left out, since it holds text such as {word!r}")
+        elif channel.n_numbers or not name.startswith("column "):
+            kept[name] = channel
+            if n:
+                pieces.notes.append(f"{name!r}: {_several(n, 'cell')} such as {word!r} taken as missing")
+    if not kept:
+        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps.")
+    return kept
+
+
+def _note_disorder(stamps: pd.DatetimeIndex, pieces: Pieces) -> None:
+    back = np.flatnonzero(np.diff(stamps.as_unit("ns").asi8) < 0)
+    hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
+    pieces.notes.append(f"stamps go back {_several(len(back), 'time')}, first at {stamps[back[0] + 1]}: sorted{hint}")
+
+
+def _finish(
+    frame: pd.DataFrame, channels: Mapping[str, Channel], pieces: Pieces, choice: Choice, sparse_only: bool = False
+) -> RawLog:
+    """The log, with its units, its held channels and the notes."""
+    written = {n: text for n in frame if (text := unit_text(str(n)))} | dict(pieces.units)
+    written |= {n: c.units.most_common(1)[0][0] for n, c in channels.items() if c.units}
+    units = {str(name): unit for name in frame if (unit := unit_named(written.get(name, ""))) is not None}
+    others = [f"{name!r} in {written[name]}" for name in frame if name in written and name not in units]
+    if others:
+        pieces.notes.append(f"units that are not converted: {', '.join(others)}")
+    if choice.held is None:
+        held = frozenset(held_channels(frame, sparse_only))
+        if held:
+            pieces.notes.append(f"logged by change, so held until the next value: {', '.join(map(repr, sorted(held)))}")
+    elif isinstance(choice.held, bool):
+        held = frozenset(map(str, frame) if choice.held else ())
+    else:
+        held = frozenset(choice.held)
+        for name in held - set(frame):
+            raise ValueError(f"held= names {name!r}, which is no channel of {pieces.where}.")
+    notes = tuple(_counted(pieces.notes))
+    if held and not frame.index.is_unique:
+        frame = frame.groupby(level=0).last()  # of each channel the last value that was written
+    return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
+
+
+def _several(n: int, thing: str) -> str:
+    return f"{n} {thing}{'' if n == 1 else 's'}"
+
+
+def _counted(notes: Sequence[str]) -> Iterator[str]:
+    """Each note once, and how often it was made if more than once."""
+    for note, n in Counter(notes).items():
+        yield note if n == 1 else f"{note} ({n} times)"
+
+
+def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
+    """Channels whose values come at uneven times, as of a log of changes; ``sparse_only``: beside empty cells."""
+    ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
+    found = []
+    for name in frame:
+        known = frame[name].notna().to_numpy()
+        if sparse_only and known.mean() > 0.8:
+            continue
+        spacing = np.diff(ticks[known])
+        spacing = spacing[spacing > 0]
+        if len(spacing) < 3:
+            found += [str(name)] if known.any() and len(ticks) > 10 else []
+            continue
+        usual = np.median(spacing)
+        if (np.abs(spacing - usual) <= 0.1 * usual).mean() < _EVEN:
+            found.append(str(name))
+    return found

@@ -1,0 +1,133 @@
+"""Numbers in the cells of a log: decimal signs, on and off, and the words that loggers write for an error."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from .unit_names import unit_named
+
+_SWITCHES = dict.fromkeys(
+    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0
+)
+_SWITCHES |= dict.fromkeys(
+    ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt"), 0.0
+)
+_ERRORS = re.compile(
+    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
+    r"invalid\b.*|missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
+    r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|"
+    r"[-+]?inf(inity)?",
+    re.IGNORECASE,
+)
+_BETWEEN = re.compile(r"(?<=\d)[ \u00a0\u202f'’](?=\d{3}(?:\D|\Z))")  # thousands by space or apostrophe
+_GROUPED_DOT = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}")
+_GROUPED_COMMA = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+|[-+]?\d{1,3}(,\d{3}){2,}")
+_ONE_COMMA = re.compile(r"[-+]?\d*,(\d+)([eE][-+]?\d+)?")
+_ONE_DOT = re.compile(r"[-+]?\d{1,3}\.\d{3}")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
+
+
+def decimal_sign(cells: list[str], sep: str) -> str:
+    """The decimal sign of the numbers in a sample of cells of a file with the separator ``sep``."""
+    commas = [found for cell in cells if (found := _ONE_COMMA.fullmatch(cell)) or _GROUPED_DOT.fullmatch(cell)]
+    # 1,234 in quotes is a thousand in a file with commas between cells, and a decimal in one with semicolons
+    sure = [found for found in commas if sep != "," or found is None or len(found[1]) != 3]
+    points = [cell for cell in cells if re.fullmatch(r"[-+]?\d*\.\d+", cell) and not _ONE_DOT.fullmatch(cell)]
+    return "," if len(sure) > len(points) else "."
+
+
+def number_in(text: str, decimal: str = ".") -> float | None:
+    """The number that a cell spells with any sign for decimals and thousands; None for a word."""
+    text = _BETWEEN.sub("", text.strip()).replace("−", "-")
+    if _GROUPED_DOT.fullmatch(text) or (decimal == "," and _ONE_DOT.fullmatch(text)):
+        text = text.replace(".", "").replace(",", ".")
+    elif _GROUPED_COMMA.fullmatch(text):
+        text = text.replace(",", "")
+    elif found := _ONE_COMMA.fullmatch(text):
+        text = text.replace(",", "." if decimal == "," or len(found[1]) != 3 else "")
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+@dataclass
+class Channel:
+    """The cells of one column, read piece by piece."""
+
+    numbers: np.ndarray = field(default_factory=lambda: np.empty(0))
+    n_cells: int = 0
+    n_numbers: int = 0
+    n_switches: int = 0
+    words: Counter[str] = field(default_factory=Counter)
+    units: Counter[str] = field(default_factory=Counter)
+
+    def add(self, cells: pd.Series, decimal: str) -> None:
+        """Read the cells of the next piece."""
+        if pd.api.types.is_numeric_dtype(cells) and not pd.api.types.is_complex_dtype(cells):
+            values = cells.to_numpy(dtype=np.float64, na_value=np.nan)
+        else:
+            values = self._from_text(cells, decimal)
+        wild = np.isinf(values)
+        if wild.any():
+            self.words["inf"] += int(wild.sum())
+            values = np.where(wild, np.nan, values)
+        self.n_numbers += int(np.isfinite(values).sum())
+        end = self.n_cells + len(values)
+        if end > len(self.numbers):  # one block that grows, since many small ones leave holes in the memory
+            self.numbers.resize(max(end, len(self.numbers) * 3 // 2), refcheck=False)
+        self.numbers[self.n_cells : end] = values
+        self.n_cells = end
+
+    def values(self) -> np.ndarray:
+        """All numbers that were read, float64, NaN where a cell has none."""
+        return self.numbers[: self.n_cells]
+
+    @property
+    def odd(self) -> tuple[str, int]:
+        """The most frequent word that is no number, and the number of cells that hold words."""
+        return (self.words.most_common(1)[0][0], self.words.total()) if self.words else ("", 0)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the words have a meaning of their own, so that this is no channel of numbers."""
+        meant = sum(n for word, n in self.words.items() if not _ERRORS.fullmatch(word))
+        # "off" beside "heat" is a mode, not a switch
+        return meant > self.n_numbers or (meant > 0 and self.n_switches > 0)
+
+    def _from_text(self, cells: pd.Series, decimal: str) -> np.ndarray:
+        known = cells.notna().to_numpy()
+        text = cells.astype(str).str.strip()
+        plain = known & ~text.str.contains(".", regex=False).to_numpy(dtype=bool) if decimal == "," else known
+        values = np.full(len(cells), np.nan)
+        values[plain] = pd.to_numeric(text[plain], errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+        left = known & np.isnan(values) & (text != "").to_numpy(dtype=bool)
+        if not left.any():
+            return values
+        codes, uniques = pd.factorize(text[left])
+        counts = np.bincount(codes, minlength=len(uniques))
+        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[
+            codes
+        ]
+        return values
+
+    def _one(self, word: str, n: int, decimal: str) -> float:
+        """The value of a cell that is no plain number, ``n`` of which were found."""
+        if (switch := _SWITCHES.get(word.lower())) is not None:
+            self.n_switches += n
+            return switch
+        number = number_in(word, decimal)
+        if number is not None:
+            return number
+        apart = _WITH_UNIT.fullmatch(word)
+        if apart and unit_named(apart[2]) and (number := number_in(apart[1], decimal)) is not None:
+            self.units[apart[2]] += n
+            return number
+        if word in self.words or len(self.words) < 1000:
+            self.words[word] += n
+        else:
+            self.words["..."] += n
+        return np.nan

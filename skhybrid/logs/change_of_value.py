@@ -1,0 +1,71 @@
+"""Reader of long tables: one row per value of a point, as logs of changes have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .assembly import Choice, assemble_long
+from .delimited import open_table, pieces_of
+from .raw_log import RawLog
+from .stamp_cells import find_stamp_columns
+from .table_layout import find_layout, separator_of, split_lines
+
+_POINT = re.compile(
+    r"(data)?point[ _]?(name|id)?|tag[ _]?(name|id)?|sensor[ _]?(name|id)?|channel([ _]name)?|variable|entity_id|"
+    r"metric|series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter",
+    re.IGNORECASE,
+)
+_VALUE = re.compile(r"(present[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur", re.IGNORECASE)
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a text table has one row per value, with its point beside it."""
+    lines = head.splitlines()
+    sep = separator_of(lines)
+    layout = None if sep is None else find_layout(split_lines(lines, sep))
+    return layout is not None and long_columns(layout.names) is not None
+
+
+def read(
+    path: Path,
+    *,
+    point_column: str | None = None,
+    value_column: str | None = None,
+    sep: str | None = None,
+    decimal: str | None = None,
+    **options: Any,
+) -> RawLog:
+    """Read a long text table into one column per point; the options beside these are those of ``Choice``."""
+    choice = Choice(**options)
+    table = open_table(path, sep, decimal)
+    where = repr(path.name)
+    point, value = chosen_columns(table.layout.names, point_column, value_column, where)
+    others = table.sample.drop(columns=[point, value])
+    stamps = find_stamp_columns(others, choice.time_column, where)
+    frames = table.pieces(stamps, (point, value), text=(point, value))
+    return assemble_long(pieces_of(table, frames, stamps, "change of value"), point, value, choice)
+
+
+def chosen_columns(names: Sequence[str], point: str | None, value: str | None, where: str) -> tuple[str, str]:
+    """The columns of points and values: those named, else those with usual names."""
+    found = long_columns(names) or (None, None)
+    both = []
+    for kind, given, usual in (("point", point, found[0]), ("value", value, found[1])):
+        name = given or usual
+        if name is None or name not in names:
+            said = f"has no column {name!r}" if name else f"has no column that is surely the {kind}"
+            raise ValueError(f"{where} {said} among {', '.join(map(repr, names))}; pass {kind}_column=.")
+        both.append(name)
+    return both[0], both[1]
+
+
+def long_columns(names: Sequence[str] | pd.Index) -> tuple[str, str] | None:
+    """The columns of points and values of a long table, by their usual names; None where it has none."""
+    points = [name for name in names if _POINT.fullmatch(name.strip())]
+    values = [name for name in names if _VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip())]
+    return (points[0], values[0]) if points and len(values) == 1 else None

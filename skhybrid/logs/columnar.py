@@ -1,0 +1,76 @@
+"""Reader of Parquet files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .assembly import Choice, Pieces, assemble, assemble_long
+from .change_of_value import long_columns
+from .raw_log import RawLog
+from .stamp_cells import find_stamp_columns
+
+_CELLS = 1 << 19  # cells of a piece
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a file is a Parquet file."""
+    if head:
+        return False
+    with path.open("rb") as file:
+        return file.read(4) == b"PAR1"
+
+
+def read(path: Path, **options: Any) -> RawLog:
+    """Read a Parquet file, wide or long, its time in the index or a column; the options are those of ``Choice``."""
+    choice = Choice(**options)
+    where = repr(path.name)
+    try:
+        from pyarrow import ArrowException
+        from pyarrow.parquet import ParquetFile
+    except ImportError:
+        raise ImportError(
+            'reading a Parquet file needs pyarrow; install it with pip install "skhybrid[files]".'
+        ) from None
+    try:
+        with ParquetFile(path) as file:
+            return _read(file, choice, where)
+    except (ArrowException, OSError) as error:
+        raise ValueError(f"{where} cannot be read as a Parquet file ({error}).") from None
+
+
+def _read(file: Any, choice: Choice, where: str) -> RawLog:
+    names = [name for name in file.schema_arrow.names if not _is_nested(file.schema_arrow.field(name).type)]
+    size = max(1000, _CELLS // max(len(names), 1))
+    sample = next(_frames(file, names, 1000), pd.DataFrame(columns=names))
+    if sample.empty:
+        raise ValueError(f"{where} has no rows.")
+    indices = [name for name in (file.schema_arrow.pandas_metadata or {}).get("index_columns", []) if name in names]
+    dated = [name for name in indices if pd.api.types.is_datetime64_any_dtype(sample[name])]
+    time = choice.time_column or (dated[0] if dated else None)
+    stamps = find_stamp_columns(sample, time, where)
+    long = long_columns([name for name in names if name not in stamps])
+    pieces = Pieces((), stamps, where, "Parquet", {})
+    if long is not None:
+        pieces.frames = _frames(file, [*stamps, *long], size)
+        return assemble_long(pieces, *long, choice)
+    wanted = [name for name in choice.wanted(names, stamps, where) if name not in indices or choice.columns is not None]
+    pieces.frames = _frames(file, [*stamps, *wanted], size)
+    return assemble(pieces, choice)
+
+
+def _is_nested(kind: Any) -> bool:
+    from pyarrow import types
+
+    return bool(types.is_nested(kind))
+
+
+def _frames(file: Any, names: list[str], size: int) -> Iterator[pd.DataFrame]:
+    begin = 0
+    for batch in file.iter_batches(batch_size=size, columns=names):
+        frame = batch.to_pandas(ignore_metadata=True)
+        yield frame.set_axis(range(begin, begin + len(frame)), axis=0)
+        begin += len(frame)

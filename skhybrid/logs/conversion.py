@@ -1,0 +1,128 @@
+"""From the channels of a log to columns by role, in the units of the data contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import listed, role_of
+from ..preprocessing._units import CONTRACT_UNIT, UNITS, conversion_of, convert
+from .naming import ENERGY
+from .raw_log import RawLog
+
+#: times that a plant ran in each row, in seconds
+TIMES = {"s": 1.0, "min": 60.0}
+#: a counter's readings fall at most this often, when it is reset or replaced
+_FEW_RESETS = 0.01
+
+
+class Channel(NamedTuple):
+    """A channel of a log in the role it plays."""
+
+    role: str
+    name: str
+    unit: str | None = None  # None: that of the data contract
+    scale: float = 1.0  # factor after the unit
+
+
+def contract_unit(role: str) -> str:
+    """Unit of a role in the data contract."""
+    for prefix, kind in (("q_sol", "irradiance"), ("T_", "temperature"), ("u_", "fraction"), ("Q_", "power")):
+        if role.startswith(prefix):
+            return CONTRACT_UNIT[kind]
+    return "-"
+
+
+def channels_of(
+    raw: RawLog,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    scale: Mapping[str, float] | None = None,
+) -> list[Channel]:
+    """The channels to read: as given by role, else as the format defines them; units and factors likewise.
+
+    Raises
+    ------
+    ValueError
+        If a channel is not in the log, or ``units`` or ``scale`` name a role without one.
+    """
+    chosen = dict(raw.roles) | dict(columns or {})
+    if not chosen:
+        raise ValueError(
+            f"no column of the log has a role ({listed(raw.frame.columns)}); give columns={{role: column}}."
+        )
+    for role, name in chosen.items():
+        if name not in raw.frame:
+            raise ValueError(f"{role} is to be the column {name!r}, but the log has {listed(raw.frame.columns)}.")
+    for what, given in (("unit", units or {}), ("scale", scale or {})):
+        for role in given:
+            if role not in chosen:
+                raise ValueError(f"a {what} is given for {role!r}, which has no column ({', '.join(chosen)}).")
+    return [
+        Channel(
+            role,
+            name,
+            (units or {}).get(role, raw.units.get(name)),
+            (scale or {}).get(role, raw.scale.get(name, 1.0)),
+        )
+        for role, name in chosen.items()
+    ]
+
+
+def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
+    """Columns by role in the units of the data contract, at the stamps of the log.
+
+    Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
+    contract does not have keeps its numbers.
+
+    Raises
+    ------
+    ValueError
+        If a unit does not suit its role.
+    """
+    return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
+
+
+def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
+    series, unit = raw.frame[channel.name], channel.unit
+    if unit in ENERGY and channel.role.startswith("Q_"):
+        values = ENERGY[unit] * _mean_power(series)
+    elif unit in TIMES and channel.role.startswith("u_"):
+        # a factor of the format says it all, such as 1/300 for the seconds of five minutes
+        known = channel.scale != 1.0
+        values = series.to_numpy(dtype=np.float64) * (1.0 if known else TIMES[unit] / (3600.0 * _hours(series.index)))
+    elif unit is None or (role_of(channel.role) is None and unit not in UNITS):
+        values = series.to_numpy(dtype=np.float64)
+    else:
+        values = convert(series.to_numpy(dtype=np.float64), conversion_of(unit, channel.role))
+    return values * channel.scale
+
+
+def is_counter(values: pd.Series) -> bool:
+    """Whether readings only rise, but for a few resets, as those of a meter do."""
+    steps = np.diff(values.dropna().to_numpy(dtype=np.float64))
+    return len(steps) > 20 and (steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS and steps.min() < np.inf
+
+
+def _mean_power(energy: pd.Series) -> np.ndarray:
+    """Energy per row, or a counter, as mean power over each row: energy unit per hour."""
+    if not is_counter(energy):
+        return energy.to_numpy(dtype=np.float64) / _hours(energy.index)
+    known = energy.dropna()
+    used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
+    hours = np.append(np.diff(_seconds(known.index)) / 3600.0, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = pd.Series(np.where(used < 0.0, np.nan, used / hours), index=known.index)
+    return power[~power.index.duplicated()].reindex(energy.index).to_numpy()
+
+
+def _hours(index: pd.Index) -> float:
+    """Usual distance of two rows [h]."""
+    return float(np.median(np.diff(_seconds(index)))) / 3600.0 if len(index) > 1 else 1.0
+
+
+def _seconds(index: pd.Index) -> np.ndarray:
+    return pd.DatetimeIndex(index).as_unit("ns").asi8 / 1e9

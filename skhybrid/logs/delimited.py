@@ -1,0 +1,118 @@
+"""Reader of text tables with any separator, decimal sign, encoding and header."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from .assembly import Choice, Pieces, assemble
+from .cell_numbers import decimal_sign
+from .raw_log import RawLog
+from .stamp_cells import find_stamp_columns, is_stamp
+from .table_layout import Layout, find_layout, separator_of, split_lines
+from .text_files import encoding_of, head_of, open_bytes
+
+_HEAD = 1 << 16  # characters that show the layout
+_CELLS = 1 << 19  # cells of a piece
+
+
+class TextTable(NamedTuple):
+    """A text table whose layout is known, and the first rows of it."""
+
+    path: Path
+    encoding: str
+    sep: str
+    decimal: str
+    layout: Layout
+    sample: pd.DataFrame
+
+    def pieces(self, stamps: Sequence[str], columns: Sequence[str], text: Sequence[str] = ()) -> Iterator[pd.DataFrame]:
+        """The rows of some columns, piece by piece; the stamps and the columns of ``text`` remain text."""
+        read = [j for j, name in enumerate(self.layout.names) if name in {*stamps, *columns}]
+        options: dict[str, Any] = {
+            "sep": self.sep,
+            "decimal": self.decimal,
+            "encoding": self.encoding,
+            "encoding_errors": "replace",
+            "header": None,
+            "names": list(self.layout.names),
+            "usecols": read if len(read) < len(self.layout.names) else None,  # None has rows with more cells refused
+            "dtype": dict.fromkeys([*stamps, *text], str),
+            "skiprows": self.layout.first,
+            "skipinitialspace": True,
+            "index_col": False,
+            "low_memory": False,
+            "chunksize": max(1000, _CELLS // len(self.layout.names)),
+        }
+        where = repr(self.path.name)
+        try:
+            with open_bytes(self.path) as file, pd.read_csv(file, **options) as reader:
+                while True:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("error", pd.errors.ParserWarning)  # cells that would be left out
+                        piece = next(reader, None)
+                    if piece is None:
+                        return
+                    yield piece
+        except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:  # the last for a wide first row
+            raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
+        except (EOFError, OSError) as error:
+            raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a file is a text table with time stamps."""
+    lines = head.splitlines()
+    sep = separator_of(lines)
+    return sep is not None and find_layout(split_lines(lines, sep)) is not None
+
+
+def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **options: Any) -> RawLog:
+    """Read a text table with one column per channel; the options beside these are those of ``Choice``."""
+    choice = Choice(**options)
+    table = open_table(path, sep, decimal)
+    where = repr(path.name)
+    stamps = find_stamp_columns(table.sample, choice.time_column, where)
+    wanted = choice.wanted(table.layout.names, stamps, where)
+    return assemble(pieces_of(table, table.pieces(stamps, wanted), stamps, "CSV"), choice)
+
+
+def pieces_of(table: TextTable, frames: Iterator[pd.DataFrame], stamps: tuple[str, ...], name: str) -> Pieces:
+    """Pieces of a text table for the format ``name``."""
+    layout = table.layout
+    notes = [f"there is no header: the columns are {', '.join(layout.names)}"] if layout.headless else []
+    units = {column: unit for column, unit in layout.units.items() if column not in stamps}
+    return Pieces(frames, stamps, repr(table.path.name), name, units, table.decimal, layout.first + 1, notes)
+
+
+def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -> TextTable:
+    """Find the layout of a text table in its first rows."""
+    where = repr(path.name)
+    head = head_of(path, _HEAD)
+    if not head.strip():
+        raise ValueError(f"{where} is {'empty' if not path.stat().st_size else 'no text file'}.")
+    lines = head.splitlines()
+    sep = sep or separator_of(lines)
+    if sep is None:
+        raise ValueError(f"{where} has no rows of two or more cells; pass its separator, such as sep=';'.")
+    rows = split_lines(lines, sep)
+    layout = find_layout(rows)
+    if layout is None:
+        raise ValueError(
+            f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write them as 2024-01-31 13:45."
+        )
+    above = [cell for cell in rows[layout.first - 1] if cell] if layout.headless and layout.first else []
+    if len(above) > 1 and sum(map(is_stamp, above)) == 0:
+        raise ValueError(
+            f"line {layout.first} of {where} names {len(above)} columns, but the rows have {len(layout.names)} cells; "
+            "put numbers with a decimal comma in quotes, or pass the separator, such as sep=';'."
+        )
+    data = [row for row in rows[layout.first :] if any(row)]
+    width = len(layout.names)
+    sample = pd.DataFrame([[*row, *[""] * (width - len(row))][:width] for row in data], columns=layout.names, dtype=str)
+    sign = decimal or decimal_sign([cell for row in data for cell in row], sep)
+    return TextTable(path, encoding_of(path) or "utf-8", sep, sign, layout, sample)

@@ -1,0 +1,112 @@
+"""States of Home Assistant's entities as numbers, and their values on an even grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+#: states that are 1 or 0; what else is no number is missing
+ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
+MISSING = ("unavailable", "unknown", "none", "")
+UNITS = {
+    "°C": "degC", "°F": "degF", "K": "K", "W": "W", "kW": "kW", "MW": "MW", "BTU/h": "Btu/h", "W/m²": "W/m2",
+    "BTU/(h⋅ft²)": "Btu/(h ft2)", "%": "percent",
+}  # fmt: skip
+_MOST_CELLS = 60_000_000  # half a gigabyte
+_LISTED = 12
+
+
+def states_to_numbers(states: Iterable[object]) -> tuple[np.ndarray, int]:
+    """States (n,) as float64, NaN where one is missing or no number, and how many were other text."""
+    series = pd.Series(list(states), dtype=object)
+    text = series.astype(str).str.strip()
+    numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
+    numbers[~np.isfinite(numbers)] = np.nan
+    left = np.isnan(numbers)
+    low = text[left].str.lower()
+    numbers[left] = low.map(ON_OFF).to_numpy(np.float64)
+    other = int((~low.isin(ON_OFF) & ~low.isin((*MISSING, "nan", "inf", "-inf"))).sum())
+    return numbers, other
+
+
+def climate_values(attributes: Iterable[Mapping[str, Any] | None], states: Iterable[object]) -> dict[str, np.ndarray]:
+    """Channels of a climate entity from its attributes: temperatures, set-points, heating and cooling."""
+    rows, modes = list(attributes), [str(state).lower() for state in states]
+    gone = np.array([mode in MISSING for mode in modes], dtype=bool)
+    found = {}
+    for name in ("current_temperature", "temperature", "target_temp_low", "target_temp_high", "current_humidity"):
+        values = np.array([_number((row or {}).get(name)) for row in rows])
+        found[name] = np.where(gone, np.nan, values)
+    actions = [None if row is None else row.get("hvac_action") for row in rows]
+    known = np.array([isinstance(action, str) for action in actions], dtype=bool) & ~gone
+    can = {str(mode) for row in rows for mode in ((row or {}).get("hvac_modes") or [])} | set(modes)
+    for name, running, able in (
+        ("heating", ("heating", "preheating"), {"heat", "heat_cool", "auto"}),
+        ("cooling", ("cooling",), {"cool", "heat_cool"}),
+    ):
+        on = np.array([action in running for action in actions], dtype=np.float64)
+        if on.any() or can & able:
+            found[name] = np.where(known, on, np.nan)
+    return {name: values for name, values in found.items() if np.isfinite(values).any()}
+
+
+def climate_roles(entities: list[str], channels: Iterable[str]) -> dict[str, str]:
+    """Roles of the only climate entity; none where there are several, which only the user can tell apart."""
+    if len(entities) != 1:
+        return {}
+    (entity,), names = entities, set(channels)
+    wanted = {"T_za": "current_temperature", "u_heat": "heating", "u_cool": "cooling"}
+    single = f"{entity}.temperature" in names and f"{entity}.target_temp_low" not in names
+    if single and f"{entity}.cooling" not in names:
+        wanted["T_heat_set"] = "temperature"
+    elif single and f"{entity}.heating" not in names:
+        wanted["T_cool_set"] = "temperature"
+    else:
+        wanted |= {"T_heat_set": "target_temp_low", "T_cool_set": "target_temp_high"}
+    return {role: f"{entity}.{name}" for role, name in wanted.items() if f"{entity}.{name}" in names}
+
+
+def even_grid(first: float, last: float, step: pd.Timedelta, n_channels: int, where: str) -> np.ndarray:
+    """Seconds since 1970 of the multiples of ``step`` between two stamps."""
+    seconds = step.total_seconds()
+    begin, end = np.ceil(first / seconds), np.floor(last / seconds)
+    n_rows = int(end - begin) + 1
+    if n_rows < 1:
+        raise ValueError(f"{where} covers less than one step of {step}; give a shorter step.")
+    if n_rows * n_channels > _MOST_CELLS:
+        raise ValueError(
+            f"{where} makes {n_rows} rows of {step} for {n_channels} channels, too many to hold; name those that are "
+            "needed (entities=), or give a longer step (step='5min')."
+        )
+    return seconds * (begin + np.arange(n_rows))
+
+
+def hold(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """The value in force at each stamp of the grid: the last one at or before it, NaN where that one is missing."""
+    last = np.searchsorted(stamps, grid, side="right") - 1
+    return np.where(last >= 0, values[last.clip(min=0)], np.nan) if len(stamps) else np.full(len(grid), np.nan)
+
+
+def utc_index(grid: np.ndarray, timezone: str | None) -> pd.DatetimeIndex:
+    """Stamps in UTC, or in the zone that is wanted."""
+    index = pd.DatetimeIndex(pd.to_datetime(np.round(grid * 1e3).astype(np.int64), unit="ms", utc=True), name="time")
+    if timezone is None:
+        return index
+    try:
+        return index.tz_convert(timezone)
+    except Exception as error:  # the class differs between zoneinfo and pytz
+        raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
+
+
+def some_of(names: Iterable[str]) -> str:
+    """The first few names, and how many more there are."""
+    known = sorted(names)
+    more = f" and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
+    return ", ".join(known[:_LISTED]) + more
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else np.nan

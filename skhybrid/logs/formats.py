@@ -1,0 +1,118 @@
+"""Formats of logs, and the reader that tells them apart."""
+
+from __future__ import annotations
+
+import inspect
+from os import PathLike
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from . import (
+    change_of_value,
+    columnar,
+    delimited,
+    ecobee,
+    epa_thermostat,
+    home_assistant,
+    influx,
+    spreadsheet,
+    sql_table,
+)
+from .assembly import Choice
+from .raw_log import RawLog
+from .text_files import head_of
+
+#: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
+#: taken, so that special formats come before general ones
+FORMATS: dict[str, ModuleType] = {
+    "Home Assistant": home_assistant,
+    "ecobee": ecobee,
+    "EPA thermostat": epa_thermostat,
+    "InfluxDB": influx,
+    "Excel": spreadsheet,
+    "Parquet": columnar,
+    "SQL": sql_table,
+    "change of value": change_of_value,
+    "CSV": delimited,
+}
+
+
+def read_log(source: str | PathLike[str], format: str | None = None, **options: Any) -> RawLog:
+    """Read a log in any known format, as its source has it.
+
+    Parameters
+    ----------
+    source : path-like or str
+        A file, or the SQLAlchemy URL of a database (``"sqlite:///file.db"``).
+    format : str, optional
+        Name of the format; by default found from the content of the file.
+    **options
+        Of general tables: ``columns`` (channels to read), ``time_column`` (the column of time stamps, or a pair of
+        date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst`` and ``held``
+        (channels that keep their value until the next one).  CSV takes ``sep`` and ``decimal`` besides, Excel
+        ``sheet``, a database ``table`` or ``query``; a long table takes ``point_column`` and ``value_column``.
+
+    Returns
+    -------
+    RawLog
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, or the file cannot be read with these options.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from skhybrid.logs import read_log
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "log.csv"
+    ...     _ = path.write_text("Datum;Raum [°C]\\n01.02.2024 00:00;20,5\\n01.02.2024 01:00;20,7\\n", encoding="utf-8")
+    ...     log = read_log(path)
+    >>> log.format, log.units
+    ('CSV', {'Raum [°C]': 'degC'})
+    """
+    module = None if format is None else _named(format)
+    if isinstance(source, str) and "://" in source:
+        if module not in (None, sql_table):
+            raise ValueError(f"a URL is read as SQL, but format={format!r} was given.")
+        return _call("SQL", sql_table, source, options)
+    path = Path(source)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {str(path)!r}.")
+    name = format_of(path) if module is None else next(n for n, known in FORMATS.items() if known is module)
+    return _call(name, FORMATS[name], path, options)
+
+
+def format_of(path: Path) -> str:
+    """The name of the first format that a file looks like."""
+    if not path.stat().st_size:
+        raise ValueError(f"{path.name!r} is empty.")
+    head = head_of(path)
+    for name, module in FORMATS.items():
+        if module.looks_like(path, head):
+            return name
+    if head.strip():
+        return "CSV"  # its reader says what is wrong
+    raise ValueError(f"the format of {path.name!r} is none of {', '.join(FORMATS)}; export the log as CSV.")
+
+
+def _named(format: str) -> ModuleType:
+    known = {name.casefold(): module for name, module in FORMATS.items()}
+    if str(format).casefold() not in known:
+        raise ValueError(f"format={format!r} is none of {', '.join(map(repr, FORMATS))}.")
+    return known[str(format).casefold()]
+
+
+def _call(name: str, module: ModuleType, source: Path | str, options: dict[str, Any]) -> RawLog:
+    """Read with options that the format takes."""
+    parameters = list(inspect.signature(module.read).parameters.values())[1:]
+    known = [one.name for one in parameters if one.kind is not one.VAR_KEYWORD]
+    if any(one.kind is one.VAR_KEYWORD for one in parameters):
+        known += inspect.signature(Choice).parameters
+    for option in options:
+        if option not in known:
+            raise ValueError(f"a log in the format {name} takes no option {option!r}; it takes {', '.join(known)}.")
+    return module.read(source, **options)

@@ -1,0 +1,127 @@
+"""Readers of Home Assistant: the recorder's database, its long-term statistics and the CSV of its history."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .._table import listed
+from .._time import positive_duration
+from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
+from .known_table import existing, utc_ticks
+from .raw_log import RawLog
+from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
+
+_COLUMNS = ["entity_id", "state", "last_changed"]
+_PIECE = 200_000  # rows of a history that are read at a time
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a file is a recorder's database, or a history with one row per change of an entity."""
+    names = [name.strip().strip('"') for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")]
+    if names[:3] == _COLUMNS:
+        return True
+    return is_recorder(path)
+
+
+def read(
+    path: Path | str,
+    table: str | None = None,
+    entities: Collection[str] | None = None,
+    step: str = "1min",
+    timezone: str | None = None,
+) -> RawLog:
+    """Read Home Assistant's recorder (SQLite), or the CSV that its history page exports.
+
+    Parameters
+    ----------
+    path : path-like
+        ``home-assistant_v2.db``, opened read-only, or a CSV with ``entity_id,state,last_changed``.
+    table : {"states", "statistics", "statistics_short_term"}, optional
+        What to read of a database: states as they changed (kept for ten days by default), or means per hour (kept for
+        good) or per five minutes.  By default states, or the hourly means where there are no states.
+    entities : collection of str, optional
+        The entities to read; by default all whose states are numbers, on or off.
+    step : timedelta-like
+        Rows of states: at each multiple of it, the value in force.
+    timezone : str, optional
+        Zone to convert the stamps to; Home Assistant stores UTC.
+
+    Returns
+    -------
+    RawLog
+        An entity is a channel under its own id; a climate entity gives ``<id>.current_temperature``, ``.temperature``
+        or ``.target_temp_low`` and ``.target_temp_high``, ``.heating`` and ``.cooling`` (1 while it acts).  A counter
+        in the statistics gives its increase per hour, energy as mean power [kW].
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, has none of the tables or no entity with numbers.
+
+    Notes
+    -----
+    States are put on even rows, the last value at or before each, for the stamps of different entities never agree, and
+    a table with a row per change of any of them would not fit in memory.  So no channel is left to be held later: only
+    here is it known where an entity was unavailable, and where Home Assistant did not run.
+    """
+    file, where = existing(path)
+    delta = positive_duration(step, "step")
+    if is_sqlite(file):
+        return read_recorder(file, where, table, entities, delta, timezone)
+    return _read_history(file, where, entities, delta, timezone)
+
+
+def _read_history(
+    file: Path, where: str, entities: Collection[str] | None, step: pd.Timedelta, timezone: str | None
+) -> RawLog:
+    series, text = _series(file, where, entities)
+    if not series:
+        found = some_of(text) if text else "none at all"
+        raise ValueError(f"{where} has no entity with numbers, only {found}; export a sensor's history.")
+    first, last = min(s[0][0] for s in series.values()), max(s[0][-1] for s in series.values())
+    grid = even_grid(first, last, step, len(series), where)
+    frame = pd.DataFrame({name: hold(*of, grid) for name, of in series.items()}, index=utc_index(grid, timezone))
+    notes = [HELD_NOTE, "the CSV names no units; take them from Home Assistant."]
+    if text:
+        notes.append(f"left out, for they have no numbers: {some_of(text)}.")
+    return RawLog(frame, "Home Assistant history", label="left", notes=tuple(notes))
+
+
+def _series(
+    file: Path, where: str, entities: Collection[str] | None
+) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], set[str]]:
+    """Stamps [s] and values of each entity with numbers, and the names of the others; read in pieces."""
+    pieces: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    text: Counter[str] = Counter()
+    line = 2
+    try:
+        reader = pd.read_csv(file, dtype=str, keep_default_na=False, chunksize=_PIECE, encoding="utf-8-sig")
+        for piece in reader:
+            piece.columns = [str(c).strip() for c in piece.columns]
+            if list(piece.columns[:3]) != _COLUMNS:
+                raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
+            seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
+            for name, rows in piece.groupby("entity_id", sort=False).indices.items():
+                if entities is None or name in entities:
+                    values, other = states_to_numbers(piece["state"].to_numpy()[rows])
+                    pieces.setdefault(str(name), []).append((seconds[rows], values))
+                    text[str(name)] += other
+            line += len(piece)
+    except pd.errors.EmptyDataError:
+        raise ValueError(f"{where} is empty.") from None
+    except (UnicodeDecodeError, pd.errors.ParserError) as error:
+        raise ValueError(f"{where} cannot be read as a history ({str(error).strip()}); export it again.") from error
+    if line == 2:
+        raise ValueError(f"{where} has a header but no rows.")
+    found = {}
+    for name, parts in pieces.items():
+        at, numbers = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+        order = np.argsort(at, kind="stable")
+        if np.isfinite(numbers).sum() > text[name]:
+            found[name] = (at[order], numbers[order])
+    return found, set(pieces) - set(found)

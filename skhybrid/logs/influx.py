@@ -1,0 +1,182 @@
+"""Reader of InfluxDB's annotated CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .entity_states import ON_OFF, UNITS, some_of
+from .known_table import existing, utc_ticks
+from .raw_log import RawLog
+
+_ANNOTATIONS = ("#datatype", "#group", "#default")
+_NUMBERS = ("double", "long", "unsignedLong", "boolean")
+_RESERVED = ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
+_PIECE = 100_000  # rows of a table that are held as text
+_MOST_CELLS = 60_000_000  # half a gigabyte
+_Series = dict[str, list[tuple[np.ndarray, np.ndarray]]]
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether the beginning of a file has InfluxDB's annotations."""
+    return any(line.startswith(_ANNOTATIONS) for line in head.lstrip("\ufeff").splitlines()[:4])
+
+
+class _Header(NamedTuple):
+    """Columns of one table."""
+
+    names: list[str]
+    types: list[str]
+    defaults: list[str]
+
+
+def read(path: Path | str, timezone: str | None = None) -> RawLog:
+    """Read the annotated CSV that InfluxDB's API, its command line and its page export.
+
+    Parameters
+    ----------
+    path : path-like
+        One or more tables, each with its own annotations and header; with ``_field`` and ``_value``, or pivoted with a
+        column per field.
+    timezone : str, optional
+        Zone to convert the stamps to; InfluxDB writes UTC.
+
+    Returns
+    -------
+    RawLog
+        One channel per field and set of tags: ``"<measurement> <field> <tag>=<value> ..."``.
+
+    Raises
+    ------
+    ValueError
+        If the file is cut off, holds the server's error message or no numbers.
+    """
+    file, where = existing(path)
+    series: _Series = {}
+    text: set[str] = set()
+    for header, rows, line in _tables(file, where):
+        _add_rows(series, text, header, rows, line, where)
+    found = {name: joined for name, parts in series.items() if len(joined := _joined(parts))}
+    if not found:
+        raise ValueError(f"{where} has no numbers{f', only the text of {some_of(text)}' if text else ''}.")
+    stamps = pd.Index(np.unique(np.concatenate([s.index for s in found.values()])))
+    if len(stamps) * len(found) > _MOST_CELLS:
+        raise ValueError(
+            f"{where} makes {len(stamps)} rows of {len(found)} channels, too many to hold; query fewer fields, or "
+            "means per interval (aggregateWindow)."
+        )
+    frame = pd.DataFrame({name: s.reindex(stamps).to_numpy() for name, s in found.items()})
+    index = pd.DatetimeIndex(pd.to_datetime(stamps.to_numpy(), utc=True), name="time")
+    frame.index = index if timezone is None else index.tz_convert(timezone)
+    notes = ["the stamps of aggregateWindow end their window unless it was told timeSrc: '_start'."]
+    if text - set(found):
+        notes.append(f"left out, for they hold text: {some_of(text - set(found))}.")
+    units = {name: unit for name in found if (unit := UNITS.get(name.split(" ")[0]))}
+    return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes))
+
+
+def _tables(file: Path, where: str) -> Iterator[tuple[_Header, list[list[str]], int]]:
+    """Rows of each table in pieces, with its header and the line of the first one."""
+    annotations: dict[str, list[str]] = {}
+    header: _Header | None = None
+    rows: list[list[str]] = []
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            for row in reader:
+                if not any(row) or row[0].startswith("#") or len(rows) >= _PIECE:
+                    if header is not None and rows:
+                        yield header, rows, reader.line_num - len(rows)
+                    rows = []
+                    if not any(row):
+                        continue
+                    if row[0].startswith("#"):
+                        annotations, header = {**(annotations if header is None else {}), row[0]: row}, None
+                        continue
+                if header is None:
+                    header = _header(row, annotations, where, reader.line_num)
+                    continue
+                if len(row) != len(header.names):
+                    raise ValueError(
+                        f"line {reader.line_num} of {where} has {len(row)} cells, but its table has "
+                        f"{len(header.names)} columns; the file may be cut off there: export it again."
+                    )
+                rows.append(row)
+            if header is not None and rows:
+                yield header, rows, reader.line_num - len(rows) + 1
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{where} cannot be read as annotated CSV ({str(error).strip()}); export it again.") from error
+
+
+def _header(row: list[str], annotations: dict[str, list[str]], where: str, line: int) -> _Header:
+    names = [name.strip() for name in row]
+    if "error" in names and "reference" in names:
+        raise ValueError(f"{where} holds an error message of InfluxDB in line {line + 1}; run the query again.")
+    if "#datatype" not in annotations:
+        raise ValueError(f"{where} has a table without #datatype at line {line}; export it with annotations.")
+    if "_time" not in names:
+        raise ValueError(f"{where} has a table without _time at line {line}; keep that column in the query.")
+    types = [kind.strip() for kind in annotations["#datatype"]]
+    types[0] = ""
+    defaults = list(annotations.get("#default", [""] * len(names)))
+    defaults[0] = ""
+    if len(types) != len(names) or len(defaults) != len(names):
+        raise ValueError(f"{where} has annotations that do not fit the header in line {line}; export it again.")
+    return _Header(names, types, defaults)
+
+
+def _add_rows(series: _Series, text: set[str], header: _Header, rows: list[list[str]], line: int, where: str) -> None:
+    """Add the rows of a table to the series of their field and tags."""
+    table = pd.DataFrame(rows, columns=[f"{i}" for i in range(len(header.names))])
+    of = {name: f"{i}" for i, name in enumerate(header.names) if name}
+    for i, default in enumerate(header.defaults):
+        if default:
+            table[f"{i}"] = table[f"{i}"].replace("", default)
+    ticks = utc_ticks(table[of["_time"]], line, where)
+    kinds = dict(zip(header.names, header.types, strict=True))
+    fields = ["_value"] if "_value" in of else [n for n in of if kinds[n] in _NUMBERS and n not in _RESERVED]
+    tags = [n for n in of if n not in (*_RESERVED, *fields) and kinds[n] == "string"]
+    keys = [of[n] for n in ("_measurement", "_field", *tags) if n in of]
+    groups = table.groupby(keys, sort=False).indices if keys else {(): np.arange(len(table))}
+    for key, chosen in groups.items():
+        values = dict(zip(keys, key if isinstance(key, tuple) else (key,), strict=True))
+        for field in fields:
+            name = _channel(values, of, tags, field)
+            if kinds[field] not in _NUMBERS:
+                text.add(name)
+                continue
+            numbers = _to_numbers(table[of[field]].iloc[chosen], name, line, where)
+            series.setdefault(name, []).append((ticks[chosen], numbers))
+
+
+def _channel(values: dict[str, str], of: dict[str, str], tags: list[str], field: str) -> str:
+    """Name of a channel: measurement, field, and the tags that are not empty."""
+    start = [values.get(of.get("_measurement", ""), ""), values.get(of.get("_field", ""), "")]
+    if field != "_value":
+        start[1] = field
+    return " ".join([*filter(None, start), *(f"{tag}={values[of[tag]]}" for tag in tags if values[of[tag]])]) or field
+
+
+def _to_numbers(cells: pd.Series, name: str, line: int, where: str) -> np.ndarray:
+    numbers = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64, copy=True)
+    left = np.isnan(numbers)
+    numbers[left] = cells[left].str.lower().map(ON_OFF).to_numpy(np.float64)
+    wrong = np.isnan(numbers) & ~cells.str.strip().str.lower().isin(("", "nan")).to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(
+            f"line {line + cells.index[row]} of {where}: {cells.iloc[row]!r} is no number of {name!r}; export it again."
+        )
+    numbers[~np.isfinite(numbers)] = np.nan
+    return numbers
+
+
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> pd.Series:
+    """One series from its parts, sorted; of two values at a stamp the later in the file holds."""
+    whole = pd.Series(np.concatenate([v for _, v in parts]), np.concatenate([t for t, _ in parts])).dropna()
+    return whole[~whole.index.duplicated(keep="last")].sort_index()

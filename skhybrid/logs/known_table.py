@@ -1,0 +1,129 @@
+"""Cells of a CSV file whose columns are defined by its format, as text and as numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .._table import listed
+from .stamps import cell, parse_stamps
+
+YEARS = (1700, 2250)  # nanoseconds cannot count a stamp of another year
+_NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
+
+
+def existing(path: Path | str) -> tuple[Path, str]:
+    """A file that exists, and its name as messages show it."""
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {str(file)!r}.")
+    return file, repr(file.name)
+
+
+def read_text_cells(source: Path | io.StringIO, where: str) -> pd.DataFrame:
+    """Every cell as text, '' where it is empty; the index counts the lines from 1."""
+    names: list[str] = []
+    rows, lines = [], []
+    try:
+        with source.open(encoding="utf-8-sig", newline="") if isinstance(source, Path) else source as stream:
+            reader = csv.reader(stream, skipinitialspace=True)
+            names = [name.strip() for name in next(reader, [])]
+            for row in reader:
+                if any(row):
+                    rows.append(_fitted(row, len(names), reader.line_num, where))
+                    lines.append(reader.line_num)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{where} cannot be read as CSV in UTF-8 ({str(error).strip()}); export it again.") from error
+    if not names:
+        raise ValueError(f"{where} is empty.")
+    if not rows:
+        raise ValueError(f"{where} has a header but no rows.")
+    table = pd.DataFrame(rows, columns=names, index=pd.Index(lines), dtype=str)
+    return table.loc[:, ~table.columns.duplicated() & (table.columns != "")]
+
+
+def _fitted(row: list[str], n: int, line: int, where: str) -> list[str]:
+    """A row with as many cells as the header; rows of some exports end with a comma that the header lacks."""
+    if len(row) < n and any(row[2:]):
+        raise ValueError(
+            f"line {line} of {where} has {len(row)} cells, but the header has {n}; the file may be cut off there: "
+            "export it again."
+        )
+    if any(row[n:]):
+        raise ValueError(f"line {line} of {where} has {len(row)} cells, but the header has {n}; export it again.")
+    return row[:n] + [""] * (n - len(row))
+
+
+def to_numbers(cells: pd.Series, where: str) -> np.ndarray:
+    """A column as float64, NaN where nothing was logged; a cell that is no number is refused."""
+    text = cells.astype(str).str.strip()
+    numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
+    wrong = np.isnan(numbers) & ~text.str.lower().isin(_NO_VALUE).to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(
+            f"line {cells.index[row]} of {where}, column {str(cells.name)!r}: {cell(cells.iloc[row])} is not a number; "
+            "the file may be cut off there: export it again."
+        )
+    numbers[~np.isfinite(numbers)] = np.nan
+    return numbers
+
+
+def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of numbers, and the names of those with other text; a ``known`` column must have none."""
+    must, found, text = set(known), {}, []
+    for name in names_of(table):
+        try:
+            numbers = to_numbers(table[name], where)
+            if name in must or np.isfinite(numbers).any():
+                found[name] = numbers
+        except ValueError:
+            if name in must:
+                raise
+            text.append(name)
+    return found, text
+
+
+def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
+    """Stamps of cells whose index counts the lines of the file."""
+    return parse_stamps(cells.set_axis(cells.index - 2), timezone, dayfirst, where)  # rows are counted after a header
+
+
+def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
+    """Stamps of RFC 3339 in nanoseconds since 1970; ``line`` is that of the first in the file."""
+    stamps = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
+    # a date alone has been cut off
+    wrong = (~stamps.dt.year.between(*YEARS) | ~cells.str.contains(":")).to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(
+            f"line {line + row} of {where}: {cell(cells.iloc[row])} is no time stamp; the file may be cut off there: "
+            "export it again."
+        )
+    return stamps.dt.as_unit("ns").astype("int64").to_numpy()
+
+
+def names_of(frame: pd.DataFrame) -> list[str]:
+    """Names of the columns."""
+    return [str(name) for name in frame.columns]
+
+
+def refuse_absent(names: Iterable[str], table: pd.DataFrame, where: str, remedy: str) -> None:
+    """Refuse a table without one of the columns that its format must have."""
+    for name in names:
+        if name not in table:
+            raise ValueError(f"{where} has no column {name!r}, only {listed(table)}; {remedy}.")
+
+
+def sorted_frame(columns: dict[str, np.ndarray], stamps: pd.DatetimeIndex, where: str) -> pd.DataFrame:
+    """A frame with increasing stamps; rows without any value at its end are dropped."""
+    frame = pd.DataFrame(columns, index=stamps.rename("time"), dtype=np.float64).sort_index(kind="stable")
+    filled = np.flatnonzero(frame.notna().any(axis=1).to_numpy())
+    if not len(filled):
+        raise ValueError(f"{where} has no row with a number.")
+    return frame.iloc[: filled[-1] + 1]

@@ -1,0 +1,169 @@
+"""What may be wrong with a log: its clock, its gaps, its sensors and its units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._ranges import range_of
+from .._time import spell
+
+_STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
+_JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
+_LONG_GAP = 4.0  # steps without a row, from which on a gap is named
+_MOST_NAMED = 5  # findings of one kind that are listed
+_NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
+
+
+class Finding(NamedTuple):
+    """One remark on a log."""
+
+    level: str  # "error": must be mended; "warning": may spoil a model; "note"
+    where: str  # column, or "clock"
+    text: str
+
+
+def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None) -> Iterator[Finding]:
+    """Remarks on stamps as the log has them, in the order of the log."""
+    ticks = index.as_unit("ns").asi8
+    if (back := int((np.diff(ticks) < 0).sum())) > 0:
+        yield Finding("note", "clock", f"stamps go back {back} times; rows are sorted.")
+    if (twice := int(index.duplicated().sum())) > 0:
+        first = index[index.duplicated()][0]
+        hint = ": a local clock at the end of daylight saving?" if index.tz is None and first.month in (10, 11) else ""
+        yield Finding("warning", "clock", f"{twice} stamps occur twice, first {first}{hint}; the first row is used.")
+    if index.tz is None:
+        text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
+        skipped = _skipped_hours(index, step)
+        yield Finding("warning", "clock", f"{text}{skipped}.")
+    if label is None:
+        text = "the log does not say whether a stamp begins (left) or ends (right) the interval of its means"
+        yield Finding("note", "clock", f"{text}; {guessed_label(index, step)} is assumed.")
+
+
+def guessed_label(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:
+    """Right where the first day begins one step late, as in files of whole days that are stamped at the end."""
+    return "right" if len(index) and index[0] - index[0].normalize() == step else "left"
+
+
+def _skipped_hours(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:
+    """A remark where spring nights miss an hour."""
+    ordered = index.sort_values().unique()
+    missing = ordered[1:] - ordered[:-1] == step + pd.Timedelta("1h")
+    at = ordered[:-1][missing]
+    at = at[(at.month == 3) & (at.day_of_week == 6)]
+    return f" (an hour is missing after {at[0]}, as when daylight saving begins)" if len(at) else ""
+
+
+def gaps_of(index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DataFrame:
+    """Gaps of the rows: last stamp before, first after, and hours."""
+    ordered = index.sort_values().unique()
+    wide = np.flatnonzero(np.diff(ordered.as_unit("ns").asi8) > _LONG_GAP * step.value)
+    before, after = ordered[wide], ordered[wide + 1]
+    return pd.DataFrame({"last": before, "next": after, "hours": (after - before) / pd.Timedelta("1h")})
+
+
+def sensor_findings(role: str, name: str, values: pd.Series) -> Iterator[Finding]:
+    """Remarks on one column in its contract unit."""
+    known = values.dropna()
+    if known.empty:
+        yield Finding("error" if role in ("T_za", "T_oa") else "warning", name, "no row has a number.")
+        return
+    absent = 1.0 - len(known) / len(values)
+    if absent > 0.02:
+        yield Finding("note", name, f"{absent:.0%} of the rows have no value.")
+    yield from _beyond(role, name, known)
+    yield from _standing_still(role, name, known)
+    if role in _JUMP:
+        yield from _jumping(name, known, _JUMP[role])
+    if role.startswith("q_sol"):
+        yield from _sun_clock(name, known)
+
+
+def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:
+    """Values that leave those before and after them, or a step that no air makes."""
+    near = np.diff(known.index.as_unit("ns").asi8) <= pd.Timedelta("30min").value
+    change = np.where(near, np.diff(known.to_numpy(dtype=np.float64)), 0.0)
+    back = np.append(change[1:], 0.0)
+    spike = (np.minimum(np.abs(change), np.abs(back)) > least) & (change * back < 0.0)
+    at = np.flatnonzero(spike | (np.abs(change) > 2.0 * least))
+    if len(at):
+        worst = at[np.abs(change[at]).argmax()]
+        text = f"jumps by {change[worst]:+.1f} K at {known.index[worst + 1]}"
+        yield Finding("warning", name, f"{text} ({len(at)} such rows); is the sensor loose, or a cell wrong?")
+
+
+def _beyond(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
+    """Values beyond physics, and a column that changes its unit."""
+    kind = range_of(role)
+    bad = (known < kind.lowest) | (known > kind.highest)
+    if role.startswith("T_") and (switch := unit_switch(known)) is not None:
+        text = f"seems to change its unit at {switch}: degC on one side, degF on the other"
+        yield Finding("error", name, f"{text}; split the log there, or correct the column.")
+    elif bad.any():
+        worst = float(known[bad].iloc[0])
+        text = f"{int(bad.sum())} values beyond {kind.lowest:g} to {kind.highest:g} {kind.unit}"
+        yield Finding("error", name, f"{text}, first {worst:.4g} at {known.index[bad.to_numpy().argmax()]}.")
+
+
+def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
+    """The stamp at which a column goes from one of degC and degF to the other, and stays there for a day."""
+    values = temperature.to_numpy(dtype=np.float64)
+    if len(values) < 4 or not (values > 45.0).any():
+        return None
+    high = values > 45.0
+    turns = np.flatnonzero(high[1:] != high[:-1]) + 1
+    for turn in turns:
+        a, b = values[:turn], values[turn:]
+        if min(len(a), len(b)) < 4:
+            continue
+        low, top = sorted((np.median(a[-96:]), np.median(b[:96])))
+        if top > 45.0 > low and abs((top - 32.0) / 1.8 - low) < 6.0:
+            return temperature.index[turn]
+    return None
+
+
+def standstills(role: str, values: pd.Series) -> pd.DataFrame:
+    """Spells in which a temperature does not change for longer than one can: first and last stamp, value."""
+    least = _STANDSTILL.get(role)
+    known = values.dropna()
+    if least is None or known.empty:
+        return pd.DataFrame({"first": [], "last": [], "value": []})
+    spells = (known != known.shift()).cumsum()
+    stamps = pd.Series(known.index, index=known.index).groupby(spells)
+    found = pd.DataFrame({"first": stamps.first(), "last": stamps.last(), "value": known.groupby(spells).first()})
+    return found[found["last"] - found["first"] >= least].reset_index(drop=True)
+
+
+def without_standstills(temperature: pd.Series) -> pd.Series:
+    """A room's temperature whose standstills are missing, but for their first value."""
+    out = temperature.copy()
+    for row in standstills("T_za", temperature).itertuples():
+        out[(out.index > row.first) & (out.index <= row.last)] = np.nan
+    return out
+
+
+def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
+    found = standstills(role, known)
+    for row in found.head(_MOST_NAMED).itertuples():
+        length = spell(row.last - row.first)
+        text = f"stays at {row.value:g} for {length} from {row.first}: is the sensor stuck?"
+        yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
+
+
+def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
+    """A sun that does not culminate around noon tells of a wrong clock."""
+    index = pd.DatetimeIndex(known.index)
+    hour = index.hour + index.minute / 60.0
+    sun = known.clip(lower=0.0).to_numpy()
+    if sun.sum() <= 0.0:
+        yield Finding("warning", name, "the sun never shines.")
+        return
+    angle = 2.0 * np.pi * np.asarray(hour) / 24.0
+    middle = np.angle(np.sum(sun * np.exp(1j * angle))) * 24.0 / (2.0 * np.pi) % 24.0
+    if not _NOON[0] <= middle <= _NOON[1]:
+        text = f"the sun culminates at {int(middle)}:{int(middle % 1 * 60):02d} by the log's clock"
+        yield Finding("warning", name, f"{text}; is the time zone right?")

@@ -1,0 +1,301 @@
+"""A report on a log, before anything is fitted: what was read, what it means, what it can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._holidays import read_holidays
+from .._ranges import range_of
+from .._time import spell
+from .abilities import abilities, excitation
+from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
+from .even_steps import typical_step
+from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
+from .log_report_html import report_html
+from .naming import ENERGY, Guess, assign_roles, unit_in_name
+from .raw_log import RawLog
+
+_SHOWN_ROWS = 3
+_STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
+
+
+class LogReport:
+    """What a log holds: roles and units of its columns, its clock, gaps and sensors, and what it can tell of a zone.
+
+    Parameters
+    ----------
+    frame : DataFrame or RawLog
+        A log with a DatetimeIndex and columns of numbers under their own names, or what :func:`read_log` returns.
+    columns : mapping of role to column, optional
+        Roles that are known; the others are guessed from names, units and values.
+    units : mapping of role to unit, optional
+        Units that are known.
+    scale : mapping of role to number, optional
+        Factors that make a stage between 0 and 1 of a column.
+    label : {"left", "right"}, optional
+        Whether a stamp begins or ends the interval of its row.
+    holidays : str or list of dates, optional
+        As in :class:`skhybrid.HybridPredictor`; such days count as Sundays.
+
+    Attributes
+    ----------
+    columns : DataFrame
+        Index: columns of the log; ``role`` (None: not used), ``unit``, ``assumed`` (whether the unit or scale is
+        a guess from values), ``scale`` and ``reason``.
+    frame : DataFrame of shape (n_rows, n_roles)
+        The columns with a role, in the units of the data contract, at the stamps of the log.
+    step : Timedelta, usual distance of two rows
+    gaps : DataFrame, ``last``, ``next`` and ``hours`` of each gap of the rows
+    days : dict, number of whole days by kind: working days, weekends, holidays
+    excitation : DataFrame, how each role moved
+    findings : list of Finding, errors first
+    can, cannot, next_steps : list of str
+
+    Raises
+    ------
+    ValueError
+        If there are no two rows with time stamps.
+
+    Examples
+    --------
+    >>> from skhybrid.datasets import load_small_office
+    >>> from skhybrid.logs import LogReport
+    >>> report = LogReport(load_small_office().X)
+    >>> report.roles["T_oa"]
+    'T_oa'
+    """
+
+    def __init__(
+        self,
+        frame: pd.DataFrame | RawLog,
+        columns: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        scale: Mapping[str, float] | None = None,
+        *,
+        label: str | None = None,
+        holidays: Any = None,
+    ) -> None:
+        raw = frame if isinstance(frame, RawLog) else RawLog(frame, "DataFrame")
+        _refuse_short(raw.frame)
+        self.raw = raw
+        logged = pd.DatetimeIndex(raw.frame.index)
+        self.step = typical_step(logged.sort_values().unique())
+        self.label = label or raw.label
+        self._assumed: dict[str, str] = {}
+        ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
+        stated = {str(c): raw.units.get(c, unit_in_name(str(c))) for c in raw.frame}
+        self._guesses = assign_roles(stated, dict(raw.roles) | dict(columns or {}))
+        channels = [
+            self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
+            for name, guess in self._guesses.items()
+            if guess.role is not None
+        ]
+        self.frame = to_roles(ordered, channels)
+        self.columns = self._table(channels)
+        self.gaps = gaps_of(logged, self.step)
+        self.days = _days(self.frame, self.step, holidays)
+        self.excitation = excitation(self.frame)
+        unsure = {c.role for c in channels if c.role.startswith(("u_", "Q_")) and self._is_unsure(c)}
+        self.can, self.cannot, self.next_steps = abilities(self.excitation, sum(self.days.values()), unsure)
+        self.findings = sorted(self._find(logged, channels), key=lambda f: ("error", "warning", "note").index(f.level))
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Column of each role."""
+        used = self.columns[self.columns["role"].notna()]
+        return {str(role): str(name) for name, role in used["role"].items()}
+
+    @property
+    def assumed_label(self) -> str:
+        """Label of the stamps: as known, else as guessed."""
+        return self.label or guessed_label(pd.DatetimeIndex(self.raw.frame.index), self.step)
+
+    def electricity(self) -> list[str]:
+        """Roles whose column seems to be electricity, not heat."""
+        return [str(g.role) for g in self._guesses.values() if g.role is not None and g.is_electricity]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain values, for JSON."""
+        index = self.raw.frame.index
+        columns = self.columns.astype(object).where(self.columns.notna(), None)
+        moved = self.excitation.astype(object).where(self.excitation.notna(), None)
+        return {
+            "format": self.raw.format,
+            "rows": len(index),
+            "first": str(index.min()),
+            "last": str(index.max()),
+            "step": spell(self.step),
+            "timezone": None if index.tz is None else str(index.tz),
+            "label": self.assumed_label,
+            "columns": columns.to_dict(orient="index"),
+            "first_rows": {str(k): v for k, v in self._first_rows().astype(object).to_dict(orient="index").items()},
+            "gaps": [[str(row.last), str(row.next), round(row.hours, 2)] for row in self.gaps.itertuples()],
+            "days": self.days,
+            "excitation": moved.to_dict(orient="index"),
+            "findings": [finding._asdict() for finding in self.findings],
+            "can": self.can,
+            "cannot": self.cannot,
+            "next_steps": self.next_steps,
+        }
+
+    def __str__(self) -> str:
+        used = self.columns[self.columns["role"].notna()]
+        others = self.columns[self.columns["role"].isna()]
+        lines = [self.headline(), "", "Columns"]
+        lines += [f"  {role:11} {name!r}: {_unit_words(row)}; {row['reason']}" for name, role, row in _rows(used)]
+        lines += [f"  unused      {name!r}, because {row['reason']}" for name, _, row in _rows(others)]
+        lines += ["", "First rows [degC, kW]", self._first_rows().to_string(float_format="{:.2f}".format)]
+        for title, texts in self.sections().items():
+            lines += ["", title, *(f"  - {text}" for text in texts)]
+        return "\n".join(lines)
+
+    def headline(self) -> str:
+        """One sentence on format, span and step."""
+        index = self.raw.frame.index
+        n_days = ", ".join(f"{n} {kind}" for kind, n in self.days.items() if n)
+        return (
+            f"{self.raw.format}: {len(index)} rows from {index.min()} to {index.max()}, every {spell(self.step)}; "
+            f"whole days: {n_days or 'none'}; {len(self.gaps)} gaps"
+            + (f", the longest of {self.gaps['hours'].max():.1f} h." if len(self.gaps) else ".")
+        )
+
+    def sections(self) -> dict[str, list[str]]:
+        """The remarks by title, without empty ones."""
+        found = {
+            "Findings": [f"{f.level}: {f.where}: {f.text}" for f in self.findings],
+            "This log can tell": self.can,
+            "It cannot tell": self.cannot,
+            "What to do next": self.next_steps,
+        }
+        return {title: texts for title, texts in found.items() if texts}
+
+    def _repr_html_(self) -> str:
+        return report_html(self.headline(), self.columns, self._first_rows(), self.sections())
+
+    def _first_rows(self) -> pd.DataFrame:
+        return self.frame.dropna(how="all").head(_SHOWN_ROWS)
+
+    def _channel(
+        self,
+        raw: RawLog,
+        name: str,
+        guess: Guess,
+        stated: str | None,
+        units: Mapping[str, str],
+        scale: Mapping[str, float],
+    ) -> Channel:
+        """The channel of a role, with the unit that is given or stated, or that its values suggest."""
+        role = str(guess.role)
+        unit, factor = units.get(role, stated), scale.get(role, raw.scale.get(name, 1.0))
+        if unit is None:
+            unit, factor = self._assume(raw.frame[name], role, factor, guess.reason.startswith("it is named"))
+        return Channel(role, name, _fitting(unit, role), factor)
+
+    def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:
+        """A unit and a factor from values, with a sentence on why; a role's own name stands for its unit."""
+        known = values.dropna().to_numpy(dtype=np.float64)
+        if not len(known) or (role.startswith("u_") and factor != 1.0):
+            return None, factor
+        low, high = float(known.min()), float(known.max())
+        if role.startswith("u_"):
+            top = next((step for step in _STAGE_STEPS if high <= step), None)
+            if top == 1.0:
+                return None, factor
+            if top is None:
+                self._assumed[role] = f"values reach {high:g}, and their scale is not known"
+                return None, 1.0 / high
+            self._assumed[role] = f"values reach {high:g}: percent is assumed, so kW have no certain scale"
+            return "percent", factor
+        if role.startswith("Q_") and is_counter(values):
+            self._assumed[role] = "values only rise: a counter in kWh is assumed"
+            return "kWh", factor
+        kind = range_of(role)
+        middle = float(np.median(known))
+        if role.startswith("T_") and (middle > 42.0 or (role == "T_oa" and high > kind.usual_highest)):
+            unit = "K" if low > 200.0 else "degF"
+            self._assumed[role] = f"values from {low:.0f} to {high:.0f} are those of {unit}"
+            return unit, factor
+        if (role.startswith("q_sol") and high > 2.0) or (role.startswith("Q_") and np.abs(known).max() > 200.0):
+            unit = "W/m2" if role.startswith("q_sol") else "W"
+            self._assumed[role] = f"values reach {max(high, -low):.0f}: {unit} is assumed"
+            return unit, factor
+        if not is_contract and not role.startswith("T_"):
+            self._assumed[role] = f"no unit is stated: {contract_unit(role)} is assumed"
+        return None, factor
+
+    def _is_unsure(self, channel: Channel) -> bool:
+        electric = self._guesses[channel.name].is_electricity
+        return electric or "scale" in self._assumed.get(channel.role, "")
+
+    def _table(self, channels: list[Channel]) -> pd.DataFrame:
+        by_name = {c.name: c for c in channels}
+        rows = {}
+        for name, guess in self._guesses.items():
+            c = by_name.get(name)
+            why = "" if c is None else self._assumed.get(c.role, "")
+            rows[name] = {
+                "role": None if c is None else c.role,
+                "unit": None if c is None else (c.unit or contract_unit(c.role)),
+                "scale": None if c is None else c.scale,
+                "assumed": bool(why),
+                "reason": guess.reason + (f"; {why}" if why else ""),
+            }
+        names = ["role", "unit", "scale", "assumed", "reason"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=names).rename_axis("column")
+
+    def _find(self, logged: pd.DatetimeIndex, channels: list[Channel]) -> list[Finding]:
+        found = list(clock_findings(logged, self.step, self.label))
+        if len(self.gaps):
+            widest = self.gaps.loc[self.gaps["hours"].idxmax()]
+            text = f"{len(self.gaps)} gaps; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
+            found.append(Finding("note", "clock", text))
+        for channel in channels:
+            found += sensor_findings(channel.role, channel.name, self.frame[channel.role])
+            if self._guesses[channel.name].is_electricity:
+                text = "this seems to be electricity, not heat: give a coefficient of performance"
+                found.append(Finding("warning", channel.name, f"{text} ([plant] cop = 3.0) or another column."))
+            if why := self._assumed.get(channel.role):
+                found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
+        return found + [Finding("note", "log", text) for text in self.raw.notes]
+
+
+def _refuse_short(frame: pd.DataFrame) -> None:
+    if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
+        raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
+    if len(frame.index.unique()) < 2:
+        raise ValueError(f"the log has {len(frame)} rows with distinct stamps; two are the least.")
+
+
+def _fitting(unit: str | None, role: str) -> str | None:
+    """The unit, where it can be that of the role; a name may lie."""
+    known = {**dict.fromkeys(ENERGY, "Q_"), **dict.fromkeys(TIMES, "u_")}
+    if unit in known:
+        return unit if role.startswith(known[str(unit)]) else None
+    return unit
+
+
+def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:
+    """Number of days of each kind with at least nine tenths of their rows."""
+    index = pd.DatetimeIndex(frame.index)
+    known = frame["T_za"].notna().to_numpy() if "T_za" in frame else np.ones(len(frame), dtype=bool)
+    local = index[known].tz_localize(None) if index.tz is not None else index[known]
+    per_day = pd.Series(1, index=local.normalize()).groupby(level=0).sum()
+    whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])
+    kind = read_holidays(holidays, whole).day_of_week(whole) if len(whole) else np.empty(0)
+    free = (kind == 6) & (whole.day_of_week != 6)
+    weekend = (kind >= 5) & ~free
+    counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
+    return counts | ({"holidays": int(free.sum())} if free.any() else {})
+
+
+def _rows(table: pd.DataFrame) -> list[tuple[str, str, Any]]:
+    return [(str(name), str(row["role"]), row) for name, row in table.iterrows()]
+
+
+def _unit_words(row: Any) -> str:
+    scale = "" if row["scale"] in (None, 1.0) else f" x {row['scale']:.4g}"
+    return f"{row['unit']}{scale}{' (assumed)' if row['assumed'] else ''}"

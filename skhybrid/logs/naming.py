@@ -1,0 +1,152 @@
+"""Roles and units that the names of a log's columns suggest, in the languages of Europe's buildings."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from ..preprocessing._units import UNITS
+from .unit_names import unit_named, unit_text
+
+#: units of energy: per row, or a counter that only rises; they become kW once the step is known
+ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
+#: spellings of energies and times, which no transformer converts
+_OTHER_UNITS = {name.lower(): name for name in ENERGY} | dict.fromkeys(("s", "sec", "seconds"), "s")
+_OTHER_UNITS |= dict.fromkeys(("min", "minutes"), "min")
+_ROOM = (
+    r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
+    r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|salon|interno|habitacion"
+)
+_OUT = (
+    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
+    r"buiten|exter|dehors|estern|umgebung|ambient"
+)
+_SET = (
+    r"\b(set|sp|soll|stp|target|wanted|desired|setting)\b|set ?point|set ?temp|sollwert|solltemp|consigne|consigna|"
+    r"gewenst|streef|setpunt|instel"
+)
+_HEAT = r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme"
+_COOL = r"cool|kuhl|kuehl|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b"
+_TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+_STAGE = (
+    r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
+    r"vanne|relay|active|position|percent|modulation|output"
+)
+_POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
+_SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
+_ELECTRICITY = r"elec|strom(?!ung)|stroom|heat ?pump|warmepumpe|\bwp\b|\bhp\b|consumption|verbrauch|plug|socket"
+#: what no model reads
+_OTHER = (
+    r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
+    r"\bfan\b|pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|number|\bid\b|price|mode\b|"
+    r"event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
+)
+
+
+#: names of roles that nobody chooses by accident, as ``T_ctrl`` is
+_STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
+
+
+class Guess(NamedTuple):
+    """The role of a column, or none, with the reason in words."""
+
+    role: str | None
+    certainty: int
+    reason: str
+    is_electricity: bool = False
+
+
+def unit_in_name(name: str) -> str | None:
+    """The unit that a name ends with or has in brackets, such as ``Zone Temp (°F)``; None if it has none."""
+    text = unit_text(name)
+    if text is None:
+        last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
+        text = last[1] if last and last[1].lower() in _OTHER_UNITS and len(last[1]) > 1 else None
+    return None if text is None else unit_named(text) or _OTHER_UNITS.get(text.lower())
+
+
+def plain(name: str) -> str:
+    """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
+    text = re.sub(r"[\[(][^\])]*[\])]", " ", name).replace("ß", "ss")
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
+
+
+def guess_role(name: str, unit: str | None = None) -> Guess:
+    """The role that a name and a unit suggest."""
+    if _STANDARD.fullmatch(name):
+        return Guess(name, 10, "it is named after its role")
+    words = plain(name)
+    if re.search(_OTHER, words):
+        return Guess(None, 0, "no model reads such a quantity")
+    of = _kind(words, unit)
+    heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
+    if of == "temperature":
+        if wanted:
+            if heat or cool:
+                return Guess("T_cool_set" if cool else "T_heat_set", 3, "its name is that of a set-point")
+            return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
+        room, out = bool(re.search(_ROOM, words)), bool(re.search(_OUT, words))
+        if out and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
+            return Guess("T_oa", 3, "its name is that of the outdoor temperature")
+        if room:
+            return Guess("T_za", 3, "its name is that of a room's temperature")
+        return Guess(None, 1, "a temperature, but its name does not say of what")
+    if of == "irradiance":
+        return Guess("q_sol", 3, "its name or unit is that of irradiance")
+    electric = bool(re.search(_ELECTRICITY, words))
+    if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
+        one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
+        role = "Q_hvac" if "hvac" in words else one_way
+        return Guess(role, 2, "its unit is that of a power or energy" + " (electricity?)" * electric, electric)
+    if of in ("stage", None) and (heat or cool) and not wanted:
+        return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
+    if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
+        return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
+    return Guess(None, 0, "its name says nothing of a role")
+
+
+def _kind(words: str, unit: str | None) -> str | None:
+    if unit in ENERGY or (unit in UNITS and UNITS[unit].kind == "power"):
+        return "power"
+    if unit in UNITS and UNITS[unit].kind != "fraction":
+        return UNITS[unit].kind
+    if re.search(_SUN, words) and not re.search(_TEMPERATURE, words):
+        return "irradiance"
+    if unit in ("percent", "s", "min") or re.search(_STAGE, words):
+        return "stage"
+    if re.search(_TEMPERATURE, words) or re.search(r"set ?point|\bsp\b|sollwert|consigne", words):
+        return "temperature"
+    return "power" if re.search(r"\bkw\b|power|leistung|vermogen|puissance", words) else None
+
+
+def assign_roles(units: Mapping[str, str | None], given: Mapping[str, str] | None = None) -> dict[str, Guess]:
+    """The role of each column, each role once: those given, then the most certain, then the first.
+
+    Parameters
+    ----------
+    units : mapping of column to unit or None, the columns in their order
+    given : mapping of role to column, optional
+    """
+    own = {column: role for role, column in (given or {}).items()}
+    guesses = {c: Guess(own[c], 99, "it was given") if c in own else guess_role(c, u) for c, u in units.items()}
+    taken: dict[str, str] = {}
+    for column in sorted(guesses, key=lambda c: -guesses[c].certainty):
+        role = guesses[column].role
+        if role is None:
+            continue
+        rival = next((taken[r] for r in _rivals(role) if r in taken), None)
+        if rival is None:
+            taken[role] = column
+        else:
+            guesses[column] = Guess(None, 1, f"{rival!r} was taken for the same quantity")
+    return guesses
+
+
+def _rivals(role: str) -> Iterable[str]:
+    """Roles that exclude one: a stage adds nothing to the heat that it delivered."""
+    excluded = {"u_heat": ("Q_heat", "Q_hvac"), "u_cool": ("Q_cool", "Q_hvac"), "Q_hvac": ("Q_heat", "Q_cool")}
+    return (role, *excluded.get(role, ()))

@@ -1,0 +1,122 @@
+"""Reader of Excel workbooks."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile, ZipFile, is_zipfile
+
+import pandas as pd
+
+from .assembly import Choice, Pieces, assemble, assemble_long
+from .change_of_value import long_columns
+from .raw_log import RawLog
+from .stamp_cells import find_stamp_columns
+from .table_layout import Layout, find_layout
+
+_HEAD, _PIECE = 200, 20_000  # rows
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a file is an Excel workbook of the kind that Excel has written since 2007."""
+    if head or not is_zipfile(path):
+        return False
+    try:
+        with ZipFile(path) as file:
+            return "xl/workbook.xml" in file.namelist()
+    except BadZipFile:
+        return False
+
+
+def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLog:
+    """Read a sheet of a workbook, by default the one with the most stamps; other options are those of ``Choice``."""
+    choice = Choice(**options)
+    book = _open(path)
+    try:
+        rows, layout, where, notes = _find_table(book, sheet, repr(path.name))
+        names = layout.names
+        head = list(islice(rows, layout.first + _HEAD))[layout.first :]
+        stamps = find_stamp_columns(_frame(head, names, 0), choice.time_column, where)
+        frames = _pieces(chain(head, rows), names)
+        units = {name: unit for name, unit in layout.units.items() if name not in stamps}
+        pieces = Pieces(frames, stamps, where, "Excel", units, ".", layout.first + 1, notes)
+        long = long_columns(names)
+        if long is not None:
+            return assemble_long(pieces, *long, choice)
+        wanted = choice.wanted(names, stamps, where)
+        pieces.frames = (piece[[*stamps, *wanted]] for piece in frames)
+        return assemble(pieces, choice)
+    finally:
+        book.close()
+
+
+def _open(path: Path) -> Any:
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        raise ImportError(
+            'reading an Excel file needs openpyxl; install it with pip install "skhybrid[files]".'
+        ) from None
+    try:
+        return load_workbook(path, read_only=True, data_only=True)
+    except Exception as error:  # openpyxl passes on errors of zip, XML and its own
+        raise ValueError(
+            f"{path.name!r} cannot be read as an Excel workbook ({error}); save it again as .xlsx."
+        ) from None
+
+
+def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator[list[str]], Layout, str, list[str]]:
+    """The rows of the chosen sheet, its layout, its name in messages, and notes."""
+    names = [one.title for one in book.worksheets]
+    if isinstance(sheet, int) and 0 <= sheet < len(names):
+        sheet = names[sheet]
+    if sheet is not None and sheet not in names:
+        raise ValueError(f"{file} has no sheet {sheet!r}; its sheets are {', '.join(map(repr, names))}.")
+    found = []
+    for name in names if sheet is None else [sheet]:
+        layout = find_layout(list(islice(_rows(book[name]), _HEAD)))
+        if layout is not None:
+            found.append((name, layout))
+    if not found:
+        which = f"sheet {sheet!r} of {file}" if sheet else file
+        raise ValueError(f"{which} has no table with time stamps in its first {_HEAD} rows.")
+    name, layout = max(found, key=lambda one: one[1].n_stamps)
+    notes = [f"read from sheet {name!r}"] if len(names) > 1 else []
+    others = [repr(other) for other, table in found if other != name and table.n_stamps > 1]
+    if others:
+        notes.append(f"not read: {', '.join(others)}, which also hold tables")
+    return _rows(book[name]), layout, f"sheet {name!r} of {file}", notes
+
+
+def _rows(sheet: Any) -> Iterator[list[str]]:
+    sheet.reset_dimensions()  # some programs write a wrong size
+    for row in sheet.iter_rows(values_only=True):
+        cells = [_text(cell) for cell in row]
+        while cells and not cells[-1]:
+            cells.pop()
+        yield cells
+
+
+def _text(cell: Any) -> str:
+    """A cell as text; Excel keeps times as fractions of a day, so seconds are rounded."""
+    if cell is None:
+        return ""
+    if isinstance(cell, dt.datetime):
+        return str((cell + dt.timedelta(microseconds=500_000)).replace(microsecond=0)).removesuffix(" 00:00:00")
+    return str(cell).strip()
+
+
+def _pieces(rows: Iterator[list[str]], names: tuple[str, ...]) -> Iterator[pd.DataFrame]:
+    begin = 0
+    while part := list(islice(rows, _PIECE)):
+        yield _frame(part, names, begin)
+        begin += len(part)
+
+
+def _frame(rows: list[list[str]], names: tuple[str, ...], begin: int) -> pd.DataFrame:
+    width = len(names)
+    cells = [[*row, *[""] * (width - len(row))][:width] for row in rows]
+    return pd.DataFrame(cells, columns=list(names), index=range(begin, begin + len(cells)), dtype=str)

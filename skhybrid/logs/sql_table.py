@@ -1,0 +1,133 @@
+"""Reader of tables and queries in a database, by its SQLAlchemy URL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .assembly import Choice, Pieces, assemble, assemble_long
+from .change_of_value import chosen_columns, long_columns
+from .raw_log import RawLog
+from .stamp_cells import find_stamp_columns
+
+_PIECE, _SAMPLE = 50_000, 200  # rows
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Whether a file is an SQLite database."""
+    if head:
+        return False
+    with path.open("rb") as file:
+        return file.read(16) == b"SQLite format 3\x00"
+
+
+def read(
+    source: Path | str,
+    *,
+    table: str | None = None,
+    query: str | None = None,
+    point_column: str | None = None,
+    value_column: str | None = None,
+    **options: Any,
+) -> RawLog:
+    """Read a table or a query, wide or long; the options beside these are those of ``Choice``."""
+    choice = Choice(**options)
+    if table is not None and query is not None:
+        raise ValueError("table= and query= were both given; give one of them.")
+    alchemy = _sqlalchemy()
+    url = _url(alchemy, source)
+    place = f"{url.get_backend_name()} database {Path(url.database or '').name!r}"  # never with its password
+    engine = _engine(alchemy, url)
+    try:
+        with engine.connect() as connection:
+            what, where = _statement(alchemy, connection, table, query, place)
+            return _read(connection, what, where, (point_column, value_column), choice)
+    except alchemy.exc.SQLAlchemyError as error:
+        reason = " ".join(str(getattr(error, "orig", None) or type(error).__name__).split())
+        secret = url.password
+        reason = reason.replace(str(secret), "***") if secret else reason
+        raise ValueError(f"the {place} cannot be read ({reason}).") from None
+    finally:
+        engine.dispose()
+
+
+def _sqlalchemy() -> Any:
+    try:
+        import sqlalchemy
+    except ImportError:
+        raise ImportError('reading a database needs SQLAlchemy; install it with pip install "skhybrid[sql]".') from None
+    return sqlalchemy
+
+
+def _url(alchemy: Any, source: Path | str) -> Any:
+    """The URL of a database; an SQLite file must exist, since opening would make one."""
+    if isinstance(source, Path):
+        return alchemy.URL.create("sqlite", database=str(source))
+    try:
+        url = alchemy.make_url(source)
+    except (alchemy.exc.ArgumentError, ValueError):
+        raise ValueError(
+            "the URL of the database cannot be read; write it as postgresql+psycopg://user:password@host/name or "
+            "sqlite:///file.db."
+        ) from None
+    if url.get_backend_name() == "sqlite" and not (url.database and Path(url.database).is_file()):
+        raise FileNotFoundError(f"there is no file {url.database!r}.")
+    return url
+
+
+def _engine(alchemy: Any, url: Any) -> Any:
+    try:
+        return alchemy.create_engine(url)
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            f"{url.drivername!r} needs the package {error.name}; install it with pip install {error.name}."
+        ) from None
+    except alchemy.exc.ArgumentError:
+        raise ValueError(
+            f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite."
+        ) from None
+
+
+def _statement(alchemy: Any, connection: Any, table: str | None, query: str | None, place: str) -> tuple[Any, str]:
+    """What to select, and how messages call it."""
+    if query is not None:
+        return alchemy.text(query), f"the query of the {place}"
+    inspector = alchemy.inspect(connection)
+    names = [*inspector.get_table_names(), *inspector.get_view_names()]
+    if table is None:
+        if len(names) != 1:
+            shown = f"its tables are {', '.join(map(repr, sorted(names)))}" if names else "it has no tables"
+            raise ValueError(f"the {place} needs table= or query=; {shown}.")
+        table = names[0]
+    schema, _, bare = table.rpartition(".") if table not in names else ("", "", table)
+    known = names if not schema else [*inspector.get_table_names(schema), *inspector.get_view_names(schema)]
+    if bare not in known:
+        raise ValueError(f"the {place} has no table {table!r}; its tables are {', '.join(map(repr, sorted(names)))}.")
+    columns = [alchemy.column(column["name"]) for column in inspector.get_columns(bare, schema or None)]
+    return alchemy.select(*columns).select_from(alchemy.table(bare, schema=schema or None)), f"table {table!r}"
+
+
+def _read(connection: Any, what: Any, where: str, long: tuple[str | None, str | None], choice: Choice) -> RawLog:
+    rows = connection.execution_options(stream_results=True, max_row_buffer=_PIECE).execute(what)
+    names = list(rows.keys())
+    head = pd.DataFrame([tuple(row) for row in rows.fetchmany(_SAMPLE)], columns=names)
+    if head.empty:
+        raise ValueError(f"{where} has no rows.")
+    is_long = any(long) or long_columns(names) is not None
+    both = chosen_columns(names, *long, where) if is_long else ()
+    stamps = find_stamp_columns(head.drop(columns=list(both)), choice.time_column, where)
+    wanted = both or choice.wanted(names, stamps, where)
+    frames = (frame[[*stamps, *wanted]] for frame in _frames(rows, head))
+    pieces = Pieces(frames, stamps, where, "SQL")
+    return assemble_long(pieces, both[0], both[1], choice) if both else assemble(pieces, choice)
+
+
+def _frames(rows: Any, head: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    yield head
+    begin = len(head)
+    while part := rows.fetchmany(_PIECE):
+        yield pd.DataFrame([tuple(row) for row in part], columns=head.columns, index=range(begin, begin + len(part)))
+        begin += len(part)

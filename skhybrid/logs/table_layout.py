@@ -1,0 +1,100 @@
+"""Layout of a table in a file: its separator, its header, a line of units, and the first row of data."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from .stamp_cells import is_stamp, is_stamp_name
+from .unit_names import is_unit, unit_named
+
+_SEPARATORS = ("\t", ";", "|", ",")
+
+
+class Layout(NamedTuple):
+    """Layout of a table, as its first rows show it."""
+
+    names: tuple[str, ...]
+    units: dict[str, str]  # of a line of units, by name, as they are written
+    first: int  # position of the first row of data
+    headless: bool
+    n_stamps: int  # in the given rows
+
+
+def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
+    """The cells of lines, without blanks around them."""
+    try:
+        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=sep, skipinitialspace=True)]
+    except csv.Error:
+        return []
+
+
+def separator_of(lines: Sequence[str]) -> str | None:
+    """The separator between the cells of most lines; one that sets stamps apart comes first."""
+    possible = []
+    for sep in _SEPARATORS:
+        rows = [row for row in split_lines(lines, sep) if any(row)]
+        width, n = usual_width(rows)
+        if width > 1 and n >= 0.5 * len(rows):
+            possible.append(sep)
+            if any(map(is_stamp, rows[-1])) or sum(is_stamp(cell) for row in rows for cell in row) > len(rows) / 2:
+                return sep
+    return possible[0] if possible else None
+
+
+def usual_width(rows: Sequence[Sequence[str]]) -> tuple[int, int]:
+    """The most frequent number of cells of a row, and the number of rows that have it."""
+    return Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+
+
+def find_layout(rows: Sequence[Sequence[str]]) -> Layout | None:
+    """Layout of a table whose first rows are given; None where no row holds a time stamp."""
+    width, _ = usual_width([row for row in rows if any(row)])
+    places = Counter(j for row in rows if len(row) >= width for j, cell in enumerate(row) if is_stamp(cell))
+    if not places or width < 2:
+        return None
+    most = max(places.values())
+    place = min(j for j, n in places.items() if n == most)
+    first = next(i for i, row in enumerate(rows) if len(row) > place and len(row) >= width - 1 and is_stamp(row[place]))
+    header, units = _header(rows, first, width, place)
+    unnamed = place == 0 and len(header) == width - 1 and bool(rows[first][-1]) and not is_stamp_name(header[0])
+    names = _names(["time", *header] if unnamed else header, width, place)
+    stated = {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
+    stated.pop(names[place], None)
+    return Layout(names, stated, first, not header, most)
+
+
+def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -> tuple[list[str], list[str]]:
+    """The names above the first row of data, and the units between them and it."""
+    units: list[str] = []
+    for i in range(first - 1, -1, -1):
+        row = list(rows[i])
+        rest = [cell for j, cell in enumerate(row) if cell and j != place]
+        if len(row) < width - 1 or (len(row) > 1 and not any(row)) or not row:
+            if any(row):
+                break
+            continue
+        if sum(map(is_unit, rest)) > 0.5 * len(rest):
+            # below the units there may be a line of "Avg", "Max"
+            units = row if sum(unit_named(cell) is not None for cell in row) or not units else units
+            continue
+        if len(rest) >= 1 and len(rest) >= 0.4 * (width - 1):
+            return row, units
+        break
+    return units, []  # a channel may be called "kW"
+
+
+def _names(header: Sequence[str], width: int, place: int) -> tuple[str, ...]:
+    """One name per column: the header's, numbered where it is empty or has a name twice."""
+    header = [*header, *[""] * (width - len(header))]
+    header[0] = header[0].lstrip("# ")
+    names: list[str] = []
+    for j, cell in enumerate(header):
+        name = cell.strip() or ("time" if j == place and "time" not in header else f"column {j + 1}")
+        again = 2
+        while name in names:
+            name, again = f"{cell.strip()} ({again})", again + 1
+        names.append(name)
+    return tuple(names)

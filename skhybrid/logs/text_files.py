@@ -1,0 +1,68 @@
+"""Text files of any encoding, compressed or not."""
+
+from __future__ import annotations
+
+import bz2
+import codecs
+import gzip
+import lzma
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+_SAMPLE = 1 << 18  # bytes that tell the encoding
+_COMPRESSED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+
+
+def open_bytes(path: Path) -> IO[bytes]:
+    """The bytes of a file, decompressed."""
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {str(path)!r}.")
+    with path.open("rb") as file:
+        begin = file.read(6)
+    for mark, opened in _COMPRESSED.items():
+        if begin.startswith(mark):
+            return opened(path, "rb")
+    return path.open("rb")
+
+
+def encoding_of(path: Path) -> str | None:
+    """The encoding of a text file: UTF-8, UTF-16 or cp1252; None for a binary file."""
+    return _encoding(_sample(path))
+
+
+def head_of(path: Path, size: int = 8192) -> str:
+    """The whole lines in the first ``size`` characters of a text file; '' for a binary file."""
+    sample = _sample(path)
+    encoding = _encoding(sample)
+    if encoding is None:
+        return ""
+    text = sample.decode(encoding, errors="replace")
+    if len(text) > size and "\n" in text[:size]:
+        text = text[: text[:size].rindex("\n") + 1]
+    return text[:size].replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _sample(path: Path) -> bytes:
+    try:
+        with open_bytes(path) as file:
+            return file.read(_SAMPLE)
+    except (EOFError, lzma.LZMAError, gzip.BadGzipFile):
+        raise ValueError(f"{path.name!r} is a damaged compressed file; copy it again.") from None
+
+
+def _encoding(sample: bytes) -> str | None:
+    for mark, name in _MARKS.items():
+        if sample.startswith(mark):
+            return name
+    if b"\x00" in sample:
+        for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+            half = sample[first::2]
+            if half.count(0) > 0.8 * len(half) and not sample[1 - first :: 2].count(0):
+                return name
+        return None
+    with suppress(UnicodeDecodeError):
+        codecs.getincrementaldecoder("utf-8")().decode(sample)
+        return "utf-8"
+    return "cp1252"

@@ -1,0 +1,62 @@
+"""Units as loggers write them, and the names that the package gives them."""
+
+from __future__ import annotations
+
+import re
+
+_SPELLINGS = {
+    "degC": ("c", "degc", "deg_c", "celsius", "degcelsius", "gradc", "gradcelsius", "℃"),
+    "degF": ("f", "degf", "deg_f", "fahrenheit", "degfahrenheit", "℉"),
+    "K": ("K", "kelvin"),
+    "kW/m2": ("kw/m2", "kwm-2", "kw/sqm", "kw_m2"),
+    "W/m2": ("w/m2", "wm-2", "w/sqm", "watt/m2", "watts/m2", "w_m2"),
+    "Btu/(h ft2)": ("btu/(hft2)", "btu/hft2", "btu/h/ft2", "btu/hr/ft2", "btu/(hrft2)"),
+    "percent": ("%", "percent", "pct", "prozent"),
+    "-": ("-", "fraction", "0-1", "0..1"),
+    "kW": ("kw", "kilowatt", "kilowatts"),
+    "W": ("w", "watt", "watts"),
+    "MW": ("MW", "megawatt", "megawatts"),
+    "Btu/h": ("btu/h", "btu/hr", "btuh"),
+    "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
+}
+_UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+#: units that a unit line may hold and no channel is converted from
+_OTHERS = (
+    "kwh|wh|mwh|mw|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|l/s|l/h|l/min|cfm|a|ma|v|mv|volts|hz|rpm|m/s|km/h|mph|mm|"
+    "s|sec|min|h|hr|%rh|rh|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|on/off|0/1"
+)
+_OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
+_BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
+_ENDING = re.compile(
+    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?W/m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
+    r"Fahrenheit))\s*\Z"
+)
+
+
+def unit_named(text: object) -> str | None:
+    """The unit that a text such as "°F" or "[W/m²]" spells, in the words of ``UnitConverter``; None for another."""
+    spelt = _plain(str(text))
+    return _UNITS.get(spelt) or (None if spelt == "mW" else _UNITS.get(spelt.lower()))
+
+
+def unit_text(name: str) -> str | None:
+    """The unit in the name of a channel, as it stands there: in brackets at the end, or a plain ending."""
+    found = _BRACKETS.search(name)
+    if found and (found[1].strip() and is_unit(found[1])):
+        return found[1].strip()
+    found = _ENDING.search(name)
+    return None if found is None else found[1]
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of a unit line is a unit."""
+    return unit_named(text) is not None or bool(_OTHER.match(_plain(text)))
+
+
+def _plain(text: str) -> str:
+    text = text.strip()
+    if len(text) > 2 and (text[0], text[-1]) in (("[", "]"), ("(", ")"), ("{", "}")):
+        text = text[1:-1]
+    for old, new in (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("*", ""), ("⁻", "-")):
+        text = text.replace(old, new)
+    return re.sub(r"\s+", "", text)

@@ -1,0 +1,38 @@
+"""Simple rules for the load, beside which a model's load is judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from sklearn.linear_model import RidgeCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+_ALPHAS = np.logspace(-3, 3, 13)
+YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
+
+
+def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: pd.Series) -> dict[str, pd.Series]:
+    """Loads [kW] of the later rows by simple rules, which know the weather and the temperature to hold.
+
+    Parameters
+    ----------
+    train, later : DataFrame, rows by role, of which ``later`` follows
+    heat : Series, delivered heat of all rows [kW]
+    held : Series, temperature to hold over all rows [degC]
+    """
+    step = later.index[1] - later.index[0]
+    day = round(pd.Timedelta("1D") / step)
+    yesterday = heat.shift(day).reindex(later.index)
+    roles = [role for role in train if str(role) == "T_oa" or str(role).startswith("q_sol")]
+    X = pd.concat([train[roles], later[roles]])
+    X = X.assign(held=held.reindex(X.index).ffill().bfill(), before=held.reindex(X.index).shift().ffill().bfill())
+    known = train.index[heat.reindex(train.index).notna() & X.loc[train.index].notna().all(axis=1)]
+    if len(known) < day:
+        return {YESTERDAY: yesterday}
+    ridge = make_pipeline(StandardScaler(), RidgeCV(_ALPHAS)).fit(X.loc[known], heat[known])
+    ahead = X.loc[later.index]
+    whole = ahead.notna().all(axis=1)
+    found = pd.Series(np.nan, index=later.index)
+    found[whole] = ridge.predict(ahead[whole])
+    return {YESTERDAY: yesterday, RIDGE: found}

@@ -1,0 +1,114 @@
+"""Set-points of a day to come: two numbers, a daily schedule, or columns of a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+_CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
+_KINDS = ("heat", "cool", "weekend")
+
+
+class Schedule(NamedTuple):
+    """Set-points by the minute of the day; a day begins with the last of the day before."""
+
+    heat: dict[int, float]  # minute of the day -> heating set-point [degC]; empty: not heated
+    cool: dict[int, float]
+    weekend: Any = None  # Schedule of weekends and holidays, where they differ
+
+    @classmethod
+    def of_tables(cls, tables: Mapping[str, Any]) -> Self | None:
+        """The schedule of ``[thermostat]``; None if it is empty.
+
+        Raises
+        ------
+        ValueError
+            If it names an unknown key, a clock time or temperature cannot be read, or heating is above cooling.
+        """
+        if not tables:
+            return None
+        for key in tables:
+            if key not in _KINDS:
+                raise ValueError(f"unknown key {key!r} in [thermostat]; known are {', '.join(_KINDS)}.")
+        sides = [_side(name, tables.get(name)) for name in ("heat", "cool")]
+        if not any(sides):
+            raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
+        found = cls(*sides, cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
+        heat, cool = (_by_minute(side, np.arange(1440)) for side in sides)
+        if (heat > cool).any():
+            at = int(np.argmax(heat > cool))
+            raise ValueError(
+                f"[thermostat] heats to {heat[at]:g} and cools to {cool[at]:g} degC at {at // 60}:{at % 60:02d}; swap "
+                "or mend them."
+            )
+        return found
+
+    @classmethod
+    def of_text(cls, text: str) -> Self:
+        """Set-points as on the command line: ``21``, ``21,24``, or ``6:00=21,22:00=17;24``."""
+        sides = text.replace(" ", "").split(";") if ";" in text or "=" in text else text.replace(" ", "").split(",")
+        if len(sides) > 2:
+            raise ValueError(f"--setpoint {text!r} is not a heating and a cooling set-point, such as 21,24.")
+        names = dict(zip(("heat", "cool"), sides, strict=False))
+        made = cls.of_tables({name: _of_text(side) for name, side in names.items() if side})
+        if made is None:
+            raise ValueError("--setpoint is empty; give the heating and the cooling set-point, such as 21,24.")
+        return made
+
+    def band(self, index: pd.DatetimeIndex, free: np.ndarray) -> pd.DataFrame:
+        """Set-points [degC] of some rows as ``T_heat_set`` and ``T_cool_set``; without a column where none is held.
+
+        Parameters
+        ----------
+        index : DatetimeIndex of n rows, in local time
+        free : ndarray (n,) of bool, weekends and holidays
+        """
+        minute = np.asarray(index.hour * 60 + index.minute)
+        of = {True: self.weekend or self, False: self}
+        columns = {}
+        for role, side in (("T_heat_set", 0), ("T_cool_set", 1)):
+            if of[True][side] or of[False][side]:
+                values = [_by_minute(of[kind][side], minute) for kind in (True, False)]
+                columns[role] = np.where(free, *values)
+        return pd.DataFrame(columns, index=index)
+
+
+def _of_text(side: str) -> Any:
+    """A number, or clock times with set-points."""
+    try:
+        if "=" not in side:
+            return float(side)
+        return {clock: float(value) for clock, value in (part.split("=") for part in side.split(","))}
+    except ValueError:
+        raise ValueError(f"--setpoint {side!r} is no set-point such as 21, or 6:00=21,22:00=17.") from None
+
+
+def _side(name: str, given: Any) -> dict[int, float]:
+    """Set-points by minute of one side."""
+    if given is None:
+        return {}
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        given = {"0:00": given}
+    if not isinstance(given, Mapping) or not given:
+        raise ValueError(f"[thermostat] {name} = {given!r} must be a temperature, or a table of clock times.")
+    out = {}
+    for clock, value in given.items():
+        found = _CLOCK.fullmatch(str(clock))
+        if found is None:
+            raise ValueError(f"[thermostat] {name} has {clock!r}, which is no clock time such as 6:30.")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 45:
+            raise ValueError(f"[thermostat] {name} at {clock} is {value!r}, which is no set-point from 0 to 45 degC.")
+        out[60 * int(found[1]) + int(found[2])] = float(value)
+    return dict(sorted(out.items()))
+
+
+def _by_minute(side: dict[int, float], minute: np.ndarray) -> np.ndarray:
+    """Set-point at some minutes of the day; NaN where there is none."""
+    if not side:
+        return np.full(len(minute), np.nan)
+    starts, values = np.array(list(side)), np.array(list(side.values()))
+    return values[np.searchsorted(starts, minute, side="right") - 1]  # -1: the last of the day before

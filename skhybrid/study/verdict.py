@@ -1,0 +1,109 @@
+"""The verdict on a forecast: usable, use with care or not usable, for temperature and load, with reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+USABLE, CARE, NOT = "usable", "use with care", "not usable"
+_BLOCK = 2  # origins that are drawn together, since neighbours err alike
+_DRAWS = 2000
+_SURE = (0.05, 0.95)  # quantiles of the ratio of errors between which it lies by chance
+_COVERAGE = (0.70, 0.90)  # of 80 % intervals, that are as they should be
+_WORST_COVERAGE = 0.5
+_OUTSIDE = 0.1  # share of the day beyond what training covered, from which on it is said
+_FEW = 5  # origins, below which nothing is sure
+
+
+class Verdict(NamedTuple):
+    """What to think of one forecast, with reasons in plain words."""
+
+    quantity: str  # "temperature" or "load"
+    level: str
+    reasons: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.quantity}: {self.level} ({'; '.join(self.reasons)})"
+
+
+class Comparison(NamedTuple):
+    """Ratio of a model's error to that of a simple rule, with an interval by chance."""
+
+    rule: str
+    ratio: float
+    low: float
+    high: float
+
+    def words(self) -> str:
+        """The comparison as a reason."""
+        span = f"{self.low:.2f} to {self.high:.2f} by chance"
+        if self.high < 1.0:
+            return f"its error is {self.ratio:.2f} of that of {self.rule} ({span})"
+        if self.low > 1.0:
+            return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} of ours"
+        return f"it is not surely better than {self.rule} (ratio {self.ratio:.2f}, {span})"
+
+
+def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str) -> Comparison:
+    """Compare errors at the same rows, by a bootstrap over pairs of neighbouring origins or days.
+
+    Parameters
+    ----------
+    own, rule : Series of n errors
+    blocks : Series of n origins or days
+    name : str, the rule's name
+    """
+    known = (own.notna() & rule.notna()).to_numpy()
+    squares = pd.DataFrame({"own": own[known] ** 2, "rule": rule[known] ** 2, "block": blocks[known].to_numpy()})
+    sums = squares.groupby("block")[["own", "rule"]].sum().to_numpy()
+    if not len(sums) or not sums[:, 1].sum():
+        return Comparison(name, np.nan, np.nan, np.nan)
+    n_blocks = -(-len(sums) // _BLOCK)
+    start = np.random.default_rng(0).integers(0, len(sums), (_DRAWS, n_blocks))
+    drawn = (start[..., None] + np.arange(_BLOCK)).reshape(_DRAWS, -1) % len(sums)
+    totals = sums[drawn].sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.sqrt(totals[:, 0] / totals[:, 1])
+    low, high = np.nanquantile(ratios, _SURE)
+    return Comparison(name, float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum())), float(low), float(high))
+
+
+def judge(
+    quantity: str,
+    comparisons: Sequence[Comparison],
+    *,
+    n_origins: int,
+    coverage: float | None = None,
+    outside: float = 0.0,
+    doubts: Sequence[str] = (),
+) -> Verdict:
+    """A verdict from comparisons with simple rules and from what else is known.
+
+    Parameters
+    ----------
+    quantity : {"temperature", "load"}
+    comparisons : sequence of Comparison, with simple rules
+    n_origins : int, number of forecasts compared
+    coverage : float, optional, share of measurements inside the 80 % intervals
+    outside : float, share of the day to come beyond what training covered
+    doubts : sequence of str, further reasons to take care
+    """
+    known = [c for c in comparisons if np.isfinite(c.ratio)]
+    if not known:
+        return Verdict(quantity, CARE, (f"there is nothing to compare the {quantity} with", *doubts))
+    hardest = max(known, key=lambda c: c.ratio)
+    reasons = [hardest.words()]
+    care = hardest.high >= 1.0
+    failed = hardest.low > 1.0
+    if n_origins < _FEW:
+        care, reasons = True, [*reasons, f"it was tested on {n_origins} forecasts only"]
+    if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
+        care, failed = True, failed or coverage < _WORST_COVERAGE
+        reasons.append(f"its 80 % intervals held {coverage:.0%} of the measurements")
+    if outside > _OUTSIDE:
+        care, reasons = True, [*reasons, f"{outside:.0%} of the day to come lie beyond what training covered"]
+    reasons += doubts
+    return Verdict(quantity, NOT if failed else CARE if care or doubts else USABLE, tuple(reasons))

@@ -1,0 +1,155 @@
+"""The forecast of a day from a saved model, a log and the weather to come."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import SETPOINT_ROLES
+from ..datasets import read_weather
+from ..logs import LogReport
+from ..logs import read_log as read_any_log
+from ..study.data import read_log
+from ..study.plant import Performance
+from ..study.settings import Settings
+from ..study.thermostat import Schedule
+from .tomorrow import rows_ahead
+from .zone_model import ZoneModel
+
+_OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
+_BEYOND = 0.05  # share of the rows ahead outside of what training covered, from which on it is said
+
+
+class DayAhead(NamedTuple):
+    """Tomorrow: rows, sums in words, and remarks."""
+
+    frame: pd.DataFrame
+    summary: dict[str, Any]
+    remarks: tuple[str, ...]
+
+
+def day_ahead(
+    zone: ZoneModel,
+    log: str | PathLike[str],
+    weather: str | PathLike[str] | None = None,
+    schedule: Schedule | None = None,
+) -> DayAhead:
+    """Forecast temperature and load from the end of a log.
+
+    Parameters
+    ----------
+    zone : ZoneModel
+    log : path-like, the log up to now, with rows of weather and plan after it where there are any
+    weather : path-like, optional
+        CSV, EPW or Open-Meteo's JSON of the rows ahead.
+    schedule : Schedule, optional
+        Set-points; by default those of the rows ahead, then of the settings.
+
+    Returns
+    -------
+    DayAhead
+        Columns: ``T_za`` [degC], ``q_0.1`` and ``q_0.9``, the set-points and the weather; under a thermostat
+        ``Q_hvac`` [kW] with ``Q_hvac_0.1`` and ``Q_hvac_0.9``, and electricity [kW] and cost where the settings have a
+        coefficient of performance and a tariff.
+
+    Raises
+    ------
+    ValueError
+        If the log ends long before its rows ahead, or weather or set-points are missing.
+    """
+    settings = zone.settings
+    frame, _ = read_log(log, settings)
+    history = zone.history(frame)
+    origin = history.index[-1]
+    later = frame[frame.index > origin].drop(columns="T_za")
+    given = later if weather is None else read_ahead(weather, settings, frame.index.tz, origin.year)
+    inputs = [str(role) for role in history if role not in ("T_za", *SETPOINT_ROLES)]
+    ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
+    found = zone.forecast(history, ahead.frame)
+    if not ahead.planned:
+        found = with_limits(found, settings)
+    setpoints = ahead.frame[[role for role in SETPOINT_ROLES if role in ahead.frame]]
+    out = found.drop(columns="zeta", errors="ignore").join(setpoints).join(ahead.frame[_weather(inputs)])
+    out = with_electricity(out, settings).rename_axis("time")
+    return DayAhead(out, _summary(out, settings), tuple(_remarks(zone, history, ahead.frame, ahead.planned)))
+
+
+def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int) -> pd.DataFrame:
+    """Weather of the rows ahead by role, in the time zone of the log; columns of a CSV are found by their names."""
+    if Path(path).suffix.lower() in (".epw", ".json"):
+        frame = read_weather(path, year=year, **dict(settings.site))
+    else:
+        given = {} if settings.timezone is None else {"timezone": settings.timezone}
+        frame = LogReport(read_any_log(path, **given)).frame
+    index = pd.DatetimeIndex(frame.index)
+    if tz is None and index.tz is not None:
+        raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")
+    return frame if tz is None or index.tz is None else frame.tz_convert(tz)
+
+
+def with_limits(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The forecast with loads within what the plant can deliver by the settings."""
+    most, cold = settings.plant.get("most_heat", np.inf), settings.plant.get("most_cold", np.inf)
+    loads = [name for name in found if str(name).startswith("Q_hvac")]
+    return found.assign(**{str(name): found[name].clip(-cold, most) for name in loads})
+
+
+def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The forecast with the plant's electricity [kW], where its coefficient of performance is known."""
+    performance = Performance.of(settings.plant)
+    if performance is None or "Q_hvac" not in found:
+        return found
+    electricity = performance.electricity(found["Q_hvac"].to_numpy(), found["T_oa"].to_numpy())
+    return found.assign(electricity_kW=electricity)
+
+
+def _weather(inputs: list[str]) -> list[str]:
+    return [role for role in inputs if role.startswith("T_") or role == "q_sol"]
+
+
+def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
+    """Sums and ranges of the day."""
+    hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
+    found: dict[str, Any] = {
+        "from": str(out.index[0]),
+        "to": str(out.index[-1]),
+        "lowest temperature [degC]": round(float(out["T_za"].min()), 2),
+        "highest temperature [degC]": round(float(out["T_za"].max()), 2),
+    }
+    if "Q_hvac" not in out:
+        return found
+    heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
+    found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
+    found["largest load [kW]"] = round(float(out["Q_hvac"].abs().max()), 2)
+    used = heat + cold
+    if "electricity_kW" in out:
+        used = float(out["electricity_kW"].sum() * hours)
+        found["electricity [kWh]"] = round(used, 2)
+    if "tariff" in settings.plant:
+        found["cost"] = round(used * float(settings.plant["tariff"]), 2)
+    return found
+
+
+def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
+    """What a user should know of this forecast."""
+    out = []
+    if not planned and not zone.predictor.thermostat_learned_:
+        out.append(
+            "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
+            "interval"
+        )
+    if (age := history.index[-1] - zone.learned_until) > _OLD:
+        out.append(f"the model last learned {age.days} days ago; learn anew with skhybrid update --relearn")
+    for role, (low, high) in zone.covered().items():
+        if role in ahead and role not in SETPOINT_ROLES:
+            margin = 0.05 * (high - low)
+            share = float(((ahead[role] < low - margin) | (ahead[role] > high + margin)).mean())
+            if share > _BEYOND:
+                out.append(
+                    f"{share:.0%} of tomorrow's {role} lie outside of {low:.3g} to {high:.3g}, which training had"
+                )
+    return out

@@ -1,0 +1,114 @@
+"""The rows ahead of a forecast: weather of a day to come, and its set-points or planned heat."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._holidays import read_holidays
+from .._table import SETPOINT_ROLES
+from ..datasets import weather_on_steps
+from ..study.settings import Settings
+from ..study.thermostat import Schedule
+
+
+class RowsAhead(NamedTuple):
+    """What is known of the rows to forecast."""
+
+    frame: pd.DataFrame  # weather, and set-points or planned heat, by role
+    planned: bool  # whether the heat is planned, and no thermostat acts
+
+
+def rows_ahead(
+    settings: Settings,
+    origin: pd.Timestamp,
+    inputs: list[str],
+    *,
+    weather: pd.DataFrame | None = None,
+    plan: pd.DataFrame | None = None,
+    schedule: Schedule | None = None,
+) -> RowsAhead:
+    """The rows after an origin, one horizon long.
+
+    Parameters
+    ----------
+    settings : Settings
+    origin : Timestamp, the last row of the history
+    inputs : list of roles that the model reads, besides ``T_za``
+    weather : DataFrame, optional
+        Columns by role over the rows ahead, at any step: from a forecast, or the end of the log.
+    plan : DataFrame, optional
+        Planned heat or stages, or set-points, by role; rows as in ``weather``.
+    schedule : Schedule, optional
+        Set-points; by default those of ``plan``, then of the settings.
+
+    Raises
+    ------
+    ValueError
+        If an input is missing in some rows, or neither heat nor set-points are known.
+    """
+    step = pd.Timedelta(settings.step)
+    index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)
+    plant = [role for role in inputs if role.startswith(("Q_", "u_"))]
+    known = weather if weather is not None else plan
+    if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
+        index = index[index <= plan.index[-1]]
+    frame = _weather(known, [r for r in inputs if r not in plant and not r.startswith("q_sol_")], index)
+    heat = {role: plan[role].reindex(index) for role in plant if plan is not None and role in plan}
+    if schedule is None and heat and all(values.notna().any() for values in heat.values()):
+        return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in heat.items()}), True)
+    return RowsAhead(frame.join(_setpoints(settings, index, plan, schedule, plant)), False)
+
+
+def _setpoints(
+    settings: Settings,
+    index: pd.DatetimeIndex,
+    plan: pd.DataFrame | None,
+    schedule: Schedule | None,
+    plant: list[str],
+) -> pd.DataFrame:
+    """Set-points by role: as given, else of the plan, else of the settings."""
+    of_plan = [role for role in SETPOINT_ROLES if plan is not None and role in plan]
+    if schedule is None and plan is not None and of_plan and plan[of_plan].reindex(index).notna().any(axis=None):
+        return pd.DataFrame({role: _whole(plan[role].reindex(index), role, "set-point") for role in of_plan})
+    found = schedule or Schedule.of_tables(settings.thermostat)
+    if found is None:
+        names = " and ".join(plant) or "heat"
+        raise ValueError(
+            f"nothing tells what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
+            f"configuration, or fill in {names} in the rows ahead."
+        )
+    local = index.tz_localize(None) if index.tz is not None else index
+    free = read_holidays(settings.holidays, local).day_of_week(local) >= 5
+    return found.band(index, free)
+
+
+def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:
+    """Weather at the rows ahead: temperatures between two values, irradiance with the energy of each interval."""
+    for role in roles:
+        if given is None or role not in given or given[role].notna().sum() < 2:
+            raise ValueError(
+                f"{role} is not known for the rows ahead; give tomorrow's weather with --weather, or rows ahead in the "
+                "log."
+            )
+    assert given is not None
+    pair = pd.DataFrame({role: given[role] if role in roles else 0.0 for role in ("T_oa", "q_sol")}, index=given.index)
+    pair.attrs = dict(given.attrs)
+    out = weather_on_steps(pair.dropna(), index)
+    for role in roles:
+        if role not in out:  # a further boundary temperature
+            values = given[role].dropna()
+            out[role] = np.interp(index.as_unit("ns").asi8, values.index.as_unit("ns").asi8, values)
+    return out[roles].rename_axis("time")
+
+
+def _whole(values: pd.Series, role: str, what: str) -> pd.Series:
+    missing = values.isna()
+    if missing.any():
+        raise ValueError(
+            f"{role} ({what}) is missing in {int(missing.sum())} of the rows ahead, first at "
+            f"{values.index[int(np.argmax(missing))]}; fill it in, or give --setpoint."
+        )
+    return values

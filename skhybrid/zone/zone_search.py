@@ -1,0 +1,53 @@
+"""The design matrix on the log of a zone."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..forecasting import DisturbanceForecaster
+from ..hybrid import HybridPredictor
+from ..model_selection import DesignMatrixSearchCV, design_matrix
+from ..study.compared_models import make_gray_box
+from ..study.data import StudyData
+from ..study.settings import Settings
+
+
+def search_zone(
+    settings: Settings, data: StudyData, store: str | PathLike[str], models: list[str], size: str, n_jobs: int
+) -> pd.DataFrame:
+    """Train the cases of some disturbance models on the training rows and score them on the test rows.
+
+    Parameters
+    ----------
+    settings : Settings, whose identification the candidates share
+    data : StudyData
+    store : path-like, folder of results; a search that was stopped goes on there
+    models : list of str, names of networks and baselines
+    size : {"small", "paper"}, sizes of the networks
+    n_jobs : int
+
+    Returns
+    -------
+    DataFrame
+        One row per candidate, the best first.
+    """
+    whole = pd.concat([data.train, data.later])
+    first = int(whole.index.searchsorted(data.test_start))
+    rows = [(np.arange(len(data.train)), np.arange(first, len(whole)))]
+    common = {"horizon": settings.horizon, "holidays": settings.holidays, "random_state": settings.random_state}
+    estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common)
+    folder = Path(store)
+    folder.mkdir(parents=True, exist_ok=True)
+    search = DesignMatrixSearchCV(
+        estimator,
+        design_matrix([name.strip() for name in models], size=size, disturbance="input"),
+        cv=rows,
+        store=folder / "search.sqlite",
+        n_jobs=n_jobs,
+        refit=False,
+    )
+    return search.fit(whole, whole["T_za"]).results_.sort_values("rmse", ignore_index=True)

@@ -1,0 +1,172 @@
+"""Settings of plant and thermostat, the saved model of a zone, and tomorrow's forecast."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import HybridPredictor
+from skhybrid.cli import main
+from skhybrid.datasets import load_small_office, make_office
+from skhybrid.persistence import load_metadata, load_model, save_model
+from skhybrid.study import read_log, read_settings
+from skhybrid.study.plant import Performance
+from skhybrid.study.settings import settings_from
+from skhybrid.study.thermostat import Schedule
+from skhybrid.zone import ZoneModel, day_ahead
+
+COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
+
+
+def test_a_schedule_by_the_clock():
+    index = pd.date_range("2024-01-05", periods=48, freq="1h")
+    free = np.asarray(index.day_of_week >= 5)
+    made = Schedule.of_tables({"heat": {"6:00": 21, "22:00": 17}, "cool": 26, "weekend": {"heat": 16}})
+    band = made.band(index, free)
+    assert band["T_heat_set"].iloc[[0, 5, 6, 21, 22, 23]].tolist() == [17, 17, 21, 21, 17, 17]
+    assert (band["T_heat_set"].iloc[24:] == 16).all()
+    assert (band["T_cool_set"].iloc[:24] == 26).all()
+    assert band["T_cool_set"].iloc[24:].isna().all()
+    assert Schedule.of_text("6:00=21,22:00=17;26").heat == {360: 21.0, 1320: 17.0}
+    assert Schedule.of_text("21").cool == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("25,20", "heats to 25 and cools to 20"), ("1,2,3", "not a heating and a cooling"), ("warm", "no set-point"),
+     ("25:00=20;25", "no clock time"), ("99,120", "from 0 to 45"), ("", "is empty")],
+)  # fmt: skip
+def test_set_points_that_cannot_be(text, message):
+    with pytest.raises(ValueError, match=message):
+        Schedule.of_text(text)
+
+
+def test_heat_of_electricity_by_the_outdoor_temperature():
+    curve = Performance.of({"cop": [[-10, 2.0], [10, 4.0]], "eer": 3.0})
+    T_oa = np.array([-10.0, 0.0, 20.0, 30.0])
+    np.testing.assert_allclose(curve.heat(np.array([1.0, 1.0, 1.0, -1.0]), T_oa), [2.0, 3.0, 4.0, -3.0])
+    np.testing.assert_allclose(curve.electricity(np.array([2.0, 3.0, 4.0, -3.0]), T_oa), 1.0)
+    assert Performance.of({}) is None
+
+
+@pytest.mark.parametrize(
+    ("plant", "message"),
+    [({"electricity": True}, "needs a coefficient"), ({"cop": 0}, "between 0 and 20"), ({"cop": "3"}, "a number"),
+     ({"cop": [[10, 3], [0, 2]]}, "rising"), ({"most_heat": -1}, "at least 0"), ({"cap": 1}, "unknown key")],
+)  # fmt: skip
+def test_plants_that_cannot_be(plant, message):
+    with pytest.raises(ValueError, match=message):
+        settings_from({"columns": COLUMNS, "plant": plant})
+
+
+def test_a_model_file_keeps_texts_beside_the_model(tmp_path):
+    office = make_office(n_days=8, random_state=0)
+    model = HybridPredictor(intervals=False).fit(office.X[: 96 * 7], office.y[: 96 * 7])
+    save_model(model, tmp_path / "m.skops", metadata={"settings": "{}"})
+    assert load_metadata(tmp_path / "m.skops") == {"settings": "{}"}
+    again = load_model(tmp_path / "m.skops")
+    np.testing.assert_array_equal(again.predict(office.X[:200]), model.predict(office.X[:200]))
+    save_model(model, tmp_path / "n.skops")
+    assert load_metadata(tmp_path / "n.skops") == {}
+    with pytest.raises(ValueError, match="without the settings"):
+        ZoneModel.load(tmp_path / "n.skops")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A log in German with semicolons, and tomorrow's weather; the last two days are kept aside."""
+    to = tmp_path_factory.mktemp("zone")
+    office = load_small_office("irregular")
+    frame = office.frame.drop(columns=[c for c in office.X if c in office.frame]).join(office.X)
+    frame = frame.loc["2018-09-17":"2018-10-17"]
+    log = pd.DataFrame(
+        {
+            "Zeit": frame.index.tz_localize(None),
+            "Raumtemperatur [°C]": frame["T_za"],
+            "Außentemperatur [°C]": frame["T_oa"],
+            "Globalstrahlung [W/m²]": 1000 * frame["q_sol"],
+            "Wärme HVAC [kW]": frame["Q_hvac"],
+            "Sollwert Heizen [°C]": frame["set_heat"],
+            "Sollwert Kühlen [°C]": frame["set_cool"],
+        }
+    )
+    log.iloc[:-192].to_csv(to / "log.csv", sep=";", decimal=",", index=False)
+    log.to_csv(to / "whole.csv", sep=";", decimal=",", index=False)
+    weather = frame[["T_oa", "q_sol"]].iloc[-193:-80:4].tz_localize(None).rename_axis("time")
+    weather.to_csv(to / "weather.csv")
+    frame.iloc[-192:-96].tz_localize(None).to_csv(to / "truth.csv")
+    assert main(["check", str(to / "log.csv"), "--config", str(to / "zone.toml"), "-q"]) == 0
+    assert main(["fit", str(to / "log.csv"), "--config", str(to / "zone.toml"), "--model", str(to / "m.skops")]) == 0
+    return to
+
+
+def test_a_log_reaches_tomorrow_without_an_edit(folder, capsys):
+    truth = pd.read_csv(folder / "truth.csv", index_col=0, parse_dates=True)
+    heat, cool = truth["set_heat"], truth["set_cool"]
+    zone = ZoneModel.load(folder / "m.skops")
+    schedule = Schedule(
+        {60 * t.hour + t.minute: float(v) for t, v in heat.items()},
+        {60 * t.hour + t.minute: float(v) for t, v in cool.items()},
+    )
+    found = day_ahead(zone, folder / "log.csv", folder / "weather.csv", schedule).frame
+    assert found.index.equals(truth.index.as_unit(found.index.unit))
+    assert np.sqrt(((found["T_za"] - truth["T_za"]) ** 2).mean()) < 1.0
+    assert np.sqrt(((found["Q_hvac"] - truth["Q_hvac"]) ** 2).mean()) < 2.5
+    inside = found["T_za"].between(found["q_0.1"], found["q_0.9"]).mean()
+    assert inside > 0.9
+    assert (found["Q_hvac_0.1"] <= found["Q_hvac_0.9"]).all()
+
+
+def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):
+    model = tmp_path / "m.skops"
+    model.write_bytes((folder / "m.skops").read_bytes())
+    forecast = ["forecast", "--model", str(model), "--log", str(folder / "log.csv"), "--weather"]
+    out = tmp_path / "f.csv"
+    assert main([*forecast, str(folder / "weather.csv"), "--setpoint", "20,25", "--out", str(out), "--json"]) == 0
+    text = capsys.readouterr().out
+    assert '"heating [kWh]"' in text
+    assert len(pd.read_csv(out)) == 96
+    assert main(["update", "--model", str(model), "--log", str(folder / "whole.csv")]) == 0
+    assert "new rows: 192" in capsys.readouterr().out
+    assert main(["forecast", "--model", str(model), "--log", str(folder / "whole.csv"), "--setpoint", "20,25"]) == 1
+    assert "T_oa is not known for the rows ahead" in capsys.readouterr().err
+    short = pd.read_csv(folder / "weather.csv").iloc[:10]
+    short.to_csv(tmp_path / "short.csv", index=False)
+    assert main([*forecast, str(tmp_path / "short.csv"), "--setpoint", "20,25"]) == 1
+    assert "give weather for all rows ahead" in capsys.readouterr().err
+    assert main([*forecast, str(folder / "weather.csv")]) == 1
+    assert "give --setpoint" in capsys.readouterr().err
+
+
+def test_empty_heat_ahead_is_not_yesterday(folder, tmp_path):
+    settings = read_settings(folder / "zone.toml")
+    frame, _ = read_log(folder / "whole.csv", settings)
+    from skhybrid.study import split_log
+
+    frame.iloc[-96:, frame.columns.get_indexer(["T_za", "Q_hvac"])] = np.nan
+    with pytest.raises(ValueError, match="Q_hvac is empty in the rows ahead"):
+        split_log(frame, settings)
+
+
+def test_set_points_in_the_unit_of_the_room(folder, tmp_path):
+    log = pd.read_csv(folder / "log.csv", sep=";", decimal=",")
+    temperatures = [c for c in log if "°C" in c]
+    log[temperatures] = log[temperatures] * 1.8 + 32
+    log.columns = ["time", "room", "outdoor", "ghi", "heat", "low", "high"]
+    log.to_csv(tmp_path / "f.csv", index=False)
+    settings = settings_from(
+        {
+            "columns": {"T_za": "room", "T_oa": "outdoor", "Q_hvac": "heat", "T_heat_set": "low", "T_cool_set": "high"},
+            "units": {"T_za": "degF", "T_oa": "degF"},
+        }
+    )
+    frame, _ = read_log(tmp_path / "f.csv", settings)
+    assert frame["T_cool_set"].max() < 35.0
+    assert frame["T_heat_set"].min() > 10.0
+
+
+def test_strict_counts_warnings(folder, capsys):
+    arguments = ["check", str(folder / "log.csv")]
+    assert main(arguments) == 0
+    assert main([*arguments, "--strict"]) == 1  # the log has no time zone

@@ -1,0 +1,171 @@
+"""Roles and units from names, and the report on a log before anything is fitted."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.logs import LogReport, RawLog
+from skhybrid.logs.log_findings import unit_switch, without_standstills
+from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
+
+
+@pytest.fixture
+def frame():
+    """A heated room, ten days of quarter-hours, with names as a German logger writes them."""
+    index = pd.date_range("2024-01-15", periods=960, freq="15min", tz="Europe/Berlin", name="time")
+    hour = index.hour + index.minute / 60
+    rng = np.random.default_rng(0)
+    return pd.DataFrame(
+        {
+            "Raumtemperatur [°C]": 20 + np.sin(2 * np.pi * hour / 24) + rng.normal(0, 0.05, 960),
+            "Außentemperatur [°C]": 3 + 5 * np.sin(2 * np.pi * (hour - 9) / 24) + rng.normal(0, 0.1, 960),
+            "Globalstrahlung (W/m²)": np.clip(400 * np.sin(2 * np.pi * (hour - 6) / 24), 0, None),
+            "Heizung Ventil (%)": np.where((hour > 6) & (hour < 20), 60.0, 5.0),
+            "Luftfeuchte (%)": 45.0,
+        },
+        index=index,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "unit"),
+    [
+        ("Zone Temp (°F)", "T_za", "degF"),
+        ("Raumtemperatur", "T_za", None),
+        ("Außentemperatur [°C]", "T_oa", "degC"),
+        ("Indoor Temperature", "T_za", None),
+        ("Outdoor Temp (F)", "T_oa", "degF"),
+        ("OAT", "T_oa", None),
+        ("Température extérieure", "T_oa", None),
+        ("Binnentemperatuur", "T_za", None),
+        ("Heat Set Temp (F)", "T_heat_set", "degF"),
+        ("set_cool_degC", "T_cool_set", "degC"),
+        ("Aux Heat 1 (sec)", "u_heat", "s"),
+        ("Ketel modulatie %", "u_heat", "percent"),
+        ("Heizleistung [kW]", "Q_heat", "kW"),
+        ("Heat meter MWh", "Q_heat", "MWh"),
+        ("ghi_kW_m2", "q_sol", "kW/m2"),
+        ("Supply water temp", None, None),
+        ("Current Humidity (%RH)", None, None),
+        ("T_ctrl", "T_za", None),
+        ("Sensor 3", None, None),
+    ],
+)
+def test_names_in_the_languages_of_buildings(name, role, unit):
+    assert unit_in_name(name) == unit
+    assert guess_role(name, unit).role == role
+
+
+def test_a_role_has_one_column():
+    found = assign_roles({"Room A temp": None, "Room B temp": None, "hvac kW": "kW", "heat valve": None})
+    assert found["Room A temp"].role == "T_za"
+    assert found["Room B temp"].role is None
+    assert "'Room A temp'" in found["Room B temp"].reason
+    assert found["heat valve"].role is None  # its heat is measured
+
+
+def test_what_was_read(frame):
+    report = LogReport(frame)
+    assert report.roles == {
+        "T_za": "Raumtemperatur [°C]",
+        "T_oa": "Außentemperatur [°C]",
+        "q_sol": "Globalstrahlung (W/m²)",
+        "u_heat": "Heizung Ventil (%)",
+    }
+    assert report.frame["q_sol"].max() == pytest.approx(0.4)
+    assert report.frame["u_heat"].max() == pytest.approx(0.6)
+    assert report.days == {"working days": 8, "weekend days": 2}
+    assert str(report.step) == "0 days 00:15:00"
+    assert "'Luftfeuchte (%)', because" in str(report)
+    assert not [f for f in report.findings if f.level != "note"]
+    json.dumps(report.to_dict(), allow_nan=False)
+    assert "<table>" in report._repr_html_()
+
+
+def test_values_tell_a_unit_that_names_do_not(frame):
+    plain = frame.set_axis(["room temp", "outdoor temp", "solar", "heat valve", "humidity"], axis=1)
+    report = LogReport(plain.assign(**{"room temp": plain["room temp"] * 1.8 + 32}))
+    assert report.columns.loc["room temp", "unit"] == "degF"
+    assert report.columns.loc["solar", "unit"] == "W/m2"
+    assert report.columns.loc["heat valve", "unit"] == "percent"
+    assert report.columns["assumed"].sum() == 3
+    assert report.frame["T_za"].mean() == pytest.approx(frame.iloc[:, 0].mean())
+    assert any("kW of u_heat" in text for text in report.cannot)
+
+
+def test_seconds_of_a_stage_are_not_scaled_by_their_largest_value(frame):
+    seconds = pd.DataFrame({"Room Temp (C)": frame.iloc[:, 0], "Heat Stage 1 (sec)": 90.0}, index=frame.index)
+    assert LogReport(seconds).frame["u_heat"].iloc[0] == pytest.approx(90 / 900)
+    raw = RawLog(seconds, "ecobee", {"Heat Stage 1 (sec)": "s"}, scale={"Heat Stage 1 (sec)": 1 / 300})
+    assert LogReport(raw).frame["u_heat"].iloc[0] == pytest.approx(0.3)
+
+
+def test_meters_become_kilowatts(frame):
+    power = pd.Series(np.where(frame.index.hour > 6, 4.0, 1.0), index=frame.index)
+    counter = (power * 0.25).cumsum().shift(fill_value=0.0) + 17000.0
+    report = LogReport(frame.iloc[:, :2].assign(**{"Heat meter (kWh)": counter}))
+    np.testing.assert_allclose(report.frame["Q_heat"].iloc[:-1], power.iloc[:-1], rtol=1e-9)
+    per_row = LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": power * 0.25}))
+    np.testing.assert_allclose(per_row.frame["Q_heat"], power)
+
+
+def test_a_stuck_sensor_is_found_and_not_used(frame):
+    room = frame.columns[0]
+    frame.loc["2024-01-18":"2024-01-19", room] = 19.5
+    found = [f for f in LogReport(frame).findings if f.where == room]
+    assert "stuck" in found[0].text
+    assert "2024-01-18" in found[0].text
+    cleaned = without_standstills(frame[room])
+    assert cleaned["2024-01-18":"2024-01-19"].notna().sum() == 1
+    assert cleaned["2024-01-20":].notna().all()
+
+
+def test_a_column_that_changes_its_unit_is_an_error(frame):
+    room = frame.columns[0]
+    mixed = frame[room].where(frame.index < "2024-01-20", frame[room] * 1.8 + 32)
+    assert unit_switch(mixed) == pd.Timestamp("2024-01-20", tz="Europe/Berlin")
+    assert unit_switch(frame[room]) is None
+    first = LogReport(frame.assign(**{room: mixed})).findings[0]
+    assert first.level == "error"
+    assert "2024-01-20 00:00" in first.text
+
+
+def test_jumps_gaps_duplicates_and_the_clock(frame):
+    room = frame.columns[0]
+    frame.iloc[400, 0] += 9.0
+    naive = frame.tz_localize(None)
+    broken = pd.concat([naive.iloc[:200], naive.iloc[240:500], naive.iloc[499:]])
+    report = LogReport(broken)
+    texts = {f.where: f.text for f in report.findings if f.level == "warning"}
+    assert "jumps by" in texts[room]
+    assert any("occur twice" in f.text for f in report.findings)
+    assert any("no time zone" in f.text for f in report.findings)
+    assert report.gaps["hours"].tolist() == [10.25]
+    shifted = LogReport(frame.set_axis(frame.index + pd.Timedelta("6h"), axis=0))
+    assert any("culminates at 18:" in f.text for f in shifted.findings)
+
+
+def test_electricity_is_not_taken_for_heat(frame):
+    report = LogReport(frame.iloc[:, :2].assign(**{"Wärmepumpe Strom (kW)": 1.0 + np.arange(960) % 7}))
+    assert report.electricity() == ["Q_heat"]
+    assert any("coefficient of performance" in f.text for f in report.findings)
+    assert any(text.startswith("kW of Q_heat") for text in report.cannot)
+
+
+def test_what_a_log_cannot_tell(frame):
+    without_plant = LogReport(frame.iloc[:, :2])
+    assert any("no column tells when the plant ran" in text for text in without_plant.cannot)
+    unnamed = LogReport(frame.iloc[:, [0]].set_axis(["Sensor 3"], axis=1))
+    assert any("no room temperature" in text for text in unnamed.cannot)
+    assert unnamed.roles == {}
+
+
+def test_no_rows_are_refused():
+    with pytest.raises(ValueError, match="no time stamps"):
+        LogReport(pd.DataFrame({"a": [1.0]}))
+    with pytest.raises(ValueError, match="two are the least"):
+        LogReport(pd.DataFrame({"a": [1.0]}, index=pd.DatetimeIndex(["2024-01-01"])))

@@ -1,0 +1,274 @@
+"""Logs in text files as loggers write them: separators, decimal signs, encodings, headers, units, dates and words."""
+
+import gzip
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.logs import read_log
+
+
+@pytest.fixture
+def write(tmp_path):
+    def to_file(text, encoding="utf-8", name="log.csv"):
+        path = tmp_path / name
+        path.write_bytes(text.encode(encoding))
+        return path
+
+    return to_file
+
+
+GERMAN = (
+    "Datum;Uhrzeit;Raumtemperatur [°C];Heizung;Zähler [Wh]\r\n"
+    "01.02.2024;00:00;20,5;ein;1.234,5\r\n"
+    "01.02.2024;00:15;20,6;aus;12.300\r\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
+def test_german_log_in_any_encoding(write, encoding):
+    log = read_log(write(GERMAN, encoding))
+    assert log.format == "CSV"
+    assert list(log.frame) == ["Raumtemperatur [°C]", "Heizung", "Zähler [Wh]"]
+    assert log.frame.index.tolist() == [pd.Timestamp("2024-02-01 00:00"), pd.Timestamp("2024-02-01 00:15")]
+    assert log.frame.index.name == "time"
+    np.testing.assert_array_equal(log.frame, [[20.5, 1.0, 1234.5], [20.6, 0.0, 12300.0]])
+    assert log.units == {"Raumtemperatur [°C]": "degC"}
+    assert any("Wh" in note for note in log.notes)
+    assert not log.held
+
+
+@pytest.mark.parametrize("sep", [",", ";", "\t", "|"])
+@pytest.mark.parametrize("name", ["log.csv", "log.txt", "log"])
+def test_separators(write, sep, name):
+    text = f"time{sep}Room{sep}Text\n" + "".join(f"2024-01-01 0{k}:00{sep}2{k}.5{sep}a;b\n" for k in range(4))
+    log = read_log(write(text if sep != ";" else text.replace("a;b", "ab"), name=name))
+    assert log.frame["Room"].tolist() == [20.5, 21.5, 22.5, 23.5]
+    assert any("'Text' is left out" in note for note in log.notes)
+
+
+def test_preamble_and_words_of_errors(write):
+    lines = ["Report;;;", "Site: House 3;;;", "Created;2024-02-03 10:00;;", "", "Time;Zone Temp (°F);Mode;Fan"]
+    lines += [
+        "1/30/2024 12:00:00 AM;70.1;heat;On",
+        "1/30/2024 12:05:00 AM;ERR;off;Off",
+        "1/30/2024 01:05:00 PM;---;off;on",
+    ]
+    lines += ["1/31/2024 01:05:00 PM;71.25;off;No Data", "Total;4;;"]
+    log = read_log(write("\n".join(lines)))
+    assert log.frame.index.tolist()[::2] == [pd.Timestamp("2024-01-30 00:00"), pd.Timestamp("2024-01-30 13:05")]
+    np.testing.assert_array_equal(log.frame["Zone Temp (°F)"], [70.1, np.nan, np.nan, 71.25])
+    np.testing.assert_array_equal(log.frame["Fan"], [1.0, 0.0, 1.0, np.nan])
+    assert log.units == {"Zone Temp (°F)": "degF"}
+    said = "\n".join(log.notes)
+    assert "'Zone Temp (°F)': 2 cells such as 'ERR' taken as missing" in said
+    assert "'Mode' is left out, since it holds text such as" in said  # "off" beside "heat" is no switch
+    assert "1 row without a time stamp left out" in said
+
+
+def test_unit_lines_of_a_data_logger(write):
+    lines = ['"TOA5","CR1000","CR1000","CPU:x.CR1"', '"TIMESTAMP","RECORD","AirTC_Avg","SlrW_Avg"']
+    lines += ['"TS","RN","Deg C","W/m^2"', '"","","Avg","Avg"']
+    lines += ['"2024-01-01 00:00:00",0,12.3,"NAN"', '"2024-01-01 00:15:00",1,12.4,5.1']
+    log = read_log(write("\n".join(lines)))
+    assert log.units == {"AirTC_Avg": "degC", "SlrW_Avg": "W/m2"}
+    np.testing.assert_array_equal(log.frame["SlrW_Avg"], [np.nan, 5.1])
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("T_in_degC", "degC"), ("Zone Temp (F)", "degF"), ("ghi_kW_m2", "kW/m2"), ("GHI [W/m²]", "W/m2"), ("kW", "kW"),
+        ("Power, W", "W"), ("Valve %", "percent"), ("Room K", None), ("Draw [kW]", "kW"), ("tower", None),
+        ("low", None), ("Energy (kWh)", None), ("Roof (east)", None), ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"),
+        ("Draw [mW]", None),
+    ],
+)  # fmt: skip
+def test_units_in_names(write, name, unit):
+    log = read_log(write(f"time;{name}\n2024-01-01 00:00;1\n2024-01-01 01:00;2\n"))
+    assert log.units.get(name) == unit
+    assert list(log.frame) == [name]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "at"),
+    [
+        ("05-Jan-2024 13:00", "05-Jan-2024 13:15", "2024-01-05 13:00"),
+        ("Mon 05 Feb 2024 13:00:00", "Mon 05 Feb 2024 14:00:00", "2024-02-05 13:00"),
+        ("Montag, 5. März 2024 13:00", "Montag, 5. März 2024 14:00", "2024-03-05 13:00"),
+        ("March 5, 2024 01:00 PM", "March 5, 2024 02:00 PM", "2024-03-05 13:00"),
+        ("31/12/2023 11:30 p.m.", "01/01/2024 12:30 a.m.", "2023-12-31 23:30"),
+        ("20240105T130000", "20240105T140000", "2024-01-05 13:00"),
+        ("31.01.2024 24:00", "01.02.2024 01:00", "2024-02-01 00:00"),
+        ("1704459600", "1704463200", "2024-01-05 13:00Z"),
+        ("1704459600000", "1704463200000", "2024-01-05 13:00Z"),
+        ("2024-01-05T13:00:00+01:00", "2024-01-05T14:00:00+01:00", "2024-01-05 13:00+01:00"),
+        ("2024-01-05 13:00:00 UTC", "2024-01-05 14:00:00 UTC", "2024-01-05 13:00Z"),
+    ],
+)
+def test_forms_of_dates(write, first, second, at):
+    log = read_log(write(f"when;x\n{first};1\n{second};2\n"))
+    assert log.frame.index[0] == pd.Timestamp(at)
+    assert log.frame["x"].tolist() == [1.0, 2.0]
+
+
+def test_order_of_day_and_month_shows_in_the_log(write):
+    days = [f"0{d}/02/2024 00:00,{d}\n" for d in range(1, 8)]
+    log = read_log(write("time,x\n" + "".join(days)))
+    assert log.frame.index[-1] == pd.Timestamp("2024-02-07")
+    assert any("the day first" in note for note in log.notes)
+    with pytest.raises(ValueError, match="pass dayfirst=True or dayfirst=False"):
+        read_log(write("time,x\n" + days[0]))
+    assert read_log(write("time,x\n" + days[1]), dayfirst=False).frame.index[0] == pd.Timestamp("2024-02-02")
+
+
+def test_autumn_hour_of_a_log_that_runs_backwards(write):
+    truth = pd.date_range("2023-10-28 12:00", "2023-10-29 12:00", freq="15min", tz="Europe/Amsterdam")
+    rows = [f"{t:%Y-%m-%d %H:%M},{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["time,T", *rows[::-1]])), timezone="Europe/Amsterdam")
+    assert (log.frame.index == truth).all()
+    assert log.frame["T"].tolist() == list(range(len(truth)))
+    bare = read_log(write("\n".join(["time,T", *rows])))
+    assert bare.frame.index.is_monotonic_increasing
+    assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
+
+
+def test_pieces_are_put_together(write, monkeypatch):
+    stamps = pd.date_range("2024-01-01", periods=3500, freq="5min")
+    cells = [f"{k % 50}.25" if k != 2900 else "Bad" for k in range(3500)]
+    text = "time,a,b\n" + "".join(f"{t},{c},1\n" for t, c in zip(stamps, cells, strict=True))
+    monkeypatch.setattr("skhybrid.logs.delimited._CELLS", 3000)
+    monkeypatch.setattr("skhybrid.logs.stamps._BLOCK", 700)
+    log = read_log(write(text), columns=["a"])
+    assert list(log.frame) == ["a"]
+    assert (log.frame.index == stamps).all()
+    assert np.flatnonzero(log.frame["a"].isna()).tolist() == [2900]
+    assert log.frame["a"].iloc[-1] == 3499 % 50 + 0.25
+    with pytest.raises(ValueError, match=r"row 3002 of 'log.csv': the time stamp '2024-13-01 1' is not a date"):
+        read_log(write(text.replace(str(stamps[3000]), "2024-13-01 1")))
+
+
+def test_compressed_and_headless(write, tmp_path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(b"2024-01-01 00:00,1,2\n2024-01-01 01:00,3,4\n"))
+    log = read_log(path)
+    assert list(log.frame) == ["column 2", "column 3"]
+    assert any("there is no header" in note for note in log.notes)
+
+
+LONG = """time,point,value
+2024-01-01 00:00:03,AHU1.T,20.1
+2024-01-01 00:00:03,AHU1.Fan,on
+2024-01-01 00:00:03,AHU1.Mode,heat
+2024-01-01 01:10:04,AHU1.T,20.4
+2024-01-01 01:11:30,AHU1.T,20.5
+2024-01-01 02:10:04,AHU1.Fan,off
+2024-01-01 09:10:04,AHU1.Fan,on
+2024-01-01 09:12:04,AHU1.Fan,off
+2024-01-01 09:12:10,AHU1.T,ERR
+2024-01-01 12:12:10,AHU1.T,19.0
+"""
+
+
+@pytest.mark.parametrize("grouped", [False, True])
+def test_long_log_of_changes(write, grouped):
+    lines = LONG.splitlines()
+    body = sorted(lines[1:], key=lambda line: line.split(",")[1]) if grouped else lines[1:]
+    log = read_log(write("\n".join([lines[0], *body])))
+    assert log.format == "change of value"
+    assert set(log.frame) == {"AHU1.T", "AHU1.Fan"} == log.held
+    assert log.frame["AHU1.Fan"].dropna().tolist() == [1.0, 0.0, 1.0, 0.0]
+    assert log.frame["AHU1.T"].dropna().tolist() == [20.1, 20.4, 20.5, 19.0]
+    assert log.frame.index.is_unique
+    assert log.frame.index.is_monotonic_increasing
+    assert any("'AHU1.Mode' is left out" in note for note in log.notes)
+    assert list(read_log(write("\n".join([lines[0], *body])), columns=["AHU1.T"]).frame) == ["AHU1.T"]
+
+
+def test_long_log_with_other_names_and_even_values(write):
+    rows = [f"2024-01-01 {k:02}:00;{p};{k},5" for p in ("a", "b") for k in range(12)]
+    path = write("\n".join(["Zeit;Kennung;Messung", *rows]))
+    log = read_log(path, format="change of value", point_column="Kennung", value_column="Messung")
+    assert log.frame["b"].tolist() == [k + 0.5 for k in range(12)]
+    assert not log.held  # even values are samples, not changes
+    with pytest.raises(ValueError, match="no column that is surely the point among 'Zeit', 'Kennung', 'Messung'"):
+        read_log(path, format="change of value")
+
+
+def test_grouped_long_log_in_autumn(write):
+    truth = pd.date_range("2023-10-28 20:00", "2023-10-29 06:00", freq="20min", tz="Europe/Amsterdam")
+    rows = [f"{t:%Y-%m-%d %H:%M},{p},{k}" for p in ("a", "b") for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["time,point,value", *rows])), timezone="Europe/Amsterdam")
+    assert (log.frame.index == truth).all()
+    assert log.frame["b"].tolist() == list(range(len(truth)))
+
+
+def test_wide_log_of_changes(write):
+    rows = [
+        "00:00:00,20,1",
+        "00:03:10,20.5,",
+        "00:04:00,,0",
+        "03:10:00,21,",
+        "03:10:00,,1",
+        "05:00:07,21.5,",
+        "05:00:59,,0",
+    ]
+    text = "time,T,fan\n" + "".join(f"2024-01-01 {row}\n" for row in rows)
+    log = read_log(write(text))
+    assert log.held == {"T", "fan"}
+    assert log.frame.loc["2024-01-01 03:10:00"].tolist() == [21.0, 1.0]  # two rows of one stamp
+    assert read_log(write(text), held=["fan"]).held == {"fan"}
+    assert read_log(write(text), held=False).held == frozenset()
+    with pytest.raises(ValueError, match="held= names 'fen', which is no channel"):
+        read_log(write(text), held=["fen"])
+
+
+HEAD = "time,T,x\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        ("", {}, "'log.csv' is empty"),
+        ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is none of Home Assistant, ecobee"),
+        (HEAD, {}, "no cell that is a time stamp in its first 1 lines"),
+        ("a b\nc d\n", {}, "no rows of two or more cells; pass its separator, such as sep=';'"),
+        ("T,x\n1,2\n3,4\n", {}, "no cell that is a time stamp"),
+        (
+            HEAD + "2024-01-01,1,2\n",
+            {"columns": ["y"]},
+            "columns= names 'y', which is not in 'log.csv'; its channels are",
+        ),
+        (HEAD + "2024-01-01,1,2\n", {"columns": "T"}, "columns='T' is one text; give a list"),
+        (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column= names 'zeit', which is not in 'log.csv'"),
+        (HEAD + "2024-01-01,1,2\n", {"sheet": 1}, "format CSV takes no option 'sheet'; it takes sep, decimal, columns"),
+        (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is none of 'Home Assistant'"),
+        (HEAD + "2024-01-01,1,2\n", {"timezone": "Mars/Base"}, "timezone='Mars/Base' is unknown"),
+        (
+            HEAD + 3 * "2024-01-01,1,2\n" + "2024-01-01,1,2,9\n",
+            {},
+            "cannot be read as CSV .*Expected 3 fields in line 5, saw 4",
+        ),
+        (
+            HEAD + 3 * "2024-01-01 00:00,20,5,21,5\n",
+            {},
+            "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
+        ),
+        (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
+        (
+            HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
+            {},
+            "row 3 of 'log.csv': the time stamp .* is not a date",
+        ),
+    ],
+)
+def test_one_sentence_for_a_bad_file(write, text, options, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        read_log(write(text), **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        read_log(tmp_path / "none.csv")
