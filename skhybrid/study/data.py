@@ -72,7 +72,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
     frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw)), settings)
-    if settings.timezone is not None and frame.index.tz is not None:
+    if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
     if settings.label == "right":
         frame = to_left_label(frame.sort_index(kind="stable"))
@@ -184,7 +184,7 @@ def standstill(temperature: pd.Series) -> str | None:
     found = standstills("T_za", temperature)
     if found.empty:
         return None
-    longest = found.loc[(found["last"] - found["first"]).idxmax()]
+    longest = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
     return (
         f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows "
         "are taken as missing."

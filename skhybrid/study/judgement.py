@@ -19,8 +19,8 @@ def judge_temperature(
     own: pd.DataFrame, yesterday: pd.DataFrame, data: StudyData, coverage: float | None = None
 ) -> Verdict:
     """The verdict on a back-test beside that of the day before, at the same origins."""
-    errors = [(frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday)]
-    compared = compare_errors(*errors, own["origin"].reset_index(drop=True), "yesterday's temperature")
+    error, rule = ((frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday))
+    compared = compare_errors(error, rule, own["origin"].reset_index(drop=True), "yesterday's temperature")
     n_origins = own.loc[own["y_true"].notna(), "origin"].nunique()
     return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, outside=share_outside(data))
 

@@ -66,7 +66,7 @@ def day_ahead(
     history = zone.history(frame)
     origin = history.index[-1]
     later = frame[frame.index > origin].drop(columns="T_za")
-    given = later if weather is None else read_ahead(weather, settings, frame.index.tz, origin.year)
+    given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
     inputs = [str(role) for role in history if role not in ("T_za", *SETPOINT_ROLES)]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)

@@ -98,7 +98,8 @@ class ZoneModel:
             If they do not follow the known rows without a gap.
         """
         rows = complete_rows(with_facades(self.settings, frame))
-        until = self.known_until if rows.index.tz is not None else self.known_until.tz_localize(None)
+        zoned = pd.DatetimeIndex(rows.index).tz is not None
+        until = self.known_until if zoned else self.known_until.tz_localize(None)
         new = rows[rows.index > until]
         if len(new) and relearn:
             self.predictor.partial_fit(new, new["T_za"])
@@ -113,7 +114,8 @@ class ZoneModel:
             raise ValueError(
                 "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
             )
-        breaks = np.flatnonzero(np.diff(rows.index.as_unit("ns").asi8) != pd.Timedelta(self.settings.step).value)
+        steps = np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8)
+        breaks = np.flatnonzero(steps != pd.Timedelta(self.settings.step).value)
         rows = rows.iloc[breaks[-1] + 1 :] if len(breaks) else rows
         return rows[rows.index > rows.index[-1] - _HISTORY]
 
