@@ -150,9 +150,19 @@ class FramesForecastMixin(HybridQuantilesMixin):
             raise ValueError(
                 "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
             )
-        free = Limits(*(np.full(table.n_rows - origin, limit) for limit in (-np.inf, np.inf)))
+        free = self._plant_limits(table.n_rows - origin)
         band = Band(*(side[origin:] for side in band_of(table)))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free).iloc[1:])
+
+    def _plant_limits(self, n_rows: int) -> Limits:
+        """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
+        inputs = self._scheme.rows.training.inputs
+        roles = [role for role in inputs if is_plant(role)]
+        heat = np.sum([inputs[role] for role in roles], axis=0) if roles else np.zeros(1)
+        measured = all(role.startswith("Q_") for role in roles)
+        cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
+        lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
+        return Limits(np.full(n_rows, lowest), np.full(n_rows, highest))
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
@@ -267,7 +277,8 @@ class FramesForecastMixin(HybridQuantilesMixin):
         table, moved = self._with_earlier(table)
         n_tail += moved
         here = table.rows(slice(n_tail, None))
-        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
+        wanted = read_setpoint(setpoint, here)
+        within = self._plant_limits(here.n_rows) if limits is None else read_limits(limits, here)
         scheme = self._present_scheme()
         load = scheme.required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
         if self._law is not None and limits is None and not np.array_equal(*wanted):

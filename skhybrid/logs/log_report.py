@@ -13,7 +13,7 @@ from .._ranges import range_of
 from .._time import spell
 from .abilities import abilities, excitation
 from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
-from .even_steps import typical_step
+from .even_steps import usual_step
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
 from .naming import ENERGY, Guess, assign_roles, unit_in_name
@@ -83,7 +83,7 @@ class LogReport:
         _refuse_short(raw.frame)
         self.raw = raw
         logged = pd.DatetimeIndex(raw.frame.index)
-        self.step = typical_step(logged.sort_values().unique())
+        self.step = usual_step(raw.frame)
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
