@@ -134,7 +134,7 @@ def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):
     short = pd.read_csv(folder / "weather.csv").iloc[:10]
     short.to_csv(tmp_path / "short.csv", index=False)
     assert main([*forecast, str(tmp_path / "short.csv"), "--setpoint", "20,25"]) == 1
-    assert "give weather for all rows ahead" in capsys.readouterr().err
+    assert "give weather for all of it" in capsys.readouterr().err
     assert main([*forecast, str(folder / "weather.csv")]) == 1
     assert "give --setpoint" in capsys.readouterr().err
 
