@@ -2,13 +2,16 @@
 
 Every building is run twice with the same weather and people: ``irregular`` keeps the model's set-points (a home gets a
 programmable thermostat), ``shifted`` draws new ones every day (a control that the log of ``irregular`` never saw).
+Some are run as ``replayed`` too: two days of three they get the heat that the thermostat gave other people under the
+same weather and set-points, so that this heat tells nothing of their own; on the third day their thermostat acts, which
+keeps the temperature where people would have it.
 Everything is drawn from a seed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +20,7 @@ from _energyplus import GAINS, N_STEPS, load_model, prepare, read_schedules, sch
 DAY = 96
 N_DAYS = N_STEPS // DAY
 CONTROLS = ("irregular", "shifted")
+REPLAYED = ("irregular", "replayed")
 #: season -> first and last day of training and of test; six weeks, a week between, eight weeks.
 SEASONS = {
     "autumn": ("2018-09-03", "2018-10-14", "2018-10-22", "2018-12-15"),
@@ -77,6 +81,15 @@ BUILDINGS = (
     ),
     Building("retail_2019_tampa", "ashrae/retail_standalone", "usa_fl_tampa", ("Core_Retail",), "shop", 206, True),
 )  # fmt: skip
+#: the office of the shared tables, with people of its own
+SMALL_OFFICE = replace(
+    BUILDINGS[4], name="small_office_chicago", model="small_office", climate="usa_il_chicago", seed=106
+)
+#: those of them whose air loops serve no other room
+REPLAYABLE = tuple(
+    replace(b, seasons=("autumn", "winter"))
+    for b in (SMALL_OFFICE, *(b for b in BUILDINGS if not b.held_out and b.use != "school"))
+)
 
 
 def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -86,7 +99,8 @@ def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Ite
     document = prepare(load_model(building.model), weather_files[building.climate])
     names = schedules_of(document, building.zones)
     reference = read_schedules(document, building.climate, tuple(sorted(set().union(*names.values()))))
-    gains = occupy(building, {kind: names[kind] for kind in GAINS}, reference)
+    kinds = {kind: names[kind] for kind in GAINS}
+    gains = occupy(building, kinds, reference)
     volumes = dict.fromkeys(building.zones, 1.0) if len(building.zones) == 1 else _volumes(document, building.zones)
     for control in controls:
         setpoints: dict[str, np.ndarray] = {}
@@ -94,8 +108,18 @@ def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Ite
             setpoints = plan_setpoints(building, names["heat"], names["cool"], reference)
         elif building.use == "home":
             setpoints = programme_home(names["heat"], names["cool"], reference)
-        run = simulate(document, building.climate, building.zones, gains | setpoints)
-        yield control, _table(run, building, volumes)
+        heat = None
+        if control == "replayed":
+            others = occupy(replace(building, seed=building.seed + 1000), kinds, reference)
+            run = simulate(document, building.climate, building.zones, others | setpoints)
+            heat = {zone: _two_of_three(run[f"heating:{zone}"] - run[f"cooling:{zone}"]) for zone in building.zones}
+        run = simulate(document, building.climate, building.zones, gains | setpoints, replay=heat)
+        yield control, _table(run, building, volumes, heat)
+
+
+def _two_of_three(values: pd.Series) -> np.ndarray:
+    """Values with NaN on the first day of every three."""
+    return np.where(np.arange(N_STEPS) // DAY % 3 > 0, values.to_numpy(), np.nan)
 
 
 def _volumes(document: dict, zones: tuple[str, ...]) -> dict[str, float]:
@@ -113,8 +137,10 @@ def _volumes(document: dict, zones: tuple[str, ...]) -> dict[str, float]:
     return area
 
 
-def _table(run: pd.DataFrame, building: Building, volumes: dict[str, float]) -> pd.DataFrame:
-    """Columns and units of the shared tables."""
+def _table(
+    run: pd.DataFrame, building: Building, volumes: dict[str, float], heat: dict[str, np.ndarray] | None
+) -> pd.DataFrame:
+    """Columns and units of the shared tables; with replayed heat [W], and whether it was."""
     zones, weights = building.zones, np.array(list(volumes.values()))
     weights = weights / weights.sum()
 
@@ -123,8 +149,14 @@ def _table(run: pd.DataFrame, building: Building, volumes: dict[str, float]) -> 
 
     sun = np.sin(np.radians(run["altitude"].to_numpy())).clip(0.0)
     gains = sum(each(f"gain_{part}") for part in ("convective", "radiant", "visible"))
+    delivered = each("heating") - each("cooling")
+    if heat is not None:  # EnergyPlus counts it among the gains
+        forced, replayed = np.isfinite(next(iter(heat.values()))), np.nan_to_num(np.column_stack(list(heat.values())))
+        if np.abs(delivered[forced]).max() > 0.01 * np.abs(replayed).max():
+            raise RuntimeError(f"the plant of {building.name} ran while other people's heat was replayed.")
+        gains, delivered = gains - replayed, delivered + replayed
     offset = f"{site(building.climate)['time_zone']:+03.0f}:00"
-    return pd.DataFrame(
+    table = pd.DataFrame(
         {
             "T_in_degC": (each("T") @ weights).round(5),
             "T_out_degC": run["T_out"].round(4).to_numpy(),
@@ -133,12 +165,15 @@ def _table(run: pd.DataFrame, building: Building, volumes: dict[str, float]) -> 
             "dhi_kW_m2": (run["dhi"] / 1000.0).round(5).to_numpy(),
             "set_heat_degC": each("set_heat")[:, 0].round(3),
             "set_cool_degC": each("set_cool")[:, 0].round(3),
-            "q_hvac_kW": ((each("heating") - each("cooling")).sum(axis=1) / 1000.0).round(5),
+            "q_hvac_kW": (delivered.sum(axis=1) / 1000.0).round(5),
             "truth_gains_kW": (gains.sum(axis=1) / 1000.0).round(5),
             "truth_people": each("people").sum(axis=1).round(3),
         },
         index=run.index.tz_localize(offset),
     )
+    if heat is not None:
+        table["replayed"] = forced.astype(int)
+    return table
 
 
 # ---- people ----------------------------------------------------------------------------------------------------------

@@ -35,6 +35,10 @@ _HELD = {
 #: a zone in which nobody works has no such variable: nobody is there.
 _MAY_BE_ABSENT = ("Zone People Occupant Count",)
 _AVERAGED = {"heating": "Zone Air System Sensible Heating Rate", "cooling": "Zone Air System Sensible Cooling Rate"}
+#: an equipment without radiation that an actuator gives its power, and what switches an air loop off.
+_SPACE = "zone_or_zonelist_or_space_or_spacelist_name"
+_SOURCE = {"fuel_type": "None", "schedule_name": "replay", "design_level": 0.0}
+_FORCE_OFF = 1.0
 _SITE = {
     "T_out": "Site Outdoor Air Drybulb Temperature",
     "dni": "Site Direct Solar Radiation Rate per Area",
@@ -162,24 +166,61 @@ def schedules_of(document: dict, zones: tuple[str, ...]) -> dict[str, set[str]]:
     return found
 
 
+def air_loops_of(document: dict, zones: tuple[str, ...]) -> set[str]:
+    """Names of the air loops that serve zones and no other zone.
+
+    Raises
+    ------
+    ValueError
+        If a loop serves other zones too.
+    """
+    connections = {c["zone_name"]: c for c in document["ZoneHVAC:EquipmentConnections"].values()}
+    terminals = {n: t for kind, all_ in document.items() if kind.startswith("AirTerminal:") for n, t in all_.items()}
+    inlets = {}
+    for zone, connection in connections.items():
+        units = document["ZoneHVAC:EquipmentList"][connection["zone_conditioning_equipment_list_name"]]["equipment"]
+        for unit in (document["ZoneHVAC:AirDistributionUnit"].get(u["zone_equipment_name"]) for u in units):
+            if unit is not None:
+                inlets[terminals[unit["air_terminal_name"]]["air_inlet_node_name"]] = zone
+    loops = {loop["demand_side_inlet_node_names"]: name for name, loop in document["AirLoopHVAC"].items()}
+    found = set()
+    for splitter in document["AirLoopHVAC:ZoneSplitter"].values():
+        served = {inlets[node["outlet_node_name"]] for node in splitter["nodes"]}
+        if served & set(zones):
+            if not served <= set(zones):
+                raise ValueError(f"the air loop of {zones} serves {sorted(served - set(zones))} too.")
+            found.add(loops[splitter["inlet_node_name"]])
+    return found
+
+
 def simulate(
     document: dict,
     weather: str,
     zones: tuple[str, ...] = (),
     overrides: dict[str, np.ndarray] | None = None,
     schedules: tuple[str, ...] = (),
+    replay: dict[str, np.ndarray] | None = None,
 ) -> pd.DataFrame:
     """Run the year, with ``overrides`` (schedule name -> (N_STEPS,) values) in the place of schedules.
 
     Sizing sees the schedules of the model, so that two runs which differ in overrides have the same plant.
+    ``replay`` (zone -> (N_STEPS,) [W]) is heat into the air of zones, whose air loops are off then; where it is NaN,
+    the thermostat acts.
     Returns one row a step, stamped with its end: site variables, ``<variable>:<zone>`` and ``schedule:<name>``.
     """
     from pyenergyplus.dataset import weather_files
 
+    if replay is not None:
+        always = {"replay": {"hourly_value": 1.0}}
+        sources = {f"replay {zone}": _SOURCE | {_SPACE: zone} for zone in replay}
+        document = document | {
+            "Schedule:Constant": document.get("Schedule:Constant", {}) | always,
+            "OtherEquipment": document.get("OtherEquipment", {}) | sources,
+        }
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.epJSON"
         path.write_text(json.dumps(document), encoding="utf-8")
-        recorder = _Recorder(document, zones, overrides or {}, schedules)
+        recorder = _Recorder(document, zones, overrides or {}, schedules, replay)
         _engine(folder, path, weather_files[weather], [], recorder)
     return recorder.frame()
 
@@ -205,11 +246,12 @@ def _engine(folder, model, weather, options, recorder=None) -> None:
 class _Recorder:
     """Sets schedules at the start of each step of the year and reads variables at the end of each system step."""
 
-    def __init__(self, document, zones, overrides, schedules):
+    def __init__(self, document, zones, overrides, schedules, replay=None):
         self.kinds = {
             name.upper(): kind for kind in document if kind.startswith("Schedule:") for name in document[kind]
         }
-        self.overrides = overrides
+        self.overrides, self.replay = overrides, replay or {}
+        self.loops = air_loops_of(document, tuple(replay)) if replay else set()
         self.held = {key: (name, "Environment") for key, name in _SITE.items()}
         self.held |= {f"{key}:{zone}": (name, zone) for zone in zones for key, name in _HELD.items()}
         self.held |= {f"schedule:{name}": ("Schedule Value", name) for name in schedules}
@@ -219,6 +261,7 @@ class _Recorder:
         self.means = np.zeros((N_STEPS, len(self.averaged)))
         self.hours = np.zeros(N_STEPS)
         self.handles: tuple[list[int], list[int], list[tuple[int, np.ndarray]]] | None = None
+        self.switches: list[int] = []
         self.error: Exception | None = None
 
     def attach(self, api, state) -> None:
@@ -226,6 +269,9 @@ class _Recorder:
         for name, key in [*self.held.values(), *self.averaged.values()]:
             self.exchange.request_variable(state, name, key)
         api.runtime.callback_begin_zone_timestep_before_init_heat_balance(state, self._guard(self._set))
+        if self.replay:  # set at the start of a step alone, the status had no effect
+            for point in ("after_predictor_after_hvac_managers", "inside_system_iteration_loop"):
+                getattr(api.runtime, f"callback_{point}")(state, self._guard(self._switch))
         api.runtime.callback_end_system_timestep_after_hvac_reporting(state, self._guard(self._read))
 
     def _guard(self, work):
@@ -251,12 +297,21 @@ class _Recorder:
                 raise RuntimeError(f"EnergyPlus has no variable {name!r} for {key!r}")
             return handle
 
-        setters = []
-        for name, values in self.overrides.items():
-            handle = self.exchange.get_actuator_handle(state, self.kinds[name.upper()], "Schedule Value", name)
+        def actuator(kind, control, key):
+            handle = self.exchange.get_actuator_handle(state, kind, control, key)
             if handle < 0:
-                raise RuntimeError(f"EnergyPlus has no schedule {name!r}")
-            setters.append((handle, values))
+                raise RuntimeError(f"EnergyPlus has no {control!r} of {kind} {key!r}")
+            return handle
+
+        setters = [
+            (actuator(self.kinds[name.upper()], "Schedule Value", name), values)
+            for name, values in self.overrides.items()
+        ]
+        setters += [
+            (actuator("OtherEquipment", "Power Level", f"replay {zone}"), np.nan_to_num(heat))
+            for zone, heat in self.replay.items()
+        ]
+        self.switches = [actuator("AirLoopHVAC", "Availability Status", loop) for loop in sorted(self.loops)]
         self.handles = (
             [variable(*v) for v in self.held.values()],
             [variable(*v) for v in self.averaged.values()],
@@ -273,6 +328,17 @@ class _Recorder:
         row = self._row(state)
         for handle, values in self.handles[2]:
             self.exchange.set_actuator_value(state, handle, float(values[row]))
+
+    def _switch(self, state) -> None:
+        """Air loops off where heat is replayed."""
+        if self.handles is None:
+            return
+        forced = np.isfinite(next(iter(self.replay.values()))[self._row(state)])
+        for handle in self.switches:
+            if forced:
+                self.exchange.set_actuator_value(state, handle, _FORCE_OFF)
+            else:
+                self.exchange.reset_actuator(state, handle)
 
     def _read(self, state) -> None:
         if self.handles is None or self.exchange.warmup_flag(state):

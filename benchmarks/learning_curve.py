@@ -1,11 +1,11 @@
-"""Day-ahead error by length of training: 3, 7, 14 and 28 days before the same test weeks.
+"""Day-ahead error by length of training: 1, 3, 7, 14 and 28 days before the same test weeks.
 
 ``python benchmarks/learning_curve.py`` runs what is missing (kept in ``benchmarks/.forecast/learning``, as for
 ``forecast.py``) and writes ``results/learning_curve.md``, ``learning_curve.csv`` and ``learning_curve.png``.  Every log
 has several dates.  Training of any length ends at the date, and the next two weeks are the test, so all lengths are
 compared at the same origins.
 
-    python benchmarks/learning_curve.py --quick             one date of two logs, 3 and 7 days
+    python benchmarks/learning_curve.py --quick             one date of two logs, 1 and 3 days
     python benchmarks/learning_curve.py --models "hybrid*" --tag blend
     python benchmarks/learning_curve.py --tables-only
 """
@@ -30,7 +30,7 @@ from forecast import chosen, run_one
 
 from skhybrid.datasets import make_office
 
-DAYS, TEST_DAYS = (3, 7, 14, 28), 14
+DAYS, TEST_DAYS = (1, 3, 7, 14, 28), 14
 SIMPLE = ("yesterday", "last temperature", "CONV")
 CURVES = (*SIMPLE, ARX, REFITTED, HYBRID)
 OFFICE_DATES = ("2018-02-05", "2018-04-16", "2018-06-18", "2018-09-17", "2018-11-05")
@@ -161,7 +161,7 @@ def read_options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--models", nargs="+", help="names of models, their beginnings or patterns")
     parser.add_argument("--data", nargs="+", help="names of logs, their beginnings or patterns")
     parser.add_argument("--tag", help="version of the code; runs with another tag are repeated")
-    parser.add_argument("--quick", action="store_true", help="one date of two logs, 3 and 7 days")
+    parser.add_argument("--quick", action="store_true", help="one date of two logs, 1 and 3 days")
     parser.add_argument("--tables-only", action="store_true", help="write the tables of what is kept")
     parser.add_argument("--store", type=Path, default=STORE / "learning", help="where runs are kept")
     parser.add_argument("--results", type=Path, help="where tables and figure are written")

@@ -1,10 +1,11 @@
-"""Make the EnergyPlus years that the day-ahead forecast is tuned (``dev``) and, once, tested on (``held``).
+"""Make the EnergyPlus years that the day-ahead forecast is tuned (``dev``) and, once, tested on (``held``, ``replay``).
 
     pip install pyenergyplus-lbnl
-    python benchmarks/make_buildings.py [--out FOLDER] [--only NAME ...] [--group dev|held]
+    python benchmarks/make_buildings.py [--out FOLDER] [--only NAME ...] [--group dev|held|replay]
 
-Writes ``FOLDER/dev/<name>_{irregular,shifted}.csv``, the same under ``held``, and a ``meta.csv`` in each with place and
-spans of training and test.  Files that are there are not made again; a file is whole or not there.
+Writes ``FOLDER/dev/<name>_{irregular,shifted}.csv``, the same under ``held``, ``<name>_{irregular,replayed}.csv`` under
+``replay`` (heat of other people's thermostat), and a ``meta.csv`` in each with place and spans of training and test.
+Files that are there are not made again; a file is whole or not there.
 """
 
 from __future__ import annotations
@@ -15,8 +16,15 @@ import time
 from pathlib import Path
 
 import pandas as pd
-from _buildings import BUILDINGS, CONTROLS, SEASONS, Building, make_tables
+from _buildings import BUILDINGS, CONTROLS, REPLAYABLE, REPLAYED, SEASONS, Building, make_tables
 from _energyplus import site
+
+#: folder -> buildings and their runs
+GROUPS = {
+    "dev": ([b for b in BUILDINGS if not b.held_out], CONTROLS),
+    "held": ([b for b in BUILDINGS if b.held_out], CONTROLS),
+    "replay": (list(REPLAYABLE), REPLAYED),
+}
 
 
 def _write(table: pd.DataFrame, path: Path, index: bool = True) -> None:
@@ -27,8 +35,8 @@ def _write(table: pd.DataFrame, path: Path, index: bool = True) -> None:
     part.replace(path)
 
 
-def _make(building: Building, folder: Path) -> None:
-    missing = tuple(control for control in CONTROLS if not _path(folder, building, control).is_file())
+def _make(building: Building, folder: Path, controls: tuple[str, ...] = CONTROLS) -> None:
+    missing = tuple(control for control in controls if not _path(folder, building, control).is_file())
     if not missing:
         return
     begin = time.perf_counter()
@@ -61,19 +69,21 @@ def main() -> None:
     """Make the missing years."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / ".buildings")
-    parser.add_argument("--group", choices=("dev", "held"))
-    parser.add_argument("--only", nargs="+", choices=[b.name for b in BUILDINGS])
+    parser.add_argument("--group", choices=list(GROUPS))
+    parser.add_argument(
+        "--only", nargs="+", choices=sorted({b.name for members, _ in GROUPS.values() for b in members})
+    )
     args = parser.parse_args()
     if importlib.util.find_spec("pyenergyplus") is None:
         parser.exit(1, "make_buildings.py needs EnergyPlus: pip install pyenergyplus-lbnl\n")
-    for group in ("dev", "held") if args.group is None else (args.group,):
-        members = [b for b in BUILDINGS if b.held_out == (group == "held")]
+    for group in GROUPS if args.group is None else (args.group,):
+        members, controls = GROUPS[group]
         folder = args.out / group
         folder.mkdir(parents=True, exist_ok=True)
         for building in members:
             if args.only is None or building.name in args.only:
-                _make(building, folder)
-        made = [b for b in members if all(_path(folder, b, c).is_file() for c in CONTROLS)]
+                _make(building, folder, controls)
+        made = [b for b in members if all(_path(folder, b, c).is_file() for c in controls)]
         if made:
             _write(_meta(made), folder / "meta.csv", index=False)
 

@@ -22,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from _forecast_data import SEASONS, SHARED, STEP
+from _forecast_data import SEASONS
+from _reference_data import SHARED
 from _report import RESULTS
 from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -30,7 +31,7 @@ from skhybrid import HybridPredictor
 from skhybrid.datasets import make_office, read_zone_csv
 
 STORE = Path(__file__).parent / ".set_points_known"
-DAY = 96
+DAY, STEP = 96, pd.Timedelta("15min")
 BOOSTED = {"max_iter": 200, "learning_rate": 0.06, "l2_regularization": 1.0, "random_state": 0}
 LEVELS = (0.1, 0.9)
 _COLUMNS = {

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import _forecast_tables
 import forecast
 import learning_curve
+import set_points_known
 from _forecast_baselines import Held, LeftAlone, Oracle, Yesterday
 from _forecast_data import DataSet, Truth, data_sets, split
 from _forecast_models import MODELS, Model, bounds_for
@@ -372,3 +373,7 @@ def test_every_model_of_the_bench_can_be_made_and_cloned_apart(data):
     for name, spec in MODELS.items():
         if spec.applies(data):
             assert spec.make(data, 0) is not spec.make(data, 0), name
+
+
+def test_the_task_without_heat_finds_its_logs():
+    assert {"make_office oakland", "make_office chicago"} <= set(set_points_known.logs([]))

@@ -3,6 +3,7 @@
 import importlib
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -195,11 +196,17 @@ class _Exchange:
         )
 
     def get_actuator_handle(self, state, kind, what, name):
-        assert (kind, what) == ("Schedule:Compact", "Schedule Value")
-        return 7
+        return {
+            ("Schedule:Compact", "Schedule Value", "OCC"): 7,
+            ("OtherEquipment", "Power Level", "replay Z"): 8,
+            ("AirLoopHVAC", "Availability Status", "AHU Z"): 9,
+        }[kind, what, name]
 
     def set_actuator_value(self, state, handle, value):
         self.set[handle] = value
+
+    def reset_actuator(self, state, handle):
+        self.set[handle] = None
 
     def get_variable_value(self, state, handle):
         return {1: 20.0 + self.minutes, 2: 100.0 * self.minutes, 3: 1.0}[handle]
@@ -224,3 +231,97 @@ def test_the_recorder_averages_power_and_keeps_the_last_temperature(makers):
     assert mean == pytest.approx((5 * 500 + 10 * 1000) / 15)
     with pytest.raises(RuntimeError, match="left out steps"):
         recorder.frame()
+
+
+def _served(*zones_by_loop):
+    """A document of air loops, each with the rooms that it serves."""
+    rooms = [zone for zones in zones_by_loop for zone in zones]
+    return {
+        "ZoneHVAC:EquipmentConnections": {
+            zone: {"zone_name": zone, "zone_conditioning_equipment_list_name": f"list {zone}"} for zone in rooms
+        },
+        "ZoneHVAC:EquipmentList": {
+            f"list {zone}": {
+                "equipment": [{"zone_equipment_name": f"fan {zone}"}, {"zone_equipment_name": f"adu {zone}"}]
+            }
+            for zone in rooms
+        },
+        "ZoneHVAC:AirDistributionUnit": {f"adu {zone}": {"air_terminal_name": f"box {zone}"} for zone in rooms},
+        "AirTerminal:SingleDuct:VAV:Reheat": {f"box {zone}": {"air_inlet_node_name": f"in {zone}"} for zone in rooms},
+        "AirLoopHVAC": {
+            f"AHU {zones[0]}": {"demand_side_inlet_node_names": f"duct {zones[0]}"} for zones in zones_by_loop
+        },
+        "AirLoopHVAC:ZoneSplitter": {
+            f"splitter {zones[0]}": {
+                "inlet_node_name": f"duct {zones[0]}",
+                "nodes": [{"outlet_node_name": f"in {zone}"} for zone in zones],
+            }
+            for zones in zones_by_loop
+        },
+    }
+
+
+def test_the_air_loops_of_rooms_serve_no_others(makers):
+    energyplus, document = makers[1], _served(("A", "B"), ("C",), ("D",))
+    assert energyplus.air_loops_of(document, ("C",)) == {"AHU C"}
+    assert energyplus.air_loops_of(document, ("A", "D", "B")) == {"AHU A", "AHU D"}
+    with pytest.raises(ValueError, match=r"'A'.*serves.*'B'"):
+        energyplus.air_loops_of(document, ("A",))
+
+
+def test_replayed_heat_stands_in_for_the_air_loop_where_there_is_some(makers):
+    energyplus = makers[1]
+    row, heat = 96 + 4 + 2, np.full(energyplus.N_STEPS, np.nan)
+    recorder = energyplus._Recorder(_served(("Z",)), ("Z",), {}, (), {"Z": heat})
+    recorder.exchange = exchange = _Exchange()
+    recorder._guard(recorder._set)(None)
+    recorder._guard(recorder._switch)(None)
+    assert recorder.error is None
+    assert exchange.set == {8: 0.0, 9: None}
+    heat = heat.copy()
+    heat[row] = -1500.0
+    recorder = energyplus._Recorder(_served(("Z",)), ("Z",), {}, (), {"Z": heat})
+    recorder.exchange = exchange = _Exchange()
+    recorder._guard(recorder._set)(None)
+    recorder._guard(recorder._switch)(None)
+    assert exchange.set == {8: -1500.0, 9: energyplus._FORCE_OFF}
+
+
+def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers, monkeypatch):
+    """The heat of days two and three is that of a run under another draw of people."""
+    buildings, runs = makers[0], []
+    building = buildings.Building("b", "m", "c", ("Z",), "office", 1)
+
+    def simulate(document, weather, zones=(), overrides=None, replay=None):
+        runs.append((overrides["occ"], replay))
+        keys = ("T", "heating", "cooling", "set_heat", "set_cool", "gain_convective", "gain_radiant", "gain_visible")
+        index = pd.date_range("2018-01-01 00:15", periods=DAYS * 96, freq="15min")
+        columns = {f"{key}:Z": 0.0 for key in (*keys, "people")} | dict.fromkeys(
+            ("T_out", "dni", "dhi", "altitude"), 0.0
+        )
+        run = pd.DataFrame(columns, index)
+        if replay is None:
+            return run.assign(**{"heating:Z": 3000.0 + 1000.0 * overrides["occ"].mean()})
+        return run.assign(**{"gain_convective:Z": 500.0 + np.nan_to_num(replay["Z"])})
+
+    reference = {"occ": _workday(0, 0.95), "light": _workday(0.05, 0.9), "plug": _workday(0.4, 0.9)}
+    monkeypatch.setattr(buildings, "load_model", lambda model: {})
+    monkeypatch.setattr(buildings, "prepare", lambda document, weather: {})
+    monkeypatch.setattr(buildings, "schedules_of", lambda *_: GAINS | {"heat": set(), "cool": set()})
+    monkeypatch.setattr(buildings, "read_schedules", lambda *_: reference)
+    monkeypatch.setattr(buildings, "simulate", simulate)
+    monkeypatch.setattr(buildings, "site", lambda climate: {"time_zone": -6.0})
+    monkeypatch.setitem(sys.modules, "pyenergyplus.dataset", SimpleNamespace(weather_files={"c": "c"}))
+    monkeypatch.setitem(sys.modules, "pyenergyplus", SimpleNamespace())
+    ((control, table),) = buildings.make_tables(building, ("replayed",))
+    assert control == "replayed"
+    (others, none), (own, replay) = runs
+    assert none is None
+    assert np.abs(others - own).max() > 0.1
+    np.testing.assert_array_equal(own, buildings.occupy(building, GAINS, reference)["occ"])
+    day = np.arange(DAYS * 96) // 96
+    np.testing.assert_array_equal(np.isnan(replay["Z"]), day % 3 == 0)
+    np.testing.assert_array_equal(table["replayed"], day % 3 > 0)
+    np.testing.assert_allclose(table["truth_gains_kW"], 0.5)
+    expected = np.where(day % 3 > 0, 3.0 + others.mean(), 0.0)
+    np.testing.assert_allclose(table["q_hvac_kW"], expected, atol=1e-5)

@@ -134,7 +134,7 @@ def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):
     short = pd.read_csv(folder / "weather.csv").iloc[:10]
     short.to_csv(tmp_path / "short.csv", index=False)
     assert main([*forecast, str(tmp_path / "short.csv"), "--setpoint", "20,25"]) == 1
-    assert "give weather for all rows ahead" in capsys.readouterr().err
+    assert "give weather for all of it" in capsys.readouterr().err
     assert main([*forecast, str(folder / "weather.csv")]) == 1
     assert "give --setpoint" in capsys.readouterr().err
 
@@ -170,3 +170,44 @@ def test_strict_counts_warnings(folder, capsys):
     arguments = ["check", str(folder / "log.csv")]
     assert main(arguments) == 0
     assert main([*arguments, "--strict"]) == 1  # the log has no time zone
+
+
+def test_a_log_that_changes_its_unit_is_refused(folder, tmp_path):
+    log = pd.read_csv(folder / "log.csv", sep=";", decimal=",")
+    log.iloc[1000:, 1] = log.iloc[1000:, 1] * 1.8 + 32
+    log.to_csv(tmp_path / "mixed.csv", index=False)
+    with pytest.raises(ValueError, match="T_za changes its unit at 2018-09-27 10:00:00"):
+        read_log(tmp_path / "mixed.csv", read_settings(folder / "zone.toml"))
+
+
+def test_a_plant_that_never_cooled_does_not_cool():
+    office = make_office(n_days=15, random_state=1)
+    heated = office.X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=6.0 * office.X["u_heat"])
+    rows = 96 * 14
+    model = HybridPredictor(intervals=False).fit(heated[:rows], office.y[:rows])
+    load = model.predict_load(heated[rows:], (15.0, 16.0))  # the room is warmer than both
+    assert load["Q_hvac"].min() == 0.0
+    assert load["Q_hvac_unclipped"].min() < 0.0
+    ahead = heated[rows:].drop(columns=["Q_hvac", "T_za"])
+    assert model.forecast(None, ahead, setpoint=(15.0, 16.0))["Q_hvac"].min() == 0.0
+    assert model.predict_load(heated[rows:], (15.0, 16.0), (-5.0, 5.0))["Q_hvac"].min() < 0.0
+
+
+def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
+    log = pd.read_csv(folder / "log.csv", sep=";", decimal=",")
+    log.columns = ["time", "room", "outdoor", "ghi", "power", "low", "high"]
+    log["power"] = log["power"].clip(lower=0) / 4.0
+    log.to_csv(tmp_path / "e.csv", index=False)
+    given = {
+        "columns": {"T_za": "room", "T_oa": "outdoor", "q_sol": "ghi", "Q_hvac": "power"},
+        "units": {"q_sol": "W/m2"},
+        "plant": {"electricity": True, "cop": 4.0, "tariff": 0.3, "most_heat": 5.0},
+    }
+    frame, _ = read_log(tmp_path / "e.csv", settings_from(given))
+    np.testing.assert_allclose(frame["Q_hvac"], 4.0 * log["power"], atol=1e-9)
+    zone = ZoneModel.fit(settings_from(given), frame)
+    found = day_ahead(zone, tmp_path / "e.csv", folder / "weather.csv", Schedule.of_text("22,27"))
+    assert found.frame["Q_hvac"].max() <= 5.0
+    np.testing.assert_allclose(found.frame["electricity_kW"], found.frame["Q_hvac"] / 4.0)
+    assert found.summary["cost"] == pytest.approx(0.3 * found.summary["electricity [kWh]"], abs=0.01)
+    assert any("ideal one" in text for text in found.remarks)

@@ -228,6 +228,9 @@ def test_overlapping_forecasts_count_for_less(office):
     assert near.n_counted == near.n_entries == 11 * 24
     assert 11 < far.n_counted < 11 * 24 / 3
     assert (near.overlap, far.overlap) == (2, 2)
+    free = np.array([p.to_free(p.default) for p in far.searched])
+    expected = np.sum(far.residuals(free) ** 2) / (far.n_counted - len(free))
+    assert far.noise(free) == pytest.approx(expected)
 
 
 # ------------------------------------------------------------------------------------------------------- the fits

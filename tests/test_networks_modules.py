@@ -221,14 +221,14 @@ def test_a_network_s_forecast_and_gradient_are_the_same_alone_and_in_a_stack(kin
     specs = [_spec(kind, **settings) for settings in MIXED]
     windows = _windows(specs[0], n_networks=3, n=32)
     stack = _stack(specs, 1, 2, 3)
-    kept = draw_kept(stack, 32, _generators(4, 5, 6)).factors(slice(None))
+    kept = draw_kept(stack, 32, _generators(4, 5, 6))
     together = stack(**_inputs(specs[0], windows), kept=kept)
     (together**2).sum().backward()
     for row, spec in enumerate(specs):
         alone = _stack(spec, row + 1)
         own = {name: values[row : row + 1] for name, values in _inputs(spec, windows).items()}
         dropped = draw_kept(alone, 32, _generators(row + 4))
-        found = alone(**own, kept=None if dropped is None else dropped.factors(slice(None)))
+        found = alone(**own, kept=None if dropped is None else dropped)
         (found**2).sum().backward()
         assert alone.flat.grad.abs().max() > 0
         torch.testing.assert_close(together[row : row + 1], found, rtol=1e-5, atol=1e-6)
@@ -247,7 +247,7 @@ def test_networks_of_unequal_shape_share_no_stack():
 def test_dropout_drops_its_share_and_rescales():
     before = torch.get_rng_state()
     stack = _stack([_spec("mlp", dropout=share) for share in (0.4, 0.4, 0.0)], 0, 1, 2)
-    found = draw_kept(stack, 4000, _generators(0, 1, 2)).factors(slice(None))
+    found = draw_kept(stack, 4000, _generators(0, 1, 2))
     assert found.shape == (3, 2, 5, 4000)
     for factors in found[:2]:
         assert float((factors == 0).float().mean()) == pytest.approx(0.4, abs=0.02)
@@ -343,7 +343,7 @@ def test_the_gradient_of_decoding_is_that_of_the_plain_loop(kind, reads_zeta, ac
     spec = _spec(kind, reads_zeta=reads_zeta, activation=activation, dropout=0.3, hidden_size=4)
     stack, windows = _stack(spec, 1, 2), _windows(spec)
     aim = torch.randn(2, 7, spec.n_leads, generator=_generators(0)[0])
-    kept = draw_kept(stack, 7, _generators(3, 4)).factors(slice(None))
+    kept = draw_kept(stack, 7, _generators(3, 4))
     ((stack(**_inputs(spec, windows), kept=kept) - aim) ** 2).sum().backward()
     twin = _stack(spec, 1, 2)
     weights, loss = twin.weights(), 0.0

@@ -66,7 +66,7 @@ def _plain_loop(spec, seed, settings, max_norm):
         for start in range(0, N, settings.batch_size):
             part = slice(start, start + settings.batch_size)
             optimizer.zero_grad()
-            loss, n_known = _loss(twin, windows, order[part], None if kept is None else kept.factors(part))
+            loss, n_known = _loss(twin, windows, order[part], None if kept is None else kept[..., part])
             loss.backward()
             norms.append(float(nn.utils.clip_grad_norm_([twin.flat], max_norm)))
             optimizer.step()

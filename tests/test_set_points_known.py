@@ -10,6 +10,7 @@ from skhybrid import InputDisturbanceID, SchedulePredictor, TwoStagePredictor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
 from skhybrid.forecasting.boosted_trees import fit_trees
+from skhybrid.hybrid import law_refits
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
 
@@ -172,3 +173,34 @@ def test_trees_as_arrays_are_those_of_scikit_learn():
     np.testing.assert_allclose(trees.predict(X), booster.predict(X), rtol=1e-12, atol=1e-12)
     with pytest.raises(ValueError, match="do not fit"):
         trees.predict(X[:, :1])
+
+
+def test_refits_stand_on_a_weekly_grid_and_none_is_made_twice(log, model, monkeypatch):
+    made, law = [], model._law._refits.law
+    monkeypatch.setattr(law_refits, "learn", lambda *args: made.append(1) or law)
+    office = make_office(40, "chicago", start="2023-10-02", random_state=3, sampling_time="1h", excitation=None)
+    later = office.X.join(office.setpoints)[TRAINED:]
+    updated = copy.deepcopy(model)
+    for first, stop in ((0, 16 * DAY), (16 * DAY, 17 * DAY)):  # more than the days of history that are kept
+        updated.update(later[first:stop])
+        found = updated.forecast(None, ahead(later, stop))
+        assert len(made) == 2  # of the second week and of the third
+    at_once = model.forecast(later[:stop], ahead(later, stop))
+    pd.testing.assert_frame_equal(found, at_once, rtol=1e-9, atol=1e-9)
+
+
+def test_weeks_begin_at_the_same_dates_however_much_is_kept():
+    weeks = law_refits.Weeks(zero=-100, begin=0, per_day=24, most=8)
+    assert weeks.learned_from(1) is None  # four days of the first week are missing
+    assert weeks.learned_from(2) == (1, 236)
+    assert law_refits.Weeks(100, 100, 24, 8).learned_from(0) is None
+    assert law_refits.Weeks(100, 100, 24, 2).learned_from(5) == (3, 940)
+    assert (weeks.origins(0, 50, 3) - weeks.zero).tolist() == list(range(102, 150, 3))
+
+
+def test_rows_ahead_without_heat_are_told_that_set_points_would_do(log, model):
+    future = ahead(log, TRAINED).drop(columns=["T_heat_set", "T_cool_set"])
+    with pytest.raises(ValueError, match=r"no column 'u_heat'.*setpoint=, or columns T_heat_set and T_cool_set"):
+        model.forecast(None, future)
+    with pytest.raises(ValueError, match="no column 'u_heat'"):
+        model.forecast(log[TRAINED - 5 : TRAINED], future)

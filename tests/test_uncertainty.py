@@ -20,7 +20,7 @@ from skhybrid.identification.fitting.prediction_errors import PredictionErrorPro
 from skhybrid.identification.fitting.priors import normal_priors
 from skhybrid.identification.uncertainty import periodic_errors, posterior
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem, free_point
-from skhybrid.identification.uncertainty.identifiability import Identifiability, assess
+from skhybrid.identification.uncertainty.identifiability import Identifiability, assess, at_bounds
 from skhybrid.identification.uncertainty.least_squares_errors import least_squares_uncertainty
 from skhybrid.identification.uncertainty.periodic_errors import periodic_uncertainty
 from skhybrid.identification.uncertainty.profile_likelihood import _standard_error
@@ -402,3 +402,17 @@ def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
     found = least_squares_uncertainty(problem, np.zeros(1), 0.0, ["A"])
     assert np.isfinite(found.covariance).all()
     assert np.isfinite(found.sensitivity).all()
+
+
+def test_a_fit_is_left_in_the_units_that_are_searched(periodic):
+    twice = clone(periodic)
+    vars(twice).update(vars(periodic) | {"_heat_scale": 2.0 * periodic._heat_scale})
+    scaled = {p.name for p in periodic._own_parameters() if p.unit == "6 kW plant"}
+    before, after = periodic._searched_values(), twice._searched_values()
+    assert scaled
+    assert after == pytest.approx({name: v / 2.0 if name in scaled else v for name, v in before.items()})
+
+
+def test_a_bound_is_within_a_thousandth_of_the_range():
+    searched = [SimpleNamespace(name=name, free_bounds=(0.0, 2.0)) for name in "abcd"]
+    assert at_bounds(np.array([0.0019, 0.0021, 1.0, 1.9981]), searched) == ("a", "d")

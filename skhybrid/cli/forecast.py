@@ -62,7 +62,7 @@ def forecast_content(found: Any) -> dict[str, Any]:
 def _text(found: Any) -> str:
     """A row for some hours, and the sums of the day."""
     frame = found.frame
-    step = frame.index[1] - frame.index[0] if len(frame) > 1 else 1
-    shown = frame.iloc[:: max(1, round(_HOURS * 3600 / step.total_seconds()))].round(2)
+    hours = (frame.index[1] - frame.index[0]).total_seconds() / 3600.0 if len(frame) > 1 else 1.0
+    shown = frame.iloc[:: max(1, round(_HOURS / hours))].round(2)
     lines = [shown.to_string(na_rep="-"), ""]
     return "\n".join([*lines, *(f"{name}: {value}" for name, value in found.summary.items())])

@@ -141,15 +141,22 @@ def _check_arguments(n_days: int, pattern: str, excitation: str | None, noise_st
     return per_step
 
 
-def _simulate_office(outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gains) -> pd.DataFrame:
-    """Simulate the office at the simulation step; one row per step."""
+def _simulate_office(
+    outside: pd.DataFrame, setpoints: pd.DataFrame, gains: Gains, replay: np.ndarray | None = None
+) -> pd.DataFrame:
+    """Simulate the office at the simulation step; one row per step.
+
+    ``replay`` (n, 2) are stages of heating and cooling; where they are NaN, as everywhere by default, the thermostat
+    acts.
+    """
     transition, effect = true_system(SIMULATION_STEP / pd.Timedelta("1h"))
     air = outside["T_oa"].to_numpy()
     levels = setpoints[["T_heat_set", "T_cool_set"]].to_numpy()
     begin = np.full(2, np.clip(air[:288].mean() + 4.0, levels[0, 0] + 1.0, levels[0, 1] - 1.0))
     weather = outside[["T_oa", "q_sol"]].to_numpy()
+    replay = np.full(levels.shape, np.nan) if replay is None else replay
     states, heat, cool, gain = _simulate(
-        transition, effect, weather, levels, gains.sensible, gains.air, begin, _HYSTERESIS
+        transition, effect, weather, levels, gains.sensible, gains.air, begin, _HYSTERESIS, replay
     )
     run = outside[["T_oa", "q_sol"]].assign(
         u_heat=heat, u_cool=cool, heat_gain=gain, T_w=states[:, 0], T_za=states[:, 1]
@@ -173,7 +180,7 @@ def true_system(step_hours: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
-def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hysteresis):
+def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hysteresis, replay):
     """States (n, 2) at the start of every step, and on/off signals and gain [kW] over it."""
     n = len(sensible)
     states, heat, cool, gain = np.empty((n, 2)), np.zeros(n), np.zeros(n), np.empty(n)
@@ -186,6 +193,8 @@ def _simulate(transition, effect, outside, setpoints, sensible, air, begin, hyst
         cooling = (not heating) and room > setpoints[k, 1] + (-hysteresis if cooling else hysteresis)
         heat[k] = 1.0 if heating else 0.0
         cool[k] = 1.0 if cooling else 0.0
+        if not np.isnan(replay[k, 0]):
+            heat[k], cool[k] = replay[k, 0], replay[k, 1]
         gain[k] = sensible[k] + air[k] * (outside[k, 0] - room)
         v[0], v[1], v[2], v[3], v[4] = outside[k, 0], outside[k, 1], heat[k], cool[k], gain[k]
         wall_next = transition[0, 0] * wall + transition[0, 1] * room

@@ -106,9 +106,13 @@ class DailyColumns:
         decay = np.exp(-table.step_hours / np.array(_FILTER_HOURS))
         return cls(of_column, decay, noon, T_oa_mean, _FILTER_DAYS * rows_per_day(table.step))
 
-    def of(self, table: ZoneTable, roles: tuple[str, ...]) -> list[np.ndarray]:
-        """The columns but those of the calendar, each (n_rows,)."""
-        columns = [_filtered(table.inputs[role], decay) for role in roles for decay in self.decay]
+    def of(self, table: ZoneTable, roles: tuple[str, ...], before: ZoneTable | None) -> list[np.ndarray]:
+        """The columns but those of the calendar, each (n_rows,); filters run from the first of the rows ``before``."""
+        columns = []
+        for role in roles:
+            earlier = np.empty(0) if before is None else before.inputs[role]
+            whole = np.concatenate([earlier, table.inputs[role]])
+            columns += [_filtered(whole, decay)[len(earlier) :] for decay in self.decay]
         from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
         for role in irradiance_roles(dict.fromkeys(roles)):
             columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
@@ -172,9 +176,9 @@ class ARXDesign:
         """Columns of the calendar, which stand before the constant."""
         return self.calendar * (48 + 24 * (self.daily is not None and "T_oa" in self.roles))
 
-    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0) -> ARXData:
+    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0, before: ZoneTable | None = None) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        columns = _input_columns(table, self.roles, self.n_input_lags, self.daily)
+        columns = _input_columns(table, self.roles, self.n_input_lags, self.daily, before)
         blocks = [(columns - self.input_mean) / self.input_scale]
         if self.calendar:
             slots = day_type_hour(table)
@@ -242,12 +246,14 @@ class RecursiveARX:
         return self._coef
 
 
-def _input_columns(table: ZoneTable, roles: tuple[str, ...], n_lags: int, daily: DailyColumns | None) -> np.ndarray:
+def _input_columns(
+    table: ZoneTable, roles: tuple[str, ...], n_lags: int, daily: DailyColumns | None, before: ZoneTable | None = None
+) -> np.ndarray:
     """(n_rows, n_input_columns) inputs of each row and of those before it; the first row stands for earlier ones."""
     rows = np.arange(table.n_rows)
     lags = [np.maximum(rows - lag, 0) for lag in range(n_lags)]
     columns = [table.inputs[role][chosen] for role in roles for chosen in lags]
-    columns += daily.of(table, roles) if daily else []
+    columns += daily.of(table, roles, before) if daily else []
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
 

@@ -17,7 +17,7 @@ from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
 from .arx_design import held
-from .features import hour_of_day, rows_per_day, rows_per_hour, target_rows
+from .features import hour_of_day, periods_before, rows_per_day, rows_per_hour, span_means, target_rows
 from .quantiles import left_out_blocks
 from .reading import read_zone
 
@@ -179,17 +179,16 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         T, per_hour, per_day = self._held(table), rows_per_hour(table.step), rows_per_day(table.step)
         targets = np.minimum(origins[:, None] + leads, table.n_rows - 1)
         here = np.broadcast_to(T[origins][:, None], targets.shape)
-        day_before = np.maximum(origins[:, None] + leads - per_day * -(-leads // per_day), 0)
+        day_before = np.maximum(periods_before(origins[:, None] + leads, leads, per_day), 0)
         columns = [np.broadcast_to(leads * table.step_hours, targets.shape), hour_of_day(table.time)[targets]]
         columns += [table.day_of_week[targets], here, base - here, T[day_before] - here]
         for hours in _HOURS_BACK:
             back = np.maximum(origins - hours * per_hour, 0)
             columns.append(here - T[back][:, None])
         for role in self._roles:
-            total = np.concatenate([[0.0], table.inputs[role].cumsum()])
             for first in (targets - 1, origins[:, None], np.maximum(targets - _RECENT_HOURS * per_hour, 0)):
                 since = np.maximum(np.minimum(first, targets - 1), 0)  # an input acts over the step after its stamp
-                columns.append((total[targets] - total[since]) / np.maximum(targets - since, 1))
+                columns.append(span_means(table.inputs[role], since, targets))
         return np.stack([np.broadcast_to(column, targets.shape) for column in columns], axis=-1).reshape(
             targets.size, -1
         )

@@ -130,6 +130,18 @@ def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, pe
     return out
 
 
+def periods_before(rows: np.ndarray, ahead: np.ndarray, period: int) -> np.ndarray:
+    """Rows whole periods earlier, by the fewest after which a row that is ``ahead`` of the last known one is known."""
+    return np.asarray(rows - period * -(-ahead // period))
+
+
+def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Means of the rows ``first`` ... ``stop - 1`` of series (N,) or (N, m); 0 where there is none."""
+    total = np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(series, axis=0)])
+    count = np.maximum(stop - first, 1)
+    return np.asarray((total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1)))
+
+
 def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:
     """Mean of the known values in the ``width`` rows up to each row, NaN where there is none, (n,) float64."""
     known = np.isfinite(series)

@@ -243,16 +243,12 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
-        self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "best_epoch", "used"])
         self._network: Any = None  # FittedNetwork
         seed, job = draw_seed(self.random_state), None
         if is_network(self.model):
             job = self._begin_network(table, target, seed, shared)
-        elif isinstance(self.model, str):
-            self._base = fit_baseline(self.model, table, target, self._n_leads)
         else:
-            self._base = PairRegressor(self.model, seed).fit(table, target, self._n_leads)
-            self.regressor_ = self._base.regressor_
+            self._begin_other(table, target, seed)
         self._level = float(np.nanmean(target))
         days = max(8, self.case_.pattern_days + 1 if self.case_ is not None else 0)
         self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None))
@@ -261,11 +257,23 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
         """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
         table = read_weather(self, X, reset=True)
-        target = read_target(y, table, max_missing=self.max_missing, role=self._target_role)
-        if "zeta" not in table.history:
-            table = table.replace(history={**table.history, "zeta": target})
-        key = ("rows", repr(self.columns), repr(self.sampling_time), table.holidays, tuple(table.inputs))
-        return shared.setdefault(key, (table, target))
+        asked = (repr(self.columns), repr(self.sampling_time), self.max_missing)
+        key = ("rows", *asked, table.holidays, tuple(table.inputs))
+        if key not in shared:
+            target = read_target(y, table, max_missing=self.max_missing, role=self._target_role)
+            if "zeta" not in table.history:
+                table = table.replace(history={**table.history, "zeta": target})
+            shared[key] = table, target
+        return shared[key]
+
+    def _begin_other(self, table: ZoneTable, target: np.ndarray, seed: int) -> None:
+        """Fit a baseline or a regressor."""
+        self.repeats_ = pd.DataFrame(columns=["seed", "n_epochs", "train_loss", "valid_loss", "best_epoch", "used"])
+        if isinstance(self.model, str):
+            self._base = fit_baseline(self.model, table, target, self._n_leads)
+        else:
+            self._base = PairRegressor(self.model, seed).fit(table, target, self._n_leads)
+            self.regressor_ = self._base.regressor_
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""

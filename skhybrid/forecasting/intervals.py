@@ -53,15 +53,19 @@ class LeadIntervals:
     errors on left-out training data.  Location and width come from the errors of the last days, shrunk towards 0 and 1;
     the standardised errors of the last days also join the shape.
 
-    Without ``by_hour`` the scale depends on the lead alone; without ``follow`` recent errors change nothing.  Fitted
+    Without ``by_hour`` the scale depends on the lead alone; without ``follow`` recent errors change nothing;
+    ``independent_per_day`` says how many errors of a day are independent, for the finite-sample correction.  Fitted
     are ``lead_scale_`` (2, n_bins), leads [h] and the mean absolute error there; ``hour_scale_`` (48,), the factor of
     each hour of a weekday and then of a weekend day; ``shape_`` (n_groups, 200), evenly spaced quantiles of the
     standardised errors of leads up to 2 h, up to 8 h and above; and ``n_days_``, the number of days with errors.
     """
 
-    def __init__(self, *, by_hour: bool = True, follow: bool = True) -> None:
+    def __init__(
+        self, *, by_hour: bool = True, follow: bool = True, independent_per_day: float = _INDEPENDENT_PER_DAY
+    ) -> None:
         self.by_hour = by_hour
         self.follow = follow
+        self.independent_per_day = independent_per_day
 
     def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
         """Learn scale and shape from errors (n_origins, n_leads) on left-out data, NaN where unknown; 20 are needed."""
@@ -186,7 +190,7 @@ class LeadIntervals:
         pool = np.concatenate([shape, (values[known] - location) / width])
         weight = np.concatenate([np.full(len(shape), from_training / len(shape)), weights[known]])
         squares = from_training**2 / self.n_days_ + np.sum(weights.sum(axis=-1) ** 2)
-        n_independent = _INDEPENDENT_PER_DAY * (from_training + total) ** 2 / squares
+        n_independent = self.independent_per_day * (from_training + total) ** 2 / squares
         return location + width * weighted_quantiles(pool, weight, finite_sample_levels(levels, n_independent))
 
 

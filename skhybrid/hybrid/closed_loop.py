@@ -6,7 +6,6 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
-import hashlib
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -14,24 +13,25 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..control import Band, LoadPaths
-from ..forecasting.features import rows_per_hour
+from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ..forecasting.quantiles import path_clock
 from .blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from .known_rows import KnownRows
 from .law_features import LawRows
-from .plant_law import MEMBERS, PRIOR, Law, Pairs, learn, make_pairs, member_errors, member_paths
+from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
+from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
 from .scheme import Scheme
 from .setpoint_columns import band_of
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
 _EVERY = 3  # hours between the origins that are learned from
-_HISTORY_WEIGHT = 2.0  # of a pair of the history, relative to one of the training
-_REFIT_DAYS = 7  # days between refits of the law
 _TAIL = 2.0 / 3.0  # share of the training after which it is forecast by what has not seen it
 _DAYS_BACK = 21  # days whose errors count
 _WIDER = 1.1  # loads may be so much larger than the largest known
-_MOST_REFITS = 12  # refits that are kept
+_WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
+_INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
 _LEADS = 18  # leads at which errors are evaluated
 
 
@@ -72,16 +72,11 @@ class _Tail(NamedTuple):
 class ClosedLoop:
     """A learned thermostat and plant; it never changes, but for what it caches."""
 
-    def __init__(
-        self, law: Law, pairs: Pairs, tail: _Tail, n_leads: int, training: ZoneTable, heat: np.ndarray
-    ) -> None:
-        self.law, self._pairs, self._tail, self.n_leads = law, pairs, tail, n_leads
+    def __init__(self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, heat: np.ndarray) -> None:
+        self._refits, self._tail, self.n_leads = refits, tail, n_leads
         self._heat_range = _range_of(heat)
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
-        self._refits: dict[bytes, Law] = {}
-
-    def __getstate__(self) -> dict[str, object]:
-        return {**self.__dict__, "_refits": {}}
+        self._per_day = rows_per_day(training.step)
 
     @classmethod
     def fit(cls, scheme: Scheme, n_leads: int) -> Self | None:
@@ -98,10 +93,10 @@ class ClosedLoop:
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
             return None
         later = origins >= begin
-        leads, before = _leads(n_leads), learn(rows, pairs.before(begin))
+        leads, before = _leads(n_leads), learn(pairs.before(begin), rows.per_day)
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
         tail = _learn_tail(training, _Errors(origins[later], leads, values), n_leads)
-        return cls(learn(rows, pairs), pairs, tail, n_leads, training, heat)
+        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, heat)
 
     def paths(
         self, scheme: Scheme, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray | None = None
@@ -115,26 +110,42 @@ class ClosedLoop:
         if levels is not None and not self._tail.intervals:
             raise ValueError("no intervals of a load were learned: the training was too short; fit on more days.")
         rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
-        begin, spacing = self._first_new(table), _EVERY * rows_per_hour(table.step)
-        adapts = scheme.adapt is not None
-        past = np.arange(begin, int(origins[-1]), spacing) if adapts else np.empty(0, dtype=np.int64)
-        every = np.union1d(past, origins)
+        spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(scheme, table, rows)
+        past = np.empty(0, dtype=np.int64)
+        if scheme.adapt is not None:
+            oldest = int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day
+            past = weeks.origins(max(weeks.begin, oldest), int(origins[-1]), spacing)
+        known, refits = np.union1d(past, origins), self._refits
+        numbers = np.unique(weeks.numbers(known))
+        laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
+        new = [number for number, law in laws.items() if law is None]
+        every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
         span = max(n_leads, self.n_leads)
-        ideal = scheme.load_paths(table, every, span, rows.band, self._heat_range)
+        ideal = IdealPaths(every, scheme.load_paths(table, every, span, rows.band, self._heat_range))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
-        seen = _Seen(rows, past, ideal.rows(np.searchsorted(every, past)))
-        wanted = _Seen(rows, origins, ideal.rows(np.searchsorted(every, origins)))
-        for number in range(int(_weeks(origins[-1:], begin, rows)[0]) + 1):
-            law = self.law
-            if number and scheme.adapt == "full":
-                law = self._refitted(seen, begin + number * _REFIT_DAYS * rows.per_day)
-            own = _weeks(past, begin, rows) == number
-            values[own] = member_errors(*seen.of(own), law, _leads(self.n_leads))
-            own = _weeks(origins, begin, rows) == number
-            members[own] = member_paths(*wanted.of(own), law, np.arange(n_leads))
+        for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
+            assert law is not None
+            own = weeks.numbers(past) == number
+            values[own] = member_errors(rows, past[own], ideal.of(past[own]), law, _leads(self.n_leads))
+            own = weeks.numbers(origins) == number
+            members[own] = member_paths(rows, origins[own], ideal.of(origins[own]), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
-        return self._blended(scheme, table, wanted, members, errors, begin, levels)
+        wanted = _Wanted(rows, origins, members, ideal.of(origins).zeta[:, :n_leads])
+        return self._blended(scheme, table, wanted, errors, weeks.zero if table.n_history else weeks.begin, levels)
+
+    def rows_back(self, known: KnownRows) -> int:
+        """How many of the known rows a forecast reads, at most."""
+        since = known.n_rows - known.training.n_rows
+        return min(since + _WEEK_BEFORE * self._per_day, (7 * (WEEKS + 1) + _WEEK_BEFORE) * self._per_day)
+
+    def _weeks(self, scheme: Scheme, table: ZoneTable, rows: LawRows) -> Weeks:
+        """The weeks since the training, in rows of a table."""
+        begin = self._first_new(table)
+        most = WEEKS if scheme.rows.keeps_all else 1  # where rows are dropped, the last week is always known
+        if table.utc is None or self._learned_to is None:
+            return Weeks(begin, begin, rows.per_day, most)
+        return Weeks(round((self._learned_to - table.utc[0]) / table.step) + 1, begin, rows.per_day, most)
 
     def _first_new(self, table: ZoneTable) -> int:
         """The first row of a table that the training has not seen."""
@@ -142,31 +153,17 @@ class ClosedLoop:
             return table.n_history
         return int((table.utc <= self._learned_to).sum())
 
-    def _refitted(self, seen: _Seen, end: int) -> Law:
-        """The law by the training and what was known at row ``end``."""
-        own = seen.origins < end
-        new = make_pairs(*seen.of(own), end + 1)
-        name = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in new)).digest()
-        if name not in self._refits:
-            weight = np.repeat([1.0, _HISTORY_WEIGHT], [len(self._pairs.ends), len(new.ends)])
-            found = learn(seen.rows, self._pairs.and_those(new), weight)
-            kept = list(self._refits.items())[1 - _MOST_REFITS :]
-            self._refits = {**dict(kept), name: found}
-            return found
-        return self._refits[name]
-
     def _blended(
         self,
         scheme: Scheme,
         table: ZoneTable,
-        wanted: _Seen,
-        members: np.ndarray,
+        wanted: _Wanted,
         errors: _Errors,
         begin: int,
         levels: np.ndarray | None,
     ) -> ClosedLoopPaths:
-        """The members (O, L, 2, M) blended by what was known of their errors at each origin."""
-        rows, n_leads = wanted.rows, members.shape[1]
+        """The members blended by what was known of their errors at each origin; new rows begin at ``begin``."""
+        rows, members, n_leads = wanted.rows, wanted.members, wanted.members.shape[1]
         lowest, highest = scheme.plausible(table, wanted.origins)
         n_levels = 0 if levels is None else len(levels)
         out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
@@ -184,7 +181,7 @@ class ClosedLoop:
             plausible = scheme.plausible_range(lowest[i], highest[i], held)
             out[0, i] = np.clip(out[0, i], *_range_of(rows.heat[:origin], self._heat_range))
             out[1, i] = plausible.clip(out[1, i])
-        paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.ideal.zeta[:, :n_leads])
+        paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)
         return ClosedLoopPaths(paths, *(() if levels is None else (out[0, ..., 1:], out[1, ..., 1:])))
 
     def _shares(self, known: _Errors, days: float, age: np.ndarray) -> np.ndarray:
@@ -212,21 +209,13 @@ class ClosedLoop:
         return self._tail.intervals[quantity].offsets(clock, levels, recent, origin * table.step_hours / 24.0)
 
 
-class _Seen(NamedTuple):
-    """Origins in rows, and the network's ideal paths from them."""
+class _Wanted(NamedTuple):
+    """Origins in rows, and what the members forecast from them."""
 
     rows: LawRows
     origins: np.ndarray
-    ideal: LoadPaths
-
-    def of(self, chosen: np.ndarray) -> tuple[LawRows, np.ndarray, LoadPaths]:
-        """The rows, and some of the origins and paths."""
-        return self.rows, self.origins[chosen], self.ideal.rows(chosen)
-
-
-def _weeks(origins: np.ndarray, begin: int, rows: LawRows) -> np.ndarray:
-    """How often the law has been refitted at some origins."""
-    return np.maximum(origins - begin, 0) // (_REFIT_DAYS * rows.per_day)
+    members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
+    zeta: np.ndarray  # (O, L)
 
 
 def _range_of(heat: np.ndarray, known: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
@@ -256,5 +245,5 @@ def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Tail:
         missed = np.sum(errors.values[:, :, quantity] * shares, axis=-1)
         if np.isfinite(missed).sum() < LEAST_ERRORS:
             return _Tail(products, ())
-        intervals.append(LeadIntervals().fit(missed, clock))
+        intervals.append(LeadIntervals(independent_per_day=_INDEPENDENT_PER_DAY[quantity]).fit(missed, clock))
     return _Tail(products, tuple(intervals))

@@ -85,6 +85,7 @@ class FramesForecastMixin(HybridQuantilesMixin):
         levels = None if quantiles is None else read_quantiles(quantiles)
         weather = read_weather_error(weather_error)
         if setpoint is None and not self._has_setpoints_only(future):
+            self._refuse_without_heat(future)
             return self._under_heat(history, future, levels, weather)
         if weather is not None:
             raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
@@ -116,6 +117,8 @@ class FramesForecastMixin(HybridQuantilesMixin):
         table, origin = (
             self._after_known(self._read_future(idle)) if history is None else self._read_both(history, idle)
         )
+        table, moved = self._with_earlier(table)
+        origin = origin + moved
         ahead = table.rows(slice(int(origin[0]) + 1, None))
         if setpoint is None:
             self._refuse_unlearned()
@@ -133,22 +136,56 @@ class FramesForecastMixin(HybridQuantilesMixin):
             return out
         return out.assign(**_bands(levels, found, slice(None, -1), slice(1, None)))
 
+    def _with_earlier(self, table: ZoneTable) -> tuple[ZoneTable, int]:
+        """The table after all known rows that the law reads, and by how many rows origins move."""
+        if self._law is None:
+            return table, 0
+        rows = self._scheme.rows
+        longer = rows.with_earlier(table, self._law.rows_back(rows))
+        return longer, longer.n_rows - table.n_rows
+
     def _ideal(self, scheme: Scheme, table: ZoneTable, origin: int, levels: np.ndarray | None) -> pd.DataFrame:
         """The least heat that keeps the set-points, where no law was learned."""
         if levels is not None:
             raise ValueError(
                 "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
             )
-        free = Limits(*(np.full(table.n_rows - origin, limit) for limit in (-np.inf, np.inf)))
+        free = self._plant_limits(table.n_rows - origin)
         band = Band(*(side[origin:] for side in band_of(table)))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free).iloc[1:])
+
+    def _plant_limits(self, n_rows: int) -> Limits:
+        """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
+        inputs = self._scheme.rows.training.inputs
+        roles = [role for role in inputs if is_plant(role)]
+        heat = np.sum([inputs[role] for role in roles], axis=0) if roles else np.zeros(1)
+        measured = all(role.startswith("Q_") for role in roles)
+        cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
+        lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
+        return Limits(np.full(n_rows, lowest), np.full(n_rows, highest))
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
         names = future.roles if isinstance(future, ZoneTable) else list(future.columns)
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
-        plant = [of(role) for role in self._scheme.rows.training.inputs if is_plant(role)]
-        return any(of(role) in names for role in SETPOINT_ROLES) and not any(name in names for name in plant)
+        return any(of(role) in names for role in SETPOINT_ROLES) and not any(of(role) in names for role in self._plant)
+
+    @property
+    def _plant(self) -> list[str]:
+        """Roles of the plant."""
+        return [role for role in self._scheme.rows.training.inputs if is_plant(role)]
+
+    def _refuse_without_heat(self, future: Any) -> None:
+        """Refuse rows ahead without a column of the plant in the words of both tasks."""
+        if self.preprocess_ is not None or not isinstance(future, pd.DataFrame):
+            return  # what is read of these is refused by its role
+        absent = [self._column_of(role) for role in self._plant if self._column_of(role) not in future.columns]
+        if absent:
+            sides = " and ".join(str(self._column_of(role)) for role in SETPOINT_ROLES)
+            raise ValueError(
+                f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "
+                f"under which it is forecast: setpoint=, or columns {sides}."
+            )
 
     def _refuse_unlearned(self) -> None:
         if self._law is None:
@@ -159,10 +196,9 @@ class FramesForecastMixin(HybridQuantilesMixin):
 
     def _idle(self, future: Any) -> Any:
         """Rows ahead with a plant that is off, whatever they say of it; set-points that are absent are missing."""
-        plant = [role for role in self._scheme.rows.training.inputs if is_plant(role)]
         if isinstance(future, ZoneTable):
-            return future.replace(inputs={**future.inputs, **{role: np.zeros(future.n_rows) for role in plant}})
-        off = {self._column_of(role): 0.0 for role in plant}
+            return future.replace(inputs={**future.inputs, **{role: np.zeros(future.n_rows) for role in self._plant}})
+        off = {self._column_of(role): 0.0 for role in self._plant}
         given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
         return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
 
@@ -238,8 +274,11 @@ class FramesForecastMixin(HybridQuantilesMixin):
         levels = None if quantiles is None else read_quantiles(quantiles)
         plant = filter(is_plant, self._scheme.rows.training.inputs)
         table, n_tail, origins = self._load_rows(X, plant)
+        table, moved = self._with_earlier(table)
+        n_tail += moved
         here = table.rows(slice(n_tail, None))
-        wanted, within = read_setpoint(setpoint, here), read_limits(limits, here)
+        wanted = read_setpoint(setpoint, here)
+        within = self._plant_limits(here.n_rows) if limits is None else read_limits(limits, here)
         scheme = self._present_scheme()
         load = scheme.required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
         if self._law is not None and limits is None and not np.array_equal(*wanted):
@@ -284,6 +323,8 @@ class FramesForecastMixin(HybridQuantilesMixin):
         levels = None if quantiles is None else read_quantiles(quantiles)
         table, n_tail = self._with_history(X)
         rows = checked_origins(origins, table.n_rows - n_tail)
+        table, moved = self._with_earlier(table)
+        n_tail += moved
         here = table.rows(slice(n_tail, None))
         if self._law is None or not setpoints_in(here):
             raise ValueError(

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, last_rows, refuse_other_clock
+from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
 from .._time import spell
 from .plausible_range import PlausibleRange
 from .tables import KEPT, in_zone_of
@@ -55,6 +55,12 @@ class KnownRows:
     def end(self) -> ZoneTable:
         """The last rows, which serve as history of a table that follows."""
         return last_rows(self.tables, self.n_end + self._n_recent)
+
+    def with_earlier(self, table: ZoneTable, n_rows: int) -> ZoneTable:
+        """A table that begins with the end of these rows, with up to ``n_rows`` of them where all are kept."""
+        if not table.n_history or not self.keeps_all or n_rows <= table.n_history:
+            return table
+        return append_tables(last_rows(self.tables, n_rows), table.rows(slice(table.n_history, None)))
 
     def whole(self) -> ZoneTable:
         return concatenate_tables(self.tables)

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._table import ZoneTable
 from ..control import Band, LoadPaths
-from ..forecasting.features import hour_of_day, rows_per_day
+from ..forecasting.features import hour_of_day, periods_before, rows_per_day, span_means
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
@@ -45,10 +45,8 @@ def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple
 
     Only rows before the origin are read; NaN where there is none.
     """
-    week = _WEEK * rows.per_day
-    back = week * -(-(targets - origins + 1) // week)
-    days = rows.per_day * -(-(targets - origins + 1) // rows.per_day)
-    at = targets - np.where(targets >= back, back, days)
+    week, day = (periods_before(targets, targets - origins + 1, n * rows.per_day) for n in (_WEEK, 1))
+    at = np.where(week >= 0, week, day)
     known, at = at >= 0, np.maximum(at, 0)
     return np.where(known, rows.heat[at], np.nan), np.where(known, rows.T[at + 1], np.nan)
 
@@ -58,14 +56,8 @@ def same_plan(rows: LawRows, targets: np.ndarray) -> np.ndarray:
     week, change = _WEEK * rows.per_day, np.zeros(len(rows.T))
     for side in _finite(rows.band):
         change[week:] += np.abs(side[week:] - side[:-week])
-    total = np.append(0.0, np.cumsum(change))
     first = np.maximum(targets + 1 - _hours(rows, _PLAN_HOURS), 0)
-    return np.asarray((total[targets + 1] - total[first]) / (targets + 1 - first) < _OTHER_PLAN)
-
-
-def n_network_features(rows: LawRows) -> int:
-    """How many features :func:`network_features` has."""
-    return 17 + rows.weather.shape[1]
+    return np.asarray(span_means(change, first, targets + 1) < _OTHER_PLAN)
 
 
 def network_features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
@@ -87,28 +79,23 @@ def network_features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead:
     return np.column_stack([*columns, rows.clock[rows_at][:, [0, 2]], rows.weather[rows_at]])
 
 
-def direct_features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
-    """(n, k) features of a direct regression: those of the network, levels, means, and what was seen before."""
-    n_rows = len(rows.T)
-    at = np.minimum(origins + lead, n_rows - 1)
+def further_features(rows: LawRows, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
+    """(n, k) features of a direct regression beside those of the network: levels, means, and what was seen before."""
+    at = np.minimum(origins + lead, len(rows.T) - 1)
     heating, cooling = _finite(rows.band)
     series = np.column_stack([rows.weather, heating, cooling])
-    total = np.concatenate([np.zeros((1, series.shape[1])), np.cumsum(series, axis=0)])
-    means = []
-    for hours in _MEANS:
-        first = np.maximum(at + 1 - _hours(rows, hours), 0)
-        means.append((total[at + 1] - total[first]) / (at + 1 - first)[:, None])
+    means = [span_means(series, np.maximum(at + 1 - _hours(rows, hours), 0), at + 1) for hours in _MEANS]
     day, week = rows.per_day, _WEEK * rows.per_day
     T = rows.last_measured(origins, np.full(len(origins), np.nan))
     heat_before, T_before = same_clock(rows, origins, at)
-    yesterday = at - day * -(-(lead + 1) // day)
+    yesterday = periods_before(at, lead + 1, day)
     columns = [lead, rows.clock[at][:, 1], heating[at], cooling[at], T, T - heating[at], T - cooling[at]]
     columns += [np.where(origins > 0, rows.heat[np.maximum(origins - 1, 0)], np.nan), heat_before, T_before]
     columns += [np.where(yesterday >= 0, rows.heat[np.maximum(yesterday, 0)], np.nan)]
     for back in (day, week):
         earlier = np.maximum(at - back, 0)
         columns += [np.where(at >= back, v[at] - v[earlier], np.nan) for v in (heating, cooling, *rows.weather.T[:1])]
-    return np.column_stack([network_features(rows, paths, origins, lead), *columns, *means])
+    return np.column_stack([*columns, *means])
 
 
 def _finite(band: Band) -> tuple[np.ndarray, np.ndarray]:

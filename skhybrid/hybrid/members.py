@@ -16,6 +16,9 @@ from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads
 from ..thermal import RCNetwork
+from .daily_profile import MeanDay, ProfileRows
+
+_RETURN = pd.Timedelta("12h")  # after which 1/e of the deviation from the mean day is left
 
 
 class NumberedTable(NamedTuple):
@@ -27,6 +30,7 @@ class NumberedTable(NamedTuple):
     joined: bool  # whether the rows before ``begin`` are the training's own
     first: int = 0  # the table's first row, where it holds the last ones only
     whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
+    before: ZoneTable | None = None  # some of the rows before ``first``
 
 
 class RollingMember(Protocol):
@@ -51,6 +55,7 @@ class Member(Protocol):
 
     names: tuple[str, ...]  # of its ways to forecast
     is_rule: bool  # whether it is a simple rule, which learns next to nothing
+    needs_days: bool  # whether it forecasts badly after a day of training
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         """Learn from a training table, whose history ``T_za`` is the target."""
@@ -69,7 +74,7 @@ class ScheduleMember:
     """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW."""
 
     names: tuple[str, ...] = ("network", "network, short memory")
-    is_rule = False
+    is_rule, needs_days = False, True
     fit_: LeadFit
 
     def __init__(self, network: RCNetwork, known: dict[str, float]) -> None:
@@ -109,16 +114,20 @@ class RollingSchedule(RollingNetwork):
 
 
 class ARXMember:
-    """ARX on all inputs and the last ``n_lags`` temperatures."""
+    """ARX on all inputs and the last ``n_lags`` temperatures, fitted on errors of one step or at all leads."""
 
     names: tuple[str, ...] = ("ARX",)
-    is_rule = False
+    is_rule, needs_days = False, False
 
-    def __init__(self, n_lags: int) -> None:
-        self.n_lags = n_lags
+    def __init__(self, n_lags: int, *, multi_step: bool = False) -> None:
+        self.n_lags, self.multi_step = n_lags, multi_step
+        if multi_step:
+            self.names = ("multi-step ARX",)
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
+        if self.multi_step:
+            self.arx_.set_params(objective="multi_step", adapt="refit")
         self.arx_.fit(training.replace(history={}), training.history["T_za"])
         return self
 
@@ -128,7 +137,7 @@ class ARXMember:
         return _errors(T, sample, paths[:, sample.leads - 1])
 
     def view(self, rows: NumberedTable) -> ARXData:
-        return self.arx_.view(rows.table, rows.T, rows.first)
+        return self.arx_.view(rows.table, rows.T, rows.first, rows.before)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
         return RollingARX(self.arx_, rows.begin, sample.leads, adapt)
@@ -200,57 +209,65 @@ class RollingARX(_RollingErrors):
         return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
 
 
-class DayBeforeMember:
-    """The temperature of the day before: a rule that learns nothing and is hard to beat after a short training."""
+class DailyProfileMember:
+    """The mean day so far, to which the temperature returns: a rule that is hard to beat after a short training."""
 
-    names: tuple[str, ...] = ("day before",)
-    is_rule = True
+    names: tuple[str, ...] = ("daily profile",)
+    is_rule, needs_days = True, False
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        """Keep the mean, at which rows before the first measurement are held."""
-        self._per_day = rows_per_day(training.step)
         self.every = rows_per_hour(training.step)
-        T = training.history["T_za"]
-        known = T[np.isfinite(T)]
-        self._mean = float(known.mean()) if len(known) else 0.0
+        self._rate = float(training.step / _RETURN)
+        _, self._mean_day = self._after(training)
+        self._mean_day.forget(0)
         return self
 
-    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+    def _after(self, training: ZoneTable) -> tuple[ProfileRows, MeanDay]:
+        """The rows of a training, and the mean day as it was known at each of them."""
         T = training.history["T_za"]
-        return _errors(T, sample, self.paths(self._held(T, 0), sample.origins, sample.leads))
+        rows, known = ProfileRows.of(training, T), T[np.isfinite(T)]
+        mean = float(known.mean()) if len(known) else 0.0
+        mean_day = MeanDay(rows_per_day(training.step), mean, int(rows.place[0]))
+        mean_day.extend(rows, 0, training.n_rows)
+        return rows, mean_day
 
-    def view(self, rows: NumberedTable) -> NumberedTemperatures:
-        return self._held(rows.T, rows.first)
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+        rows, mean_day = self._after(training)
+        return _errors(rows.T, sample, self.paths(rows, mean_day, sample.origins, sample.leads))
 
-    def _held(self, T: np.ndarray, first: int) -> NumberedTemperatures:
-        return NumberedTemperatures(T, pd.Series(T).ffill().fillna(self._mean).to_numpy(), first)
+    def view(self, rows: NumberedTable) -> ProfileRows:
+        return ProfileRows.of(rows.table, rows.T, rows.first)
 
-    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingDayBefore:
-        return RollingDayBefore(self, rows.begin, sample.leads, adapt)
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingProfile:
+        before = self.view(rows).place[max(rows.begin - 1, 0)] + (rows.begin > 0)
+        return RollingProfile(self, self._mean_day.starting_at(int(before)), rows.begin, sample.leads, adapt)
 
-    def paths(self, view: NumberedTemperatures, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
-        """(O, L) temperatures of the last day that was known at each origin [degC]."""
-        back = -(-leads // self._per_day) * self._per_day
-        return view.held[np.maximum(origins[:, None] + leads - back - view.first, 0)]
-
-
-class NumberedTemperatures(NamedTuple):
-    """Temperatures of rows that are known by their numbers from ``first`` on [degC]."""
-
-    T: np.ndarray  # (n_rows,) NaN where missing
-    held: np.ndarray  # (n_rows,) the last known one where missing
-    first: int
+    def paths(self, rows: ProfileRows, mean_day: MeanDay, origins: np.ndarray, leads: np.ndarray) -> np.ndarray:
+        """(O, L) temperatures [degC]: the mean of the days known at each origin, and what is left of the last error."""
+        at = origins - rows.first
+        seen, targets = rows.seen[at][:, None], at[:, None] + leads
+        known = rows.place[at][:, None]
+        usual = mean_day.at(rows, np.minimum(targets, len(rows.T) - 1), known)
+        missed = np.where(seen >= 0, rows.T[seen] - mean_day.at(rows, seen, known - 1), 0.0)  # by the days before
+        return usual + missed * np.exp(-self._rate * (targets - seen))
 
 
-class RollingDayBefore(_RollingErrors):
-    """The rule as it goes through rows."""
+class RollingProfile(_RollingErrors):
+    """The rule as it goes through rows; it knows the days so far, whether or not anything is adapted."""
 
-    def __init__(self, rule: DayBeforeMember, begin: int, leads: np.ndarray, adapt: str | None) -> None:
+    def __init__(
+        self, rule: DailyProfileMember, mean_day: MeanDay, begin: int, leads: np.ndarray, adapt: str | None
+    ) -> None:
         super().__init__(begin, leads, adapt, rule.every)
-        self._rule = rule
+        self._rule, self._mean_day, self._row = rule, mean_day, begin - 1
 
-    def _past_paths(self, view: NumberedTemperatures, origins: np.ndarray) -> np.ndarray:
-        return self._rule.paths(view, origins, self.leads)
+    def advance(self, view: ProfileRows, origin: int) -> None:
+        self._mean_day.extend(view, self._row + 1, origin + 1)
+        super().advance(view, origin)
+        self._mean_day.forget(int(self.leads[-1]))
 
-    def forecast(self, view: NumberedTemperatures, n_leads: int) -> tuple[np.ndarray, None]:
-        return self._rule.paths(view, np.array([self._row]), np.arange(1, n_leads + 1)), None
+    def _past_paths(self, view: ProfileRows, origins: np.ndarray) -> np.ndarray:
+        return self._rule.paths(view, self._mean_day, origins, self.leads)
+
+    def forecast(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
+        return self._rule.paths(view, self._mean_day, np.array([self._row]), np.arange(1, n_leads + 1)), None

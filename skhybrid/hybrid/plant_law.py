@@ -8,31 +8,32 @@ import numpy as np
 
 from ..control import LoadPaths
 from ..forecasting.boosted_trees import BoostedTrees, fit_trees
-from .law_features import LawRows, direct_features, n_network_features, same_clock, same_plan
+from .law_features import LawRows, further_features, network_features, same_clock, same_plan
 
 #: ways to forecast load and temperature, and their shares where nothing is known of their errors
 MEMBERS = ("network", "network, corrected", "direct", "last week")
 PRIOR = np.array([0.25, 0.30, 0.35, 0.10])
 _PAIRS, _PER_ORIGIN = 8000, 24  # pairs of origin and lead that the trees see, in all and of one origin, at most
+_BLOCK_DAYS = 4  # of the blocks that are forecast by what the others taught
 _GOLDEN = 0.6180339887498949  # its multiples spread the leads evenly
 
 
 class Law(NamedTuple):
     """Trees by one state of knowledge."""
 
-    n_network: int  # how many of the features the corrections see
     heat_correction: BoostedTrees  # of the network's ideal load [kW]
     temperature_correction: BoostedTrees  # of the temperature under it [K]
     heat: BoostedTrees  # the load [kW]
-    change: BoostedTrees  # the change of temperature since the origin [K]
+    temperature: BoostedTrees  # of the network's temperature [K], by the load that is forecast too
 
 
 class Pairs(NamedTuple):
     """Pairs of origin and lead: features, and what was measured."""
 
-    features: np.ndarray  # (n, k) float32
+    network: np.ndarray  # (n, k) float32, features that the corrections see
+    further: np.ndarray  # (n, m) float32, those that a direct regression sees too
     heat: np.ndarray  # (n, 2) measured, and the network's ideal [kW]
-    temperature: np.ndarray  # (n, 3) measured, the network's, and that of the origin [degC]
+    temperature: np.ndarray  # (n, 2) measured, and the network's [degC]
     ends: np.ndarray  # (n,) int, the row at which a pair was known
 
     def before(self, row: int) -> Pairs:
@@ -55,21 +56,38 @@ def make_pairs(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, n_known: in
     at, lead, ends = at[known], lead[known], ends[known]
     own, begin = ideal.rows(at), origins[at]
     heat, T = own.at(lead)
-    features = direct_features(rows, own, begin, lead).astype(np.float32)
-    measured = np.column_stack([rows.T[ends], T, rows.last_measured(begin, T)])
-    return Pairs(features, np.column_stack([rows.heat[ends - 1], heat]), measured, ends)
+    network, further = _features(rows, own, begin, lead)
+    measured = np.column_stack([rows.T[ends], T])
+    return Pairs(network, further, np.column_stack([rows.heat[ends - 1], heat]), measured, ends)
 
 
-def learn(rows: LawRows, pairs: Pairs, weight: np.ndarray | None = None) -> Law:
-    """Trees from pairs, as many as there are weights (n,)."""
-    n, (heat, ideal), (T, network, at_origin) = n_network_features(rows), pairs.heat.T, pairs.temperature.T
-    X = pairs.features.astype(np.float64)
+def _features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features of pairs as they are kept."""
+    network, further = network_features(rows, paths, origins, lead), further_features(rows, origins, lead)
+    return network.astype(np.float32), further.astype(np.float32)
+
+
+def _as_seen(network: np.ndarray, further: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features of the corrections, and of the direct regressions."""
+    return network.astype(np.float64), np.hstack([network, further]).astype(np.float64)
+
+
+def learn(pairs: Pairs, per_day: int, weight: np.ndarray | None = None) -> Law:
+    """Trees from pairs, as many as there are weights (n,).
+
+    The load by which the temperature is learned is forecast by what has not seen it, in blocks of days by turns.
+    """
+    (heat, ideal), (T, network) = pairs.heat.T, pairs.temperature.T
+    of_network, X = _as_seen(pairs.network, pairs.further)
+    block = pairs.ends // (_BLOCK_DAYS * per_day) % 2
+    unseen = np.empty(len(X))
+    for own in (block == 0, block == 1):
+        unseen[own] = fit_trees(X[~own], heat[~own], None if weight is None else weight[~own]).predict(X[own])
     return Law(
-        n,
-        fit_trees(X[:, :n], heat - ideal, weight),
-        fit_trees(X[:, :n], T - network, weight),
+        fit_trees(of_network, heat - ideal, weight),
+        fit_trees(of_network, T - network, weight),
         fit_trees(X, heat, weight),
-        fit_trees(X, T - at_origin, weight),
+        fit_trees(np.column_stack([X, unseen, unseen - ideal]), T - network, weight),
     )
 
 
@@ -77,11 +95,11 @@ def member_paths(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law,
     """(O, L, 2, M) load [kW] and temperature [degC] by each member at some leads, counted from 0."""
     at, lead = np.repeat(np.arange(len(origins)), len(leads)), np.tile(leads, len(origins))
     own, begin = ideal.rows(at), origins[at]
-    X = direct_features(rows, own, begin, lead).astype(np.float32).astype(np.float64)
+    of_network, X = _as_seen(*_features(rows, own, begin, lead))
     heat, T = own.at(lead)
-    of_network = X[:, : law.n_network]
     corrected = heat + law.heat_correction.predict(of_network), T + law.temperature_correction.predict(of_network)
-    direct = law.heat.predict(X), rows.last_measured(begin, T) + law.change.predict(X)
+    load = law.heat.predict(X)
+    direct = load, T + law.temperature.predict(np.column_stack([X, load, load - heat]))
     targets = np.minimum(begin + lead, len(rows.T) - 1)
     holds = same_plan(rows, targets)
     earlier = same_clock(rows, begin, targets)

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from ..filtering import ForecastSample
-from .blend import blend_weights, by_lead, faded, moments
+from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
 from .plausible_range import PlausibleRange
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
 _DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
+#: days known between which the weights become those of errors, and the pull toward the prior at either end
+_DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,8 @@ class BlendRecord:
     member_of: np.ndarray  # (K,) int, the member of each way to forecast
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead
-    prior: np.ndarray  # (K,) weights where nothing is known of errors
-    pull: float  # toward them
+    priors: np.ndarray  # (2, K) weights where nothing is known of errors, after a day and from two weeks on
+    n_days: float  # of the training
     n_leads: int
     rows_per_day: int
     every: int  # rows between forecasts of the history
@@ -40,7 +42,13 @@ class BlendRecord:
 
     def weights(self) -> np.ndarray:
         """(n_groups, K) shares by the training."""
-        return blend_weights(self.products, self.prior, self.pull)
+        return blend_weights(self.products, *self.caution(0.0))
+
+    def caution(self, n_more: float) -> tuple[np.ndarray, float]:
+        """Prior weights (K,), and the pull toward them, so many days after the training."""
+        days, (first, settled) = self.n_days + n_more, self.priors
+        share = np.interp(days, _DAYS, (0.0, 1.0))
+        return first + share * (settled - first), float(np.interp(days, _DAYS, _PULLS))
 
 
 class RollingBlend:
@@ -68,10 +76,11 @@ class RollingBlend:
         """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
         record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
-        products = record.products
+        products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
-        shares = blend_weights(products, record.prior, record.pull)
+            n_more = (self.row + 1 - self._begin) / record.rows_per_day
+        shares = blend_weights(products, *record.caution(n_more))
         weights = by_lead(shares, record.n_leads, n_leads)
         path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
         if self.adapt is not None:

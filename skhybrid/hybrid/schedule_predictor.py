@@ -52,7 +52,7 @@ class SchedulePredictor(BaseHybrid):
     forecaster_ : ScheduledNetwork
         The same: its schedules forecast the disturbance.
     weights_ : DataFrame
-        Shares of network, ARX and the rule of the day before by group of leads, as the training has them.
+        Shares of network, both ARX and the daily profile by group of leads, as the training has them.
     %(fitted)s
 
     Examples

@@ -19,19 +19,18 @@ from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..schedule import NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
 from ..thermal import RCNetwork
-from .blend import GROUP_NAMES, PULL, by_lead, faded, lead_groups, moments
+from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .members import ARXMember, DayBeforeMember, Member, NumberedTable, ScheduleMember
+from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
 
 _LAGS = 24  # temperatures that the black box regresses on
-#: prior share of the simple rule, and the pull toward it: where no days could be left out to try what was learned, with
-#: a week of training or less, and with two weeks or more
-_UNTRIED, _WEEK, _WEEKS = (0.75, PULL), (1.0 / 3.0, 1.2), (0.1, PULL)
+_RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
+_FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _FREE = (-np.inf, np.inf)  # set-points of rows that have none
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
@@ -71,7 +70,9 @@ class ScheduleScheme(Scheme):
         self.disturbance_step_ = measured.step
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known)
-        self._others: list[Member] = [ARXMember(_LAGS), DayBeforeMember()]
+        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
+        multi_step = [] if _has_trace(training) else [ARXMember(_LAGS, multi_step=True)]
+        self._others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
         for member in self._members:
             member.fit(training, n_leads)
         fit = self._physics.fit_
@@ -80,13 +81,15 @@ class ScheduleScheme(Scheme):
         left_out = self._of_clipped(left_out, sample)
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
         per_day = rows_per_day(training.step)
-        rule, pull = _caution(fit.blocks, training.n_rows / per_day)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
-        prior, every = _prior(self._members, rule), rows_per_hour(training.step)
-        plausible = self.rows.plausible
+        priors = np.array(
+            [_prior(self._members, share, first) for share, first in zip(_RULE_SHARES, (True, False), strict=True)]
+        )
+        every = rows_per_hour(training.step)
+        n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
-            sample, left_out, member_of, products, groups, prior, pull, n_leads, per_day, every, plausible
+            sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
 
     def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
@@ -243,11 +246,13 @@ class ScheduleScheme(Scheme):
         known = last_rows(self.rows.tables, n_known - first)
         while not np.isfinite(known.history["T_za"][0]) and known.n_rows < n_known:
             known = last_rows(self.rows.tables, 2 * known.n_rows)
-        table = concatenate_tables([known, ahead])
-
-        begin, first = self.rows.training.n_rows, n_known - known.n_rows
+        n_before = min(int(_FILTERED / known.step), n_known - known.n_rows)
+        known = last_rows(self.rows.tables, n_before + known.n_rows)
+        longer = concatenate_tables([known, ahead])
+        table, before = longer.rows(slice(n_before, None)), longer.rows(slice(n_before))
+        begin, first = self.rows.training.n_rows, n_known - known.n_rows + n_before
         return NumberedTable(
-            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2]
+            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2], before
         )
 
     def relearned(self, measured: ZoneTable | None) -> Self:
@@ -279,11 +284,20 @@ class ScheduleScheme(Scheme):
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
 
 
-def _prior(members: Sequence[Member], rule: float) -> np.ndarray:
-    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what was learned, in even parts."""
-    n_rules = sum(member.is_rule for member in members)
-    each = {True: rule / max(n_rules, 1), False: (1.0 - rule) / max(len(members) - n_rules, 1)}
-    return np.concatenate([np.full(len(m.names), each[m.is_rule] / len(m.names)) for m in members])
+def _prior(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
+    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
+    learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
+    n_rules = sum(m.is_rule for m in members)
+    shares = [
+        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
+        for m, has in zip(members, learned, strict=True)
+    ]
+    return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
+
+
+def _has_trace(training: ZoneTable) -> bool:
+    """Whether a plant ran, but so little that the training does not tell what its heat does."""
+    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())
 
 
 def _midnights(table: ZoneTable) -> np.ndarray:
@@ -295,11 +309,3 @@ def _midnights(table: ZoneTable) -> np.ndarray:
 def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
     """Measured temperature of the rows after each origin, stamped by the day."""
     return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())
-
-
-def _caution(blocks: np.ndarray, n_days: float) -> tuple[float, float]:
-    """Prior share of the simple rules, and the pull toward it, after a training of so many days in blocks."""
-    if not len(blocks) or not blocks.max():
-        return _UNTRIED  # nothing tells how far to trust what was learned
-    rule, pull = (float(np.interp(n_days, [7, 14], ends)) for ends in zip(_WEEK, _WEEKS, strict=True))
-    return rule, pull

@@ -43,7 +43,9 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
     """What can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale."""
-    can, cannot, steps = [], [], []
+    can: list[str] = []
+    cannot: list[str] = []
+    steps: list[str] = []
     have = set(moved.index)
     plants = [role for role in moved.index if role.startswith(("u_", "Q_"))]
     for role, what in (("T_za", "room"), ("T_oa", "outdoor")):

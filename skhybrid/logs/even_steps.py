@@ -159,12 +159,19 @@ def _check_held(frame: pd.DataFrame, held: Collection[str]) -> None:
             raise ValueError(f"held= names {name!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
 
 
+def usual_step(frame: pd.DataFrame) -> pd.Timedelta:
+    """Usual distance of two values of one column; columns that are logged at different moments share rows with none."""
+    ordered = frame.sort_index(kind="stable")
+    own = [pd.DatetimeIndex(ordered.index[ordered[name].notna()]).unique() for name in ordered]
+    steps = [typical_step(index) for index in own if len(index) > 2]
+    return min(steps, default=typical_step(pd.DatetimeIndex(ordered.index).unique()))
+
+
 def _source_step(frame: pd.DataFrame, held: Collection[str], step: Any) -> pd.Timedelta:
     """The typical spacing of the rows of columns that are not held: a log of changes has no step of its own."""
-    sampled = frame.drop(columns=list(held))
-    rows = frame.index[sampled.notna().any(axis=1)] if held else frame.index
+    rows = frame.drop(columns=list(held)).dropna(how="all") if held else frame
     if len(rows) > 1:
-        return typical_step(pd.DatetimeIndex(rows))
+        return usual_step(rows)
     if step is None:
         raise ValueError("all columns are held, and a log of changes has no step of its own; pass step='15min'.")
     return positive_duration(step, "step")

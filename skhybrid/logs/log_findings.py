@@ -85,14 +85,14 @@ def sensor_findings(role: str, name: str, values: pd.Series) -> Iterator[Finding
 
 def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:
     """Values that leave those before and after them, or a step that no air makes."""
-    near = np.diff(known.index.as_unit("ns").asi8) <= pd.Timedelta("30min").value
+    near = np.diff(pd.DatetimeIndex(known.index).as_unit("ns").asi8) <= pd.Timedelta("30min").value
     change = np.where(near, np.diff(known.to_numpy(dtype=np.float64)), 0.0)
     back = np.append(change[1:], 0.0)
     spike = (np.minimum(np.abs(change), np.abs(back)) > least) & (change * back < 0.0)
     at = np.flatnonzero(spike | (np.abs(change) > 2.0 * least))
     if len(at):
         worst = at[np.abs(change[at]).argmax()]
-        text = f"jumps by {change[worst]:+.1f} K at {known.index[worst + 1]}"
+        text = f"jumps by {change[worst]:+.1f} K at {known.index[int(worst) + 1]}"
         yield Finding("warning", name, f"{text} ({len(at)} such rows); is the sensor loose, or a cell wrong?")
 
 
@@ -106,7 +106,7 @@ def _beyond(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
     elif bad.any():
         worst = float(known[bad].iloc[0])
         text = f"{int(bad.sum())} values beyond {kind.lowest:g} to {kind.highest:g} {kind.unit}"
-        yield Finding("error", name, f"{text}, first {worst:.4g} at {known.index[bad.to_numpy().argmax()]}.")
+        yield Finding("error", name, f"{text}, first {worst:.4g} at {known.index[int(bad.to_numpy().argmax())]}.")
 
 
 def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
@@ -122,7 +122,7 @@ def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
             continue
         low, top = sorted((np.median(a[-96:]), np.median(b[:96])))
         if top > 45.0 > low and abs((top - 32.0) / 1.8 - low) < 6.0:
-            return temperature.index[turn]
+            return pd.Timestamp(pd.DatetimeIndex(temperature.index)[int(turn)])
     return None
 
 
@@ -141,16 +141,22 @@ def standstills(role: str, values: pd.Series) -> pd.DataFrame:
 def without_standstills(temperature: pd.Series) -> pd.Series:
     """A room's temperature whose standstills are missing, but for their first value."""
     out = temperature.copy()
-    for row in standstills("T_za", temperature).itertuples():
-        out[(out.index > row.first) & (out.index <= row.last)] = np.nan
+    for first, last, _ in _rows(standstills("T_za", temperature)):
+        out[(out.index > first) & (out.index <= last)] = np.nan
     return out
 
 
+def _rows(found: pd.DataFrame) -> list[tuple[pd.Timestamp, pd.Timestamp, float]]:
+    """First stamp, last stamp and value of each standstill."""
+    return [
+        (pd.Timestamp(a), pd.Timestamp(b), float(v))
+        for a, b, v in zip(found["first"], found["last"], found["value"], strict=True)
+    ]
+
+
 def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    found = standstills(role, known)
-    for row in found.head(_MOST_NAMED).itertuples():
-        length = spell(row.last - row.first)
-        text = f"stays at {row.value:g} for {length} from {row.first}: is the sensor stuck?"
+    for first, last, value in _rows(standstills(role, known))[:_MOST_NAMED]:
+        text = f"stays at {value:g} for {spell(last - first)} from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
 
 

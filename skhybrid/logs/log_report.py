@@ -13,7 +13,7 @@ from .._ranges import range_of
 from .._time import spell
 from .abilities import abilities, excitation
 from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
-from .even_steps import typical_step
+from .even_steps import usual_step
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
 from .naming import ENERGY, Guess, assign_roles, unit_in_name
@@ -83,11 +83,11 @@ class LogReport:
         _refuse_short(raw.frame)
         self.raw = raw
         logged = pd.DatetimeIndex(raw.frame.index)
-        self.step = typical_step(logged.sort_values().unique())
+        self.step = usual_step(raw.frame)
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
-        stated = {str(c): raw.units.get(c, unit_in_name(str(c))) for c in raw.frame}
+        stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         self._guesses = assign_roles(stated, dict(raw.roles) | dict(columns or {}))
         channels = [
             self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
@@ -120,7 +120,7 @@ class LogReport:
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON."""
-        index = self.raw.frame.index
+        index = pd.DatetimeIndex(self.raw.frame.index)
         columns = self.columns.astype(object).where(self.columns.notna(), None)
         moved = self.excitation.astype(object).where(self.excitation.notna(), None)
         return {
@@ -133,7 +133,7 @@ class LogReport:
             "label": self.assumed_label,
             "columns": columns.to_dict(orient="index"),
             "first_rows": {str(k): v for k, v in self._first_rows().astype(object).to_dict(orient="index").items()},
-            "gaps": [[str(row.last), str(row.next), round(row.hours, 2)] for row in self.gaps.itertuples()],
+            "gaps": self.gaps.astype({"last": str, "next": str}).round({"hours": 2}).to_numpy().tolist(),
             "days": self.days,
             "excitation": moved.to_dict(orient="index"),
             "findings": [finding._asdict() for finding in self.findings],
@@ -250,7 +250,7 @@ class LogReport:
     def _find(self, logged: pd.DatetimeIndex, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(logged, self.step, self.label))
         if len(self.gaps):
-            widest = self.gaps.loc[self.gaps["hours"].idxmax()]
+            widest = self.gaps.iloc[int(self.gaps["hours"].to_numpy().argmax())]
             text = f"{len(self.gaps)} gaps; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
             found.append(Finding("note", "clock", text))
         for channel in channels:

@@ -27,6 +27,7 @@ _SET = (
     r"\b(set|sp|soll|stp|target|wanted|desired|setting)\b|set ?point|set ?temp|sollwert|solltemp|consigne|consigna|"
     r"gewenst|streef|setpunt|instel"
 )
+_SET_POINT = r"set ?point|\bsp\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
 _HEAT = r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme"
 _COOL = r"cool|kuhl|kuehl|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b"
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
@@ -40,7 +41,7 @@ _ELECTRICITY = r"elec|strom(?!ung)|stroom|heat ?pump|warmepumpe|\bwp\b|\bhp\b|co
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
-    r"\bfan\b|pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|number|\bid\b|price|mode\b|"
+    r"\bfan\b|pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|number|\bid$|price|mode\b|"
     r"event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
 )
 
@@ -61,6 +62,8 @@ class Guess(NamedTuple):
 def unit_in_name(name: str) -> str | None:
     """The unit that a name ends with or has in brackets, such as ``Zone Temp (°F)``; None if it has none."""
     text = unit_text(name)
+    if text is None and (first := re.match(r"(°[CF]|%|k?W|kWh)\s", name)):  # InfluxDB's measurement is a unit
+        text = first[1]
     if text is None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
         text = last[1] if last and last[1].lower() in _OTHER_UNITS and len(last[1]) > 1 else None
@@ -118,7 +121,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "irradiance"
     if unit in ("percent", "s", "min") or re.search(_STAGE, words):
         return "stage"
-    if re.search(_TEMPERATURE, words) or re.search(r"set ?point|\bsp\b|sollwert|consigne", words):
+    if re.search(_TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
     return "power" if re.search(r"\bkw\b|power|leistung|vermogen|puissance", words) else None
 

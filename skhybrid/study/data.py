@@ -14,7 +14,7 @@ from .._time import even_step, spell
 from ..logs import RawLog, RegularizeReport, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, to_roles
-from ..logs.log_findings import standstills, without_standstills
+from ..logs.log_findings import standstills, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
 from .plant import Performance
@@ -72,7 +72,8 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
     frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw)), settings)
-    if settings.timezone is not None and frame.index.tz is not None:
+    _refuse_mixed_units(frame)
+    if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
     if settings.label == "right":
         frame = to_left_label(frame.sort_index(kind="stable"))
@@ -91,6 +92,17 @@ def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
     options.pop("max_hold", None)
     return read_any_log(path, settings.format, **options)
+
+
+def _refuse_mixed_units(frame: pd.DataFrame) -> None:
+    """Refuse a temperature that is in degC on one side of a stamp and in degF on the other."""
+    for role in frame:
+        switch = unit_switch(frame[role].dropna()) if str(role).startswith("T_") else None
+        if switch is not None:
+            raise ValueError(
+                f"{role} changes its unit at {switch}, degC on one side and degF on the other; split the log there, or "
+                "correct the column."
+            )
 
 
 def _on_even_steps(frame: pd.DataFrame, settings: Settings, held: list[str]) -> tuple[pd.DataFrame, RegularizeReport]:
@@ -184,7 +196,7 @@ def standstill(temperature: pd.Series) -> str | None:
     found = standstills("T_za", temperature)
     if found.empty:
         return None
-    longest = found.loc[(found["last"] - found["first"]).idxmax()]
+    longest = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
     return (
         f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows "
         "are taken as missing."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -19,8 +19,8 @@ def judge_temperature(
     own: pd.DataFrame, yesterday: pd.DataFrame, data: StudyData, coverage: float | None = None
 ) -> Verdict:
     """The verdict on a back-test beside that of the day before, at the same origins."""
-    errors = [(frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday)]
-    compared = compare_errors(*errors, own["origin"].reset_index(drop=True), "yesterday's temperature")
+    error, rule = ((frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday))
+    compared = compare_errors(error, rule, own["origin"].reset_index(drop=True), "yesterday's temperature")
     n_origins = own.loc[own["y_true"].notna(), "origin"].nunique()
     return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, outside=share_outside(data))
 
@@ -61,9 +61,8 @@ def share_outside(data: StudyData) -> float:
     return float(np.mean(outside.any(axis=1))) if len(ahead) else 0.0
 
 
-def is_scaled(settings: Settings, data: StudyData) -> bool:
-    """Whether the log fixes what a kW is: heat is measured, or the capacity of every stage is known."""
-    stages = [str(role) for role in data.train if str(role).startswith("u_")]
+def is_scaled(settings: Settings, roles: Iterable[object]) -> bool:
+    """Whether a log with these roles fixes what a kW is: heat is measured, or the capacity of a stage is known."""
     known = settings.estimator.get("known", {})
     capacity = {"u_heat": "Q_h", "u_cool": "Q_c"}
-    return any(str(role).startswith("Q_") for role in data.train) or any(capacity.get(r, r) in known for r in stages)
+    return any(str(role).startswith("Q_") or capacity.get(str(role), role) in known for role in roles)

@@ -85,7 +85,7 @@ def _column_lines(report: LogReport) -> list[str]:
     roles, lines = report.roles, ["[columns]"]
     for role, name in roles.items():
         reason = report.columns.loc[name, "reason"]
-        lines.append(f"{role} = {as_toml(name)}" + ("" if role == name else f"  # {reason}"))
+        lines.append(f"{role} = {as_toml(name)}" + ("" if role == name else f"  # {reason!s}"))
     free = report.columns[report.columns["role"].isna()]
     for role, what in _WANTED.items():
         if role not in roles:

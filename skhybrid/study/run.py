@@ -67,7 +67,7 @@ class StudyResult:
     @property
     def scaled(self) -> bool:
         """Whether the log fixes what a kW is."""
-        return is_scaled(self.settings, self.data)
+        return is_scaled(self.settings, self.data.train)
 
     @property
     def best(self) -> str:

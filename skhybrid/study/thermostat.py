@@ -37,7 +37,7 @@ class Schedule(NamedTuple):
         sides = [_side(name, tables.get(name)) for name in ("heat", "cool")]
         if not any(sides):
             raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
-        found = cls(*sides, cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
+        found = cls(sides[0], sides[1], cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
         heat, cool = (_by_minute(side, np.arange(1440)) for side in sides)
         if (heat > cool).any():
             at = int(np.argmax(heat > cool))

@@ -14,6 +14,7 @@ from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..study.data import read_log
+from ..study.judgement import is_scaled
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
@@ -67,7 +68,7 @@ def day_ahead(
     history = zone.history(frame)
     origin = history.index[-1]
     later = frame[frame.index > origin].drop(columns="T_za")
-    given = later if weather is None else read_ahead(weather, settings, frame.index.tz, origin.year)
+    given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
     inputs = [str(role) for role in history if role not in ("T_za", *SETPOINT_ROLES)]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)
@@ -121,8 +122,8 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
         "lowest temperature [degC]": round(float(out["T_za"].min()), 2),
         "highest temperature [degC]": round(float(out["T_za"].max()), 2),
     }
-    if "Q_hvac" not in out:
-        return found
+    if "Q_hvac" not in out or not is_scaled(settings, settings.columns):
+        return found  # kW without a scale are no sum to put in front
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
     found["largest load [kW]"] = round(float(out["Q_hvac"].abs().max()), 2)
@@ -142,6 +143,11 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
         out.append(
             "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
             "interval"
+        )
+    if not planned and not is_scaled(zone.settings, zone.covered()):
+        out.append(
+            "no capacity of the plant is known, so its kW have no certain scale; give known = { Q_h = ... } in "
+            "[estimator]"
         )
     if (age := history.index[-1] - zone.learned_until) > _OLD:
         out.append(f"the model last learned {age.days} days ago; learn anew with skhybrid update --relearn")

@@ -100,7 +100,8 @@ def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeInd
     for role in roles:
         if role not in out:  # a further boundary temperature
             values = given[role].dropna()
-            out[role] = np.interp(index.as_unit("ns").asi8, values.index.as_unit("ns").asi8, values)
+            known = pd.DatetimeIndex(values.index).as_unit("ns").asi8
+            out[role] = np.interp(index.as_unit("ns").asi8, known, values)
     return out[roles].rename_axis("time")
 
 

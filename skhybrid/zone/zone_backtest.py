@@ -56,7 +56,7 @@ def backtest_zone(
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
     model = estimator.fit(data.train, data.train["T_za"])
-    given = {
+    given: dict[str, Any] = {
         "horizon": settings.horizon,
         "origin_step": settings.origin_step,
         "start": data.test_start,

@@ -113,8 +113,8 @@ class ZoneModel:
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows."""
         rows = self.complete(frame)
-        aware = pd.DatetimeIndex(rows.index).tz is not None
-        until = self.known_until if aware else self.known_until.tz_localize(None)
+        zoned = pd.DatetimeIndex(rows.index).tz is not None
+        until = self.known_until if zoned else self.known_until.tz_localize(None)
         return rows[rows.index > until]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:

@@ -15,7 +15,18 @@ from estimators import TRANSFORMERS
 from functions import NO_ZONE
 from hypothesis import strategies as st
 from outcomes import Outcome, observe, refusal, state, wrong_numbers
-from zone_tables import COLUMNS, INDEX, NOT_THE_TEMPERATURE, TARGET, Spoilt, Table, _Shown, tables, usually
+from zone_tables import (
+    COLUMNS,
+    INDEX,
+    NOT_THE_TEMPERATURE,
+    TARGET,
+    WITH_SETPOINTS,
+    Spoilt,
+    Table,
+    _Shown,
+    tables,
+    usually,
+)
 
 _FITS = ("fit", "fit_transform")
 _TEMPERATURES = ("predict", "predict_from", "predict_quantiles", "predict_quantiles_from", "forecast")
@@ -184,7 +195,7 @@ def calls(draw: st.DrawFn, but: tuple[str, ...] = ()) -> Call:
             arguments += [(name, chosen)] if chosen != first else []
     long = entry.method in (*_FITS, "compare_models")
     sizes = (96, 48, 24, 6, 4, 3, 2, 1, 0, 216) if long else (48, 24, 5, 1, 0, 2, 3, 60, 216)
-    table = draw(tables(sizes))
+    table = draw(tables(sizes, WITH_SETPOINTS if entry.of_thermostat else COLUMNS))
     target = draw(usually("series", TARGET, 1)) if "y" in entry.parameters else "series"
     plain = table.container is None and table.names is None and entry.method in ("predict", "predict_quantiles")
     same = draw(usually(None, SAME, 3)) if plain and entry.estimator != "Pipeline" else None

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from estimators import ESTIMATORS, NETWORKS, fitted
+from estimators import ESTIMATORS, NETWORKS, SETPOINTS, fitted
 from functions import FUNCTIONS, NOT_CALLED, SETTINGS
 from sklearn.base import BaseEstimator, clone
 
@@ -22,6 +22,7 @@ from skhybrid.study import Settings
 _SHARE = {"HybridPredictor": 3, "SchedulePredictor": 3, "TwoStagePredictor": 3, "PeriodicDisturbanceID": 1}
 _SHARE |= {"profile_likelihood": 1, "fit_many": 2, "backtest": 4, "GrayBoxRC": 4, "InputDisturbanceID": 4}
 _SHARE |= {"OutputDisturbanceID": 4, "DesignMatrixSearchCV, ARXRegressor": 2, "compare_models": 1}
+_SHARE["SchedulePredictor, set-points"] = 1
 _SHARE |= dict.fromkeys((*NETWORKS, "fit_many, networks", "save and load, mlp"), 1)
 _SHARE |= {name: 1 for name in FUNCTIONS if "Display" in name or name == "skhybrid run"}
 #: public methods that take no table of a user: they take what another method has read, or no table at all
@@ -142,6 +143,11 @@ class Entry(NamedTuple):
     estimator: str | None  # key of ESTIMATORS
     method: str
     parameters: tuple[str, ...]
+
+    @property
+    def of_thermostat(self) -> bool:
+        """Whether the estimator has learned a thermostat, so that its tables have set-points."""
+        return (self.estimator or "").endswith(SETPOINTS)
 
     @property
     def share(self) -> int:

@@ -47,6 +47,7 @@ ESTIMATORS: dict[str, Any] = {
     **{name: DisturbanceForecaster(name.split(", ")[1], **_TINY) for name in NETWORKS},
     "HybridPredictor": HybridPredictor(network="1R1C"),
     "SchedulePredictor": SchedulePredictor(network="1R1C", adapt=None),
+    "SchedulePredictor, set-points": SchedulePredictor(network="1R1C"),
     "TwoStagePredictor": TwoStagePredictor(InputDisturbanceID("1R1C", **ONE_NODE), DisturbanceForecaster("profile")),
     "Pipeline": make_pipeline(UnitConverter(), GapFiller(), ARXRegressor(n_lags=3, n_input_lags=2, calendar=False)),
     "DesignMatrixSearchCV, ARXRegressor": DesignMatrixSearchCV(
@@ -59,13 +60,14 @@ ESTIMATORS: dict[str, Any] = {
     "UnitConverter": UnitConverter({"T_oa": "degF"}),
     "FacadeIrradiance": FacadeIrradiance(52.4, 4.9),
 }
+SETPOINTS = ", set-points"  # end of the names of estimators that learn a thermostat
 TRANSFORMERS = ("GapFiller", "UnitConverter", "FacadeIrradiance")
 
 
 @cache
 def fitted(name: str) -> Any:
     """An estimator, fitted on the training table."""
-    X, y = training().X, training().y
+    X, y = training().with_setpoints if name.endswith(SETPOINTS) else training().X, training().y
     if name.startswith("DisturbanceForecaster"):
         return clone(ESTIMATORS[name]).fit(X, y - 22.0)
     return clone(ESTIMATORS[name]).fit(X, y)

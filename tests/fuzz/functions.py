@@ -223,5 +223,7 @@ NOT_CALLED = {
     **dict.fromkeys(("plan_experiment", "ExperimentPlan"), "simulates a week many times, for seconds"),
     **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay"), "draws what another call has made"),
     **dict.fromkeys(("save_model", "load_model", "load_metadata"), "save and load, and the target model"),
-    **dict.fromkeys(("ZoneModel", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"),
+    **dict.fromkeys(
+        ("ZoneModel", "ZoneFolder", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"
+    ),
 }

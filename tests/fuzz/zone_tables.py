@@ -17,6 +17,7 @@ from sklearn.utils import Bunch
 from skhybrid.datasets import make_office
 
 COLUMNS = ("T_oa", "q_sol", "u_heat", "u_cool", "T_za")
+WITH_SETPOINTS = (*COLUMNS, "T_heat_set", "T_cool_set")
 ZONE, NEXT_DAY = "Europe/Amsterdam", "2024-10-26"  # the clock goes back on the day after
 
 
@@ -24,8 +25,8 @@ ZONE, NEXT_DAY = "Europe/Amsterdam", "2024-10-26"  # the clock goes back on the 
 def training() -> Bunch:
     """Nine days of the synthetic office, hourly; the day after them is ``NEXT_DAY``."""
     office = make_office(n_days=9, random_state=0, sampling_time="1h", start="2024-10-17")
-    X = office.X[list(COLUMNS)].tz_localize(ZONE)
-    return Bunch(X=X, y=office.y.set_axis(X.index))
+    whole = office.X.join(office.setpoints)[list(WITH_SETPOINTS)].tz_localize(ZONE)
+    return Bunch(X=whole[list(COLUMNS)], y=office.y.set_axis(whole.index), with_setpoints=whole)
 
 
 # ------------------------------------------------------------------------------------------ values and their types
@@ -191,10 +192,10 @@ class Table(_Shown):
 
     def frame(self) -> pd.DataFrame:
         """The table as a frame with stamps, before its index, its names and its container change."""
-        office = training().X
+        office = training().with_setpoints
         values = office.to_numpy()[np.arange(self.n_rows) % len(office)]
         index = pd.date_range(self.start, periods=self.n_rows, freq=self.step, tz=self.zone)
-        X = pd.DataFrame(values, columns=list(COLUMNS), index=index)[list(self.columns)]
+        X = pd.DataFrame(values, columns=list(WITH_SETPOINTS), index=index)[list(self.columns)]
         for spoilt in self.spoilt:
             if spoilt.column in X:
                 X[spoilt.column] = _spoil(X[spoilt.column], spoilt)
@@ -253,28 +254,29 @@ def usually(first: Any, others: Any, share: int = 4) -> st.SearchStrategy[Any]:
     return st.integers(0, share).flatmap(lambda k: st.just(first) if k < share else st.sampled_from(others))
 
 
-_SPOILT = st.builds(
-    Spoilt,
-    st.sampled_from(COLUMNS),
-    st.one_of(*(st.sampled_from(list(kinds)) for kinds in (VALUES, SENTINELS, OTHER_UNIT, TYPES))),
-    st.sampled_from(list(WHERE)),
-)
+_CHANGE = st.one_of(*(st.sampled_from(list(kinds)) for kinds in (VALUES, SENTINELS, OTHER_UNIT, TYPES)))
 _ZONES = (None, "UTC", "America/Chicago", "Asia/Kolkata", "Australia/Lord_Howe", "+05:30", "-11:00")
 _STEPS = ("15min", "30min", "1min", "2h", "7min", "10s", "1D", "1ns", "25h")
 _STARTS = ("2024-10-17", "2024-10-20", "2024-10-26 01:00", "2024-03-30", "1700-01-01", "2250-12-30", "2024-10-26 00:07")
 
 
 @st.composite
-def tables(draw: st.DrawFn, sizes: tuple[int, ...] = (48, 24, 5, 1, 0, 2, 3, 60, 216)) -> Table:
+def tables(
+    draw: st.DrawFn,
+    sizes: tuple[int, ...] = (48, 24, 5, 1, 0, 2, 3, 60, 216),
+    columns: tuple[str, ...] = COLUMNS,
+) -> Table:
     """Tables of which most have one or two oddities, so that each of them is seen by more than the first check."""
-    spoilt = draw(st.lists(_SPOILT, min_size=0, max_size=2))
-    fewer = st.lists(st.sampled_from(COLUMNS), min_size=0, max_size=5, unique=True).map(tuple)
+    one = st.builds(Spoilt, st.sampled_from(columns), _CHANGE, st.sampled_from(list(WHERE)))
+    spoilt = draw(st.lists(one, min_size=0, max_size=2))
+    fewer = st.lists(st.sampled_from(columns), min_size=0, max_size=5, unique=True).map(tuple)
+    plain = st.just(columns)
     return Table(
         draw(usually(sizes[0], sizes[1:])),
         draw(usually("1h", _STEPS, 8)),
         draw(usually(NEXT_DAY, _STARTS, 3)),
         draw(usually(ZONE, _ZONES, 6)),
-        draw(st.one_of(st.just(COLUMNS), st.just(COLUMNS), st.just(COLUMNS), st.just(COLUMNS[:-1]), fewer)),
+        draw(st.one_of(plain, plain, plain, st.just(tuple(name for name in columns if name != "T_za")), fewer)),
         tuple(spoilt),
         draw(usually(None, ROWS, 12)),
         draw(usually(None, INDEX, 12)),

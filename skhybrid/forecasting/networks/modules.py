@@ -42,6 +42,7 @@ class NetworkStack(nn.Module):
         self.layers = layers_of(self.spec)
         self._shapes = [shape for layer in self.layers for shape in (layer.shape, layer.shape[:1])]
         self._sizes = [torch.Size(shape).numel() for shape in self._shapes]
+        self._names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
         # (n_networks, n_weights) all weights; those of the layers are views, so that an optimiser steps one tensor.
         # Those of layers that a network does not have are 0.
         self.flat = nn.Parameter(torch.zeros(len(specs), sum(self._sizes)))
@@ -60,9 +61,9 @@ class NetworkStack(nn.Module):
 
     def weights(self) -> dict[str, Tensor]:
         """Views ``<layer>.weight`` (n_networks, n_out, n_in[, width]) and ``<layer>.bias`` (n_networks, n_out)."""
-        names = [f"{layer.name}.{part}" for layer in self.layers for part in ("weight", "bias")]
-        pieces = zip(names, self.flat.split(self._sizes, dim=1), self._shapes, strict=True)
-        return {name: piece.view(len(self.flat), *shape) for name, piece, shape in pieces}
+        n, pieces = len(self.specs), self.flat.split(self._sizes, dim=1)
+        named = zip(self._names, pieces, self._shapes, strict=True)
+        return {name: piece.view(n, *shape) for name, piece, shape in named}
 
     def weights_by_network(self) -> list[dict[str, Tensor]]:
         """Copies of the weights of each network, without those of layers that it does not have."""
@@ -102,8 +103,8 @@ class MLPStack(NetworkStack):
             z = self.activate(dense(weights, f"hidden{i}", z))
             z = z if kept is None else z * kept[-len(z) :, i]
             n_ended = depths.count(i + 1)
-            ended.append(z[:n_ended])
-            z = z[n_ended:]
+            done, z = z.split([n_ended, len(z) - n_ended])
+            ended.append(done)
         return base + dense(weights, "out", torch.cat(ended)).transpose(1, 2)
 
 

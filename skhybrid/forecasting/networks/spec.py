@@ -49,14 +49,15 @@ class NetworkSpec(NamedTuple):
         return 1 if self.kind == "cnn" else self.n_layers
 
     def draw_kept(self, n_windows: int, generator: torch.Generator) -> Tensor:
-        """(n_dropping, hidden_size, n_windows) bool: values that dropout keeps."""
+        """Factors (n_dropping, hidden_size, n_windows) of dropout: 0, or 1 / (1 - share) where a value is kept."""
         width, device = rounded_up(self.hidden_size), generator.device
         if self.kind in N_GATES:
             drawn = torch.empty(self.n_dropping, width, n_windows, device=device).uniform_(generator=generator)
         else:
             drawn = torch.empty(self.n_dropping, n_windows, width, device=device).uniform_(generator=generator)
             drawn = drawn.transpose(1, 2)
-        return (drawn >= self.dropout)[:, : self.hidden_size]
+        scale = float(1.0 / (1.0 - torch.tensor(self.dropout)))
+        return drawn.ge_(self.dropout).mul_(scale)[:, : self.hidden_size]
 
 
 class Layer(NamedTuple):

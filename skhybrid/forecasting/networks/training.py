@@ -69,32 +69,23 @@ class WindowBatches:
             part = slice(start, start + self.size)
             inputs, target = self.windows.take(order[:, part], self.stack.numbers)
             if kept is not None:
-                inputs["kept"] = kept.factors(part)
+                inputs["kept"] = kept[..., part]
             yield inputs, target
 
 
-class Kept(NamedTuple):
-    """Hidden values that dropout keeps in an epoch, and the scale of those that are kept, by network."""
+def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Generator]) -> Tensor | None:
+    """Factors of dropout (n_networks, n_layers, width, n_windows) of an epoch; None where no network drops.
 
-    values: Tensor  # (n_networks, n_layers, width, n_windows) bool
-    scales: Tensor  # (n_networks, 1, 1, 1), 1 / (1 - share dropped)
-
-    def factors(self, part: slice) -> Tensor:
-        """Factors of the hidden values of some windows: 0, or their scale."""
-        return self.values[..., part] * self.scales
-
-
-def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Generator]) -> Kept | None:
-    """Draw the dropout of an epoch, each row of the stack from its generator; None where no network drops."""
-    shares = [spec.dropout for spec in stack.specs]
-    if not any(shares):
+    Each row of the stack is drawn from its generator.
+    """
+    if not any(spec.dropout for spec in stack.specs):
         return None
     size, device = (stack.spec.n_dropping, stack.spec.hidden_size, n_windows), generators[0].device
-    values = torch.ones(len(shares), *size, dtype=torch.bool, device=device)
-    for row, spec, generator in zip(values, stack.specs, generators, strict=True):
+    kept = torch.ones(len(stack.specs), *size, device=device)
+    for row, spec, generator in zip(kept, stack.specs, generators, strict=True):
         if spec.dropout:
             row[: spec.n_dropping] = spec.draw_kept(n_windows, generator)
-    return Kept(values, 1.0 / (1.0 - torch.tensor(shares, device=values.device)[:, None, None, None]))
+    return kept
 
 
 class SquaredErrorsPerNetwork(torch.nn.Module):
@@ -132,7 +123,7 @@ class StackNet(NeuralNet):
 
     def train_step(self, batch: Batch, **fit_params: Any) -> dict[str, Tensor]:
         """A step of Adam, which needs no closure."""
-        self._zero_grad_optimizer()
+        self.module_.flat.grad = None
         step = self.train_step_single(batch, **fit_params)
         self.notify("on_grad_computed", named_parameters=self.module_.named_parameters(), batch=batch, training=True)
         self._step_optimizer(None)
