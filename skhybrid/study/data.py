@@ -152,9 +152,11 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     frame = _checked(frame)
     stuck = standstill(frame["T_za"])
-    if frame["T_za"].nunique() == 1:
-        first, last = frame["T_za"].first_valid_index(), frame["T_za"].last_valid_index()
-        raise ValueError(f"T_za is the same in all rows from {first} to {last}; choose another column or span.")
+    known = frame["T_za"].dropna()
+    if len(known) > 1 and known.min() == known.max():
+        raise ValueError(
+            f"T_za is the same in all rows from {known.index[0]!s} to {known.index[-1]!s}; choose another column or span."
+        )
     frame = frame.assign(T_za=without_standstills(frame["T_za"]))
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
