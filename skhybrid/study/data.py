@@ -155,7 +155,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     known = frame["T_za"].dropna()
     if len(known) > 1 and known.min() == known.max():
         raise ValueError(
-            f"T_za is the same in all rows from {known.index[0]!s} to {known.index[-1]!s}; choose another column or span."
+            f"T_za is the same in all rows from {known.index[0]!s} to {known.index[-1]!s}; choose another column or "
+            "span."
         )
     frame = frame.assign(T_za=without_standstills(frame["T_za"]))
     inputs = _inputs(frame)
