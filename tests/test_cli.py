@@ -321,6 +321,8 @@ def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
     assert main(["run", str(files / "log.csv"), "--out", str(files / "o")]) == 2
     assert "--config is missing" in capsys.readouterr().err
     assert main(["fly"]) == 2
+    assert main([]) == 2
+    assert "Missing command; see skhybrid --help." in capsys.readouterr().err
     assert main(["run", "--help"]) == 0
 
 
@@ -765,3 +767,12 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
     assert lines[2].startswith("* ARX")
     assert lines[2].split()[-2] == "-"
     assert "Another model forecasts better here: the error of ARX" in lines[-1]
+
+
+def test_a_shell_completes_commands():
+    given = {"_SKHYBRID_COMPLETE": "bash_complete", "COMP_WORDS": "skhybrid fo", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "skhybrid"], capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, **given},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "plain,forecast", "")

@@ -55,7 +55,9 @@ def _run(argv: Sequence[str] | None) -> int:
         context = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
         report_error(f"{one_line(error.format_message()).removesuffix('.')}{context}.")
         return MISUSED
-    except (KeyboardInterrupt, SystemExit, click.Abort):
+    except SystemExit as end:  # by a signal, or after click has written what completes a word
+        return report_stop() if is_stopped() else int(end.code or DONE)
+    except (KeyboardInterrupt, click.Abort):
         return report_stop()
     except Exception as error:
         if is_stopped():  # it may have arrived inside an import, or have ended a worker
@@ -88,4 +90,6 @@ def _group() -> Any:
         "  skhybrid fit LOG --config zone.toml --model zone.skops\n"
         "  skhybrid forecast --model zone.skops --log LOG --weather WEATHER --setpoint 21,24"
     )
-    return click.version_option(__version__, message="skhybrid %(version)s")(Commands("skhybrid", help=doc))
+    return click.version_option(__version__, message="skhybrid %(version)s")(
+        Commands("skhybrid", help=doc, no_args_is_help=False)
+    )
