@@ -107,11 +107,21 @@ class ZoneModel:
         return len(new)
 
     def complete(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a log that have all that the model reads."""
+        """The rows of a log that have all that the model reads.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
+        """
         return complete_rows(with_facades(self.settings, frame))
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The complete rows of a log after those that the model knows."""
+        """The complete rows of a log after those that the model knows.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
+        """
         rows = self.complete(frame)
         zoned = pd.DatetimeIndex(rows.index).tz is not None
         until = self.known_until if zoned else self.known_until.tz_localize(None)
