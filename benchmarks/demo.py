@@ -25,10 +25,10 @@ def errors(result: StudyResult) -> pd.DataFrame:
     shown = {
         "RMSE [K]": table["rmse"].map("{:.2f}".format),
         "MAE [K]": table["mae"].map("{:.2f}".format),
-        "load RMSE [kW]": table["load_rmse"].map("{:.2f}".format).replace("nan", "-"),
+        "load RMSE [kW]": table["load_rmse"].map("{:.2f}".format),
         "seconds": table["seconds"].map("{:.1f}".format),
     }
-    return pd.DataFrame(shown).rename_axis("day-ahead forecast")
+    return pd.DataFrame(shown).replace("nan", "-").rename_axis("day-ahead forecast")
 
 
 def main() -> None:

@@ -83,7 +83,9 @@ def test_what_was_read(frame):
     assert "'Luftfeuchte (%)', because" in str(report)
     assert not [f for f in report.findings if f.level != "note"]
     json.dumps(report.to_dict(), allow_nan=False)
-    assert "<table>" in report._repr_html_()
+    page = report._repr_html_()
+    assert '<tr class="off"><td>Luftfeuchte (%)</td><td>unused</td><td></td>' in page
+    assert "nan" not in page
 
 
 def test_values_tell_a_unit_that_names_do_not(frame):

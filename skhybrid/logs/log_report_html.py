@@ -20,17 +20,18 @@ def report_html(
     headline: str, columns: pd.DataFrame, first_rows: pd.DataFrame, sections: Mapping[str, Sequence[str]]
 ) -> str:
     """The parts of a report as one block of HTML."""
+    shown = columns.astype({"role": object, "unit": object}).fillna({"role": "unused", "unit": ""})
     rows = [
-        _row(name, row["role"] or "unused", row["unit"] or "", row["reason"], off=row["role"] is None)
-        for name, row in columns.iterrows()
+        _row(name, role, unit, reason, off=role == "unused")
+        for name, role, unit, reason in zip(shown.index, shown["role"], shown["unit"], shown["reason"], strict=True)
     ]
     head = "<tr><th>column</th><th>role</th><th>unit</th><th>reason</th></tr>"
     lists = "".join(f"<h4>{escape(title)}</h4><ul>{_items(texts)}</ul>" for title, texts in sections.items())
-    shown = first_rows.to_html(float_format="{:.2f}".format, border=0)
+    first = first_rows.to_html(float_format="{:.2f}".format, border=0)
     return (
         f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(headline)}</p>'
         f'<div class="wide"><table>{head}{"".join(rows)}</table></div>'
-        f'<h4>First rows [degC, kW]</h4><div class="wide">{shown}</div>{lists}</div>'
+        f'<h4>First rows [degC, kW]</h4><div class="wide">{first}</div>{lists}</div>'
     )
 
 

@@ -80,7 +80,18 @@ def read_zone_csv(
 
 
 def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
-    """Move right-labelled means to the start of their interval; temperatures stay, rows without a counterpart go."""
+    """Move right-labelled means to the start of their interval; temperatures stay, rows without a counterpart go.
+
+    Parameters
+    ----------
+    frame : DataFrame of at least two rows
+        Columns by role at the stamps that end their intervals, each stamp once.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two rows, or a stamp appears twice.
+    """
     instant = [c for c in frame if str(c).startswith("T_")]
     means = frame.drop(columns=instant)
     if len(frame) < 2:

@@ -152,6 +152,10 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     frame = _checked(frame)
     stuck = standstill(frame["T_za"])
+    values = frame["T_za"].dropna()
+    if len(values) > 1 and values.min() == values.max():
+        first, last = values.index[0], values.index[-1]
+        raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
     frame = frame.assign(T_za=without_standstills(frame["T_za"]))
     inputs = _inputs(frame)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())

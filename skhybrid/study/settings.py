@@ -69,6 +69,9 @@ class Settings:
         are parameters of :class:`skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping, ``start`` and ``end`` (a whole day where no time is given)
     load : mapping, ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log
+    site : mapping
+        ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
+        the schedule model and for ARX.
     format : str, optional
         Format of the log, as :func:`skhybrid.logs.read_log` names it; by default its content tells.
     log : mapping
@@ -79,9 +82,6 @@ class Settings:
         there is no ``cop``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
     thermostat : mapping
         ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point.
-    site : mapping
-        ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
-        the schedule model and for ARX.
     """
 
     name: str = "zone"

@@ -26,7 +26,14 @@ _BEYOND = 0.05  # share of the rows ahead outside of what training covered, from
 
 
 class DayAhead(NamedTuple):
-    """Tomorrow: rows, sums in words, and remarks."""
+    """The forecast of a day.
+
+    Parameters
+    ----------
+    frame : DataFrame, a row per step of the day
+    summary : dict, sums and ranges of the day by name
+    remarks : tuple of str, what a user should know of it
+    """
 
     frame: pd.DataFrame
     summary: dict[str, Any]

@@ -94,6 +94,11 @@ class ZoneModel:
     def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
         """Take in the rows of a log that are new, and learn from them if wanted; returns their number.
 
+        Parameters
+        ----------
+        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
+        relearn : bool, whether to fit anew on the last eight weeks
+
         Raises
         ------
         ValueError
@@ -111,7 +116,7 @@ class ZoneModel:
 
         Parameters
         ----------
-        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
+        frame : DataFrame, one column per role
         """
         return complete_rows(with_facades(self.settings, frame))
 
@@ -120,7 +125,7 @@ class ZoneModel:
 
         Parameters
         ----------
-        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
+        frame : DataFrame, one column per role
         """
         rows = self.complete(frame)
         zoned = pd.DatetimeIndex(rows.index).tz is not None
@@ -128,7 +133,12 @@ class ZoneModel:
         return rows[rows.index > until]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a log that a forecast starts from: the last unbroken ones."""
+        """The rows of a log that a forecast starts from: the last unbroken ones.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        """
         rows = self.complete(frame)
         if rows.empty:
             raise ValueError(
@@ -141,6 +151,11 @@ class ZoneModel:
         """The day after a history, with 80 % intervals where the model has learned them.
 
         The thermostat acts where ``future`` has set-points and no heat.
+
+        Parameters
+        ----------
+        history : DataFrame, as :meth:`history` returns
+        future : DataFrame, the rows ahead with weather, and heat or set-points
 
         Returns
         -------
@@ -158,13 +173,22 @@ class ZoneModel:
         return found.join(bands[[c for c in bands if str(c).startswith("q_")]])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write predictor and settings to one file, which is replaced in one step."""
+        """Write predictor and settings to one file, which is replaced in one step.
+
+        Parameters
+        ----------
+        path : path-like
+        """
         settings = json.dumps(self.settings.as_dict(), default=str)
         save_model(self.predictor, path, metadata={"settings": settings})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
         """Read what :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path-like
 
         Raises
         ------

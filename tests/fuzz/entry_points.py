@@ -116,6 +116,8 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
         none=None, quarter="15min", hour="1h", zero="0h", back="-1h", uneven="7min", tiny="1ns", word="step",
         days="10D", nan=np.nan,
     ),
+    "held": _constant(none=(), some=("u_heat",), unknown=("u_9",), text="u_heat", number=(1,)),
+    "max_hold": _constant(day="1D", zero="0h", back="-1h", word="gap", none=None),
     "max_gap": _constant(hour="1h", zero="0h", back="-1h", word="gap", years="1000D", none=None),
     "return_report": _constant(no=False, yes=True),
     "origin_step": _constant(day="1D", hours="6h", uneven="7min", zero="0h", word="step"),
