@@ -16,9 +16,11 @@ import pytest
 
 from skhybrid.cli import main
 from skhybrid.datasets import load_small_office
+from skhybrid.exceptions import ModelFileError
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zone_folder
 
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning")  # few days of heat
 FILES = {"zone.toml", "model.skops", "archive.sqlite"}
 DAYS = 10  # of the log that the zone is made from
 SCHEDULE = Schedule.of_text("20,25")
@@ -40,7 +42,7 @@ def log():
 def write(log, path, until, *, without=None):
     """A log up to the end of a day, with the weather of the day after it."""
     rows = log.iloc[: 24 * (until + 1)].copy()
-    rows.iloc[24 * until :, rows.columns.get_indexer(["Q_hvac", "T_heat_set", "T_cool_set", "T_za"])] = np.nan
+    rows.loc[rows.index[24 * until] :, rows.columns.difference(["T_oa", "q_sol"])] = np.nan
     if without is not None:
         rows = rows.drop(rows.index[without])
     rows.to_csv(path)
@@ -269,6 +271,25 @@ def test_an_archive_that_is_none_is_refused(log, zone, tmp_path):
     zone.archive.write_bytes(b"not a database" * 100)
     with pytest.raises(OSError, match=r"archive.sqlite cannot be used: .*move the file away"):
         zone.tick(write(log, tmp_path / "log.csv", DAYS))
+
+
+def test_a_model_that_cannot_be_read_may_be_made_again(zone):
+    zone.model.write_bytes(zone.model.read_bytes()[:-9])
+    with pytest.raises(ModelFileError, match=r"truncated .* remove it and run skhybrid zone init again"):
+        zone.status()
+
+
+def test_a_log_without_a_time_zone_and_without_set_points(log, cheap, tmp_path):
+    local = log.tz_localize(None).drop(columns=["T_heat_set", "T_cool_set"])
+    folder = ZoneFolder.init(tmp_path / "kitchen", write(local, tmp_path / "log.csv", 5))
+    for day in (6, 8):
+        assert folder.tick(write(local, tmp_path / "log.csv", day)).learned == ""
+    found = folder.status()
+    assert found["last row"] == str(local.index[24 * 8 - 1])
+    assert found["drift"] == {}  # five days are too few to compare with
+    assert found["yesterday's forecast"]["load [kW]"]["coverage"] is None
+    done = folder.tick(write(local, tmp_path / "log.csv", 11))
+    assert "6 days ago" in done.learned  # more than it learned from
 
 
 def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):

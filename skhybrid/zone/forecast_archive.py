@@ -24,8 +24,8 @@ def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
 _TABLES = (_table("forecast", ("origin", "time"), _FORECAST), _table("measured", ("time",), _MEASURED))
 _FINISHED = """
 SELECT f.*, m.T_za AS T_za_measured, m.Q_hvac AS Q_hvac_measured FROM forecast f LEFT JOIN measured m USING (time)
-WHERE f.origin >= ? AND f.origin IN
-    (SELECT origin FROM forecast GROUP BY origin HAVING max(time) <= (SELECT max(time) FROM measured))
+WHERE f.origin IN (
+    SELECT origin FROM forecast WHERE origin >= ? GROUP BY origin HAVING max(time) <= (SELECT max(time) FROM measured))
 ORDER BY f.origin, f.time
 """
 

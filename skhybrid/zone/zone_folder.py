@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._files import atomic_path
+from ..exceptions import ModelFileError
 from ..logs.log_findings import without_standstills
 from ..study import propose_settings, read_log, read_settings
 from ..study.settings import Settings
@@ -95,11 +96,17 @@ class ZoneFolder:
 
         Raises
         ------
-        FileNotFoundError
-            If there is none.
+        FileNotFoundError, ModelFileError
+            If there is none, or it cannot be read.
         """
         self._require_model()
-        return ZoneModel.load(self.model)
+        try:
+            return ZoneModel.load(self.model)
+        except ModelFileError as error:
+            raise ModelFileError(
+                f"{str(error).removesuffix('.')}: remove it and run skhybrid zone init again, which keeps zone.toml "
+                "and the archive."
+            ) from error
 
     def tick(
         self,
@@ -117,7 +124,7 @@ class ZoneFolder:
         ----------
         log, weather, schedule
             As for :func:`day_ahead`; a new fit needs a log of two weeks or more.
-        refit_after : Timedelta, age of the model from which on it is fitted again
+        refit_after : Timedelta, age of the model from which on it is fitted again; sooner where it learned from less
 
         Raises
         ------
@@ -212,8 +219,8 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
         if new.index[0] - step != _like(zone.known_until, new.index) or len(stretches(new, step)) > 1:
             return len(new), f"rows are missing after {zone.known_until}"
         zone.update(frame)
-    age = zone.known_until - zone.learned_until
-    if age > refit_after:
+    age = zone.history(frame).index[-1] - zone.learned_until
+    if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
     drift = drift_of(zone)
     if drift.get("drifted"):
