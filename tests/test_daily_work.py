@@ -211,3 +211,14 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
     np.testing.assert_allclose(found.frame["electricity_kW"], found.frame["Q_hvac"] / 4.0)
     assert found.summary["cost"] == pytest.approx(0.3 * found.summary["electricity [kWh]"], abs=0.01)
     assert any("ideal one" in text for text in found.remarks)
+
+
+def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
+    log = pd.read_csv(folder / "log.csv", sep=";", decimal=",").drop(columns="Globalstrahlung [W/m²]")
+    log.to_csv(tmp_path / "dark.csv", index=False)
+    given = [str(tmp_path / name) for name in ("dark.csv", "zone.toml", "m.skops")]
+    assert main(["check", given[0], "--config", given[1], "-q"]) == 0
+    assert "irradiance" in capsys.readouterr().out
+    assert main(["fit", given[0], "--config", given[1], "--model", given[2], "-q"]) == 0
+    weather = str(folder / "weather.csv")
+    assert main(["forecast", "--model", given[2], "--log", given[0], "--weather", weather, "--setpoint", "20,25"]) == 0

@@ -60,7 +60,7 @@ FOUND = {
     Call("compare_models", Table(spoilt=(Spoilt("q_sol", "-1e300", "every seventh"),))): "no model could be fitted",
     Call("DesignMatrixSearchCV, ARXRegressor.score", target="some 1e300"): "y holds numbers beyond 1e100",
     Call("skhybrid check", Table(container="dict")): "time stamp",
-    Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric",
+    Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric | 2-dimensional",
     Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",
     Call("GrayBoxRC.drive", arguments=(("origins", "twice"),)): "2 origins",
@@ -122,7 +122,7 @@ FOUND = {
 def test_what_was_found_is_refused_now(call):
     outcome = call.outcome()
     assert outcome.kind == REFUSED, outcome
-    assert FOUND[call] in outcome.detail
+    assert any(words in outcome.detail for words in FOUND[call].split(" | ")), outcome.detail
 
 
 def test_the_r2_of_one_row_is_nan_as_in_scikit_learn():
@@ -168,8 +168,7 @@ def test_mutants_that_were_found_are_refused_now(name, number, tmp_path):
 def test_good_files_are_read(tmp_path):
     outcomes = good_files_are_read(tmp_path)
     refused = {name: o for name, o in outcomes.items() if o.kind != ACCEPTED}
-    assert set(refused) == {"csv 2"}
-    assert "sep=';'" in refused["csv 2"].detail
+    assert not refused
 
 
 # ------------------------------------------------------------------------------------------- the judge can say no

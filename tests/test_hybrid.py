@@ -511,7 +511,7 @@ def test_a_saved_default_of_four_weeks_is_small_and_the_same(office, tmp_path):
     n = 28 * DAY
     model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:n], office.y[:n])
     save_model(model, tmp_path / "zone.skops")
-    assert (tmp_path / "zone.skops").stat().st_size < 0.95e6
+    assert (tmp_path / "zone.skops").stat().st_size < 1.0e6
     assert len(pickle.dumps(model)) < 1.3e6
     X, y = office.X[n:], office.y[n:]
     calls = (

@@ -180,7 +180,7 @@ class FramesForecastMixin(HybridQuantilesMixin):
         if self.preprocess_ is not None or not isinstance(future, pd.DataFrame):
             return  # what is read of these is refused by its role
         absent = [self._column_of(role) for role in self._plant if self._column_of(role) not in future.columns]
-        if absent:
+        if absent and self._column_of("T_oa") in future.columns:  # else columns go by position
             sides = " and ".join(str(self._column_of(role)) for role in SETPOINT_ROLES)
             raise ValueError(
                 f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "

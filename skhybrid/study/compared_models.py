@@ -15,6 +15,7 @@ from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
 from ..hybrid import HybridPredictor, TwoStagePredictor
+from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
@@ -132,7 +133,9 @@ def identified_by(settings: Settings) -> str:
 
 def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
     """The schedule model, with what the settings say of its network and capacities, and a note on it."""
-    network = make_network(settings.network) if settings.network else None
+    network: Any = make_network(settings.network) if settings.network else None
+    if not _has_sun(settings):
+        network = replace(get_network(network or DEFAULT_NETWORK), solar={})
     capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
         network=network,
@@ -170,7 +173,7 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
         given = {k: v for k, v in given.items() if k in ("known", "bounds", "warmup")}
         given["n_starts"] = 12  # more starts found no better minimum on the logs tried
     network: str | RCNetwork = make_network(settings.network)
-    if not any(role.startswith("q_sol") for role in settings.columns):  # a log without sun
+    if not _has_sun(settings):
         network = replace(get_network(network), solar={})
     common: dict[str, Any] = {"network": network, "random_state": settings.random_state}
     if settings.site:  # an identification cannot tell five window areas apart
@@ -178,6 +181,10 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
     common |= {"horizon": settings.horizon} if name is not None else {}
     _refuse_unknown("estimator", given, made.get_params(deep=False))
     return made.set_params(**{**common, **{k: _tupled(v) for k, v in given.items()}})
+
+
+def _has_sun(settings: Settings) -> bool:
+    return any(role.startswith("q_sol") for role in settings.columns)
 
 
 def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:

@@ -152,21 +152,8 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     frame = _checked(frame)
     stuck = standstill(frame["T_za"])
-    values = frame["T_za"].dropna()
-    if len(values) > 1 and values.min() == values.max():
-        first, last = values.index[0], values.index[-1]
-        raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
-    frame = frame.assign(T_za=without_standstills(frame["T_za"]))
+    frame = _usable(frame, settings)
     inputs = _inputs(frame)
-    complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
-    _refuse_empty_ahead(frame, inputs)
-    if not len(complete):
-        raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
-    frame = frame.iloc[complete[0] : complete[-1] + 1]
-    if settings.site:
-        facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
-        frame = facades.fit_transform(frame)
-        inputs = _inputs(frame)
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     if not len(known):
         raise ValueError("the log has no measured temperature (T_za) at all.")
@@ -193,6 +180,24 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         held_out,
         () if stuck is None else (stuck,),
     )
+
+
+def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The rows from the first to the last with all inputs, without standstills of T_za, with the facades of a site."""
+    values = frame["T_za"].dropna()
+    if len(values) > 1 and values.min() == values.max():
+        first, last = values.index[0], values.index[-1]
+        raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
+    inputs = _inputs(frame)
+    _refuse_empty_ahead(frame, inputs)
+    complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
+    if not len(complete):
+        raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
+    frame = frame.assign(T_za=without_standstills(frame["T_za"])).iloc[complete[0] : complete[-1] + 1]
+    if not settings.site:
+        return frame
+    facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
+    return facades.fit_transform(frame)
 
 
 def standstill(temperature: pd.Series) -> str | None:

@@ -180,7 +180,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         X, "run", ("--config", "FOLDER/zone.toml", "--out", "FOLDER/out", "--quiet"), config
     ),
     "skhybrid check": lambda X: _command(X, "check", ("--quiet",), None),
-    "LogReport": lambda X: LogReport(X).frame if str(LogReport(X)) else None,
+    "LogReport": lambda X: None if str(LogReport(X)) else "no text",
 }
 _DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14))
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
