@@ -134,7 +134,7 @@ def identified_by(settings: Settings) -> str:
 def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
     """The schedule model, with what the settings say of its network and capacities, and a note on it."""
     network: Any = make_network(settings.network) if settings.network else None
-    if not _has_sun(settings):
+    if settings.columns and not _has_sun(settings):
         network = replace(get_network(network or DEFAULT_NETWORK), solar={})
     capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
