@@ -222,3 +222,15 @@ def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     assert main(["fit", given[0], "--config", given[1], "--model", given[2], "-q"]) == 0
     weather = str(folder / "weather.csv")
     assert main(["forecast", "--model", given[2], "--log", given[0], "--weather", weather, "--setpoint", "20,25"]) == 0
+
+
+def test_a_back_test_begins_with_a_verdict(folder, tmp_path, capsys):
+    config = (folder / "zone.toml").read_text(encoding="utf-8")
+    (tmp_path / "zone.toml").write_text(config, encoding="utf-8")
+    out = tmp_path / "b.csv"
+    given = ["backtest", str(folder / "log.csv"), "--config", str(tmp_path / "zone.toml"), "--out", str(out), "-q"]
+    assert main(given) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("temperature: ")
+    assert "yesterday's temperature" in text
+    assert {"origin", "lead", "y_true", "y_pred"} <= set(pd.read_csv(out))

@@ -28,9 +28,10 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
             found.frame.to_csv(made, index=False, float_format="%.6g")
         say.note(f"wrote {out}")
     if as_json:
-        print_json({"table": found.table.to_dict(orient="index"), "coverage": found.coverage})
+        table = found.table.to_dict(orient="index")
+        print_json({"verdict": found.verdict._asdict(), "table": table, "coverage": found.coverage})
     else:
-        print(found.table.round(3).to_string(na_rep="-"))
+        print(f"{found.verdict}\n\n{found.table.round(3).to_string(na_rep='-')}")
         if found.coverage is not None:
             print(f"\n80 % intervals of the hybrid hold {found.coverage:.0%} of the measurements")
     return DONE

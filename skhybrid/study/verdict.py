@@ -102,8 +102,9 @@ def judge(
         care, reasons = True, [*reasons, f"it was tested on {n_origins} forecasts only"]
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
-        reasons.append(f"its 80 % intervals held {coverage:.0%} of the measurements")
+        reasons.append(f"its 80 % intervals held {100 * coverage:.0f} % of the measurements")
     if outside > _OUTSIDE:
-        care, reasons = True, [*reasons, f"{outside:.0%} of the day to come lie beyond what training covered"]
+        share = f"{100 * outside:.0f} % of the day to come lies beyond what training covered"
+        care, reasons = True, [*reasons, share]
     reasons += doubts
     return Verdict(quantity, NOT if failed else CARE if care or doubts else USABLE, tuple(reasons))

@@ -9,13 +9,15 @@ import numpy as np
 import pandas as pd
 
 from ..model_selection import backtest
-from ..study.compared_models import HYBRID, make_models
+from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData
+from ..study.judgement import judge_temperature
 from ..study.run import INTERVAL
 from ..study.settings import Settings
+from ..study.verdict import Verdict
 
 #: what the predictor is compared with, apart from the rules for the load
-_COMPARED = (HYBRID, "ARX re-fitted", "yesterday")
+_COMPARED = (HYBRID, "ARX re-fitted", YESTERDAY)
 
 
 class ZoneBacktest(NamedTuple):
@@ -24,6 +26,7 @@ class ZoneBacktest(NamedTuple):
     table: pd.DataFrame  # index: model; rmse and mae [K]
     frame: pd.DataFrame  # every forecast of the predictor
     coverage: float | None  # share inside the 80 % intervals
+    verdict: Verdict  # on the temperature
 
 
 def backtest_zone(
@@ -51,7 +54,8 @@ def backtest_zone(
     low, high = (f"q_{level:g}" for level in INTERVAL)
     known = own.dropna(subset="y_true")
     coverage = float(known["y_true"].between(known[low], known[high]).mean()) if low in own else None
-    return ZoneBacktest(table.sort_values("rmse").rename_axis("model"), own, coverage)
+    verdict = judge_temperature(own, frames[YESTERDAY], data, coverage)
+    return ZoneBacktest(table.sort_values("rmse").rename_axis("model"), own, coverage, verdict)
 
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
