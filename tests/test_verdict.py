@@ -11,7 +11,8 @@ from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
 
 
 def _errors(size, n_blocks=20, seed=0):
-    return pd.Series(np.random.default_rng(seed).normal(0.0, size, 24 * n_blocks))
+    drawn = np.random.default_rng(seed).normal(size=24 * n_blocks)
+    return pd.Series(size * drawn / np.sqrt(np.mean(drawn**2)))
 
 
 BLOCKS = pd.Series(np.repeat(np.arange(20), 24))
@@ -19,7 +20,7 @@ BLOCKS = pd.Series(np.repeat(np.arange(20), 24))
 
 def test_a_ratio_and_its_interval():
     found = compare_errors(_errors(0.5), _errors(1.0, seed=1), BLOCKS, "yesterday")
-    assert found.ratio == pytest.approx(0.5, rel=0.1)
+    assert found.ratio == pytest.approx(0.5)
     assert found.low < found.ratio < found.high < 0.7
     own = _errors(0.5).mask(np.arange(480) < 24)
     assert compare_errors(own, own * 2, BLOCKS, "twice").ratio == pytest.approx(0.5)

@@ -164,6 +164,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             share = float(((ahead[role] < low - margin) | (ahead[role] > high + margin)).mean())
             if share > _BEYOND:
                 out.append(
-                    f"{100 * share:.0f} % of tomorrow's {role} lies outside of {low:.3g} to {high:.3g}, which training had"
+                    f"{100 * share:.0f} % of tomorrow's {role} lies outside of {low:.3g} to {high:.3g}, which training "
+                    "had"
                 )
     return out
