@@ -171,3 +171,14 @@ def test_no_rows_are_refused():
         LogReport(pd.DataFrame({"a": [1.0]}))
     with pytest.raises(ValueError, match="two are the least"):
         LogReport(pd.DataFrame({"a": [1.0]}, index=pd.DatetimeIndex(["2024-01-01"])))
+
+
+def test_columns_without_numbers_are_named(frame):
+    odd = frame.assign(mode="auto", wave=1j)
+    report = LogReport(odd)
+    assert [f.text for f in report.findings if f.where == "log"] == [
+        "'mode' holds no real numbers and is left out", "'wave' holds no real numbers and is left out",
+    ]  # fmt: skip
+    assert "mode" not in report.columns.index
+    with pytest.raises(ValueError, match="two columns 'a'"):
+        LogReport(frame.iloc[:, :2].set_axis(["a", "a"], axis=1))

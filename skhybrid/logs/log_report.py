@@ -79,8 +79,8 @@ class LogReport:
         label: str | None = None,
         holidays: Any = None,
     ) -> None:
-        raw = frame if isinstance(frame, RawLog) else RawLog(frame, "DataFrame")
-        _refuse_short(raw.frame)
+        _refuse_short(frame.frame if isinstance(frame, RawLog) else frame)
+        raw = frame if isinstance(frame, RawLog) else _log_of(frame)
         self.raw = raw
         logged = pd.DatetimeIndex(raw.frame.index)
         self.step = usual_step(raw.frame)
@@ -261,6 +261,18 @@ class LogReport:
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         return found + [Finding("note", "log", text) for text in self.raw.notes]
+
+
+def _log_of(frame: pd.DataFrame) -> RawLog:
+    """The columns of a frame that hold real numbers; a note names the others."""
+    if not frame.columns.is_unique:
+        raise ValueError(f"the log has two columns {frame.columns[frame.columns.duplicated()][0]!r}; rename one.")
+    types = frame.dtypes
+    real = [pd.api.types.is_numeric_dtype(t) and not pd.api.types.is_complex_dtype(t) for t in types]
+    others = [
+        f"{name!r} holds no real numbers and is left out" for name, own in zip(frame, real, strict=True) if not own
+    ]
+    return RawLog(frame.loc[:, real].astype(np.float64).rename(columns=str), "DataFrame", notes=tuple(others))
 
 
 def _refuse_short(frame: pd.DataFrame) -> None:
