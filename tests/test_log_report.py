@@ -182,3 +182,10 @@ def test_columns_without_numbers_are_named(frame):
     assert "mode" not in report.columns.index
     with pytest.raises(ValueError, match="two columns 'a'"):
         LogReport(frame.iloc[:, :2].set_axis(["a", "a"], axis=1))
+
+
+def test_infinite_values_are_an_error(frame):
+    room = frame.columns[0]
+    frame.iloc[:, 0] = -np.inf
+    found = LogReport(frame).findings[0]
+    assert (found.level, found.where, found.text) == ("error", room, "960 values are infinite.")

@@ -94,7 +94,7 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
-        self.frame = to_roles(ordered, channels)
+        self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
         self.gaps = gaps_of(logged, self.step)
         self.days = _days(self.frame, self.step, holidays)
@@ -197,7 +197,8 @@ class LogReport:
 
     def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:
         """A unit and a factor from values, with a sentence on why; a role's own name stands for its unit."""
-        known = values.dropna().to_numpy(dtype=np.float64)
+        known = values.to_numpy(dtype=np.float64)
+        known = known[np.isfinite(known)]
         if not len(known) or (role.startswith("u_") and factor != 1.0):
             return None, factor
         low, high = float(known.min()), float(known.max())
@@ -254,6 +255,8 @@ class LogReport:
             text = f"{len(self.gaps)} gaps; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
             found.append(Finding("note", "clock", text))
         for channel in channels:
+            if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
+                found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
             found += sensor_findings(channel.role, channel.name, self.frame[channel.role])
             if self._guesses[channel.name].is_electricity:
                 text = "this seems to be electricity, not heat: give a coefficient of performance"
