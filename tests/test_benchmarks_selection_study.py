@@ -205,3 +205,19 @@ def test_the_user_guide_quotes_the_table():
     assert f'("OD, no disturbance"), has {without[0]} in Oakland and {without[1]} in Chicago.' in text
     assert len(alone) == 1
     assert f'("OD alone"), has {alone.pop()} in both.' in text
+
+
+def test_the_user_guide_says_what_the_offices_say():
+    root = Path(__file__).resolve().parents[1]
+    results = pd.read_csv(root / "benchmarks" / "results" / "selection_study_offices.csv")
+    wide = results.pivot_table(index=["climate", "office"], columns="model", values="rmse")
+    assert len(wide) == 14
+    assert (wide.idxmin(axis=1) == "default").all()
+    assert (wide["ridge"] < wide[["the choice", "the choice on all days"]].min(axis=1)).all()
+    assert (wide["the choice"] < wide["OD alone"]).groupby("climate").sum().to_dict() == {"chicago": 2, "oakland": 7}
+    oakland, chicago = (wide.loc[climate].median() for climate in ("oakland", "chicago"))
+    text = " ".join((root / "docs" / "user_guide" / "model_selection_study.rst").read_text(encoding="utf-8").split())
+    assert f"medians of {oakland['default']:.3f} K in Oakland and {chicago['default']:.3f} K in Chicago" in text
+    pairs = [f"{of['ridge']:.3f} against {of['the choice']:.3g} K" for of in (oakland, chicago)]
+    assert pairs == ["0.524 against 0.747 K", "0.572 against 1.6 K"]
+    assert "(0.524 against 0.747 K, and 0.572 against 1.60 K)" in text
