@@ -1,6 +1,7 @@
 """The paper's synthetic office, an EnergyPlus run of a small office, and readers of logs and weather files."""
 
-from ..logs import RegularizeReport, read_zone_csv, regularize
+from ..logs import read_zone_csv, regularize
+from ..logs.even_steps import RegularizeReport
 from ._benchmark import BenchmarkLog, load_benchmark
 from ._dutch_homes import load_dutch_home
 from ._epw import read_epw

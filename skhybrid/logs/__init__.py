@@ -1,6 +1,5 @@
 """Logs of thermostats and building systems: readers of every format, and the way to one column per role."""
 
-from .even_steps import RegularizeReport as RegularizeReport
 from .even_steps import regularize
 from .formats import read_log
 from .log_report import LogReport

@@ -11,9 +11,10 @@ import pandas as pd
 
 from .._table import HISTORY_ROLES, SETPOINT_ROLES, numeric, refuse_infinite_columns, refuse_shape
 from .._time import even_step, spell
-from ..logs import RawLog, RegularizeReport, regularize
+from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, to_roles
+from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import standstills, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
