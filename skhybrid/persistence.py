@@ -28,7 +28,7 @@ from ._skops import import_skops
 from ._warnings import first_sentence
 from .exceptions import ModelFileError
 
-__all__ = ["load_metadata", "load_model", "save_model"]
+__all__ = ["load_metadata", "load_model", "load_model_and_metadata", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 _MARK = "__skhybrid__"
@@ -107,7 +107,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skhybrid.exceptions.ModelFileError
         If the file is truncated, altered, from another version (major.minor), or not a model file.
     """
-    return _parts(path)[0]
+    return load_model_and_metadata(path)[0]
 
 
 def load_metadata(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -122,11 +122,21 @@ def load_metadata(path: str | os.PathLike[str]) -> dict[str, str]:
     skhybrid.exceptions.ModelFileError
         As :func:`load_model`.
     """
-    return _parts(path)[1]
+    return load_model_and_metadata(path)[1]
 
 
-def _parts(path: str | os.PathLike[str]) -> tuple[Any, dict[str, str]]:
-    """Estimator and metadata of a file."""
+def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str, str]]:
+    """What :func:`load_model` and :func:`load_metadata` return, from one reading of the file.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    skhybrid.exceptions.ModelFileError
+        As :func:`load_model`.
+    """
     version, digest, body = _read(path)
     if _digest(version, body) != digest:
         raise ModelFileError(f"{path} was truncated or altered after it was saved; save the model again.")

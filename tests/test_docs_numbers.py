@@ -76,9 +76,9 @@ def readme() -> Iterator[str]:
     """Sentences of the README."""
     held = re.search(r"intervals of the hybrid held (\d+) % of", results.note("demo"))[1]
     demo = results.table("demo", "with `[site]`")["RMSE [K]"].drop(["yesterday's load", RIDGE]).astype(float)
-    behind = 100 * (demo["ARX re-fitted"] / demo["hybrid"] - 1)
+    more = 100 * (demo["ARX re-fitted"] / demo["hybrid"] - 1)
     yield f"The 80 % intervals of the hybrid held {held} % of the measurements."
-    yield f"If both see the sun on the facades, ARX re-fitted comes within {behind:.0f} %"
+    yield f"If both see the sun on the facades, ARX re-fitted comes within {more:.0f} %"
     known = results.table("set_points_known")["cov."].set_axis(["load", "temperature"], axis=1).astype(float) * 100
     yield (
         f"The 80 % intervals of the load held {span(known['load'], '.0f')} %, those of the temperature "

@@ -13,7 +13,7 @@ _received: list[int] = []  # signals received so far
 
 
 class Progress:
-    """Writes steps to stderr: a bar with the time left on a terminal, else lines; nothing if ``quiet``."""
+    """Writes steps to stderr: a line with the time left on a terminal, else one line each; nothing if ``quiet``."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet

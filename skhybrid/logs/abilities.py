@@ -1,4 +1,4 @@
-"""What a log can identify, by what moved in it, and what to measure next."""
+"""Judgement on a log: parameters that it can identify, by what moved in it, and what to measure next."""
 
 from __future__ import annotations
 

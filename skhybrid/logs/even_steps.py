@@ -221,6 +221,12 @@ def _even_index(
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)
 
 
+def _seconds(index: pd.DatetimeIndex, grid: pd.DatetimeIndex, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the even stamps and of the logged values [s], from the first stamp of the log on."""
+    ticks = index.as_unit("ns").asi8
+    return (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
+
+
 def _resample_column(
     name: str,
     values: np.ndarray,
@@ -233,8 +239,7 @@ def _resample_column(
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(grid), np.nan)
-    ticks = index.as_unit("ns").asi8
-    wanted, logged = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
+    wanted, logged = _seconds(index, grid, known)
     if name in HISTORY_ROLES:
         return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
@@ -256,8 +261,7 @@ def _held_column(
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(grid), np.nan)
-    ticks = index.as_unit("ns").asi8
-    wanted, logged = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
+    wanted, logged = _seconds(index, grid, known)
     longest = hold.total_seconds()
     if str(name).startswith("T_") or name in HISTORY_ROLES:
         last = np.searchsorted(logged, wanted, side="right") - 1

@@ -1,4 +1,4 @@
-"""What may be wrong with a log: its clock, its gaps, its sensors and its units."""
+"""Faults of a log: in its clock, its gaps, its sensors and its units."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ import pandas as pd
 from .assembly import Choice, Pieces, assemble, assemble_long
 from .change_of_value import chosen_columns, long_columns
 from .raw_log import RawLog
+from .recorder import is_sqlite
 from .stamp_cells import find_stamp_columns
 
 _PIECE, _SAMPLE = 50_000, 200  # rows
@@ -18,10 +19,7 @@ _PIECE, _SAMPLE = 50_000, 200  # rows
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is an SQLite database."""
-    if head:
-        return False
-    with path.open("rb") as file:
-        return file.read(16) == b"SQLite format 3\x00"
+    return not head and is_sqlite(path)
 
 
 def read(

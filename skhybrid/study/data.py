@@ -195,7 +195,12 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
     frame = frame.assign(T_za=without_standstills(frame["T_za"])).iloc[complete[0] : complete[-1] + 1]
-    if not settings.site:
+    return with_facades(frame, settings)
+
+
+def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The rows with the irradiance on the facades of the site, where the settings have one."""
+    if not settings.site or "q_sol" not in frame or any(str(c).startswith("q_sol_") for c in frame):
         return frame
     facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
     return facades.fit_transform(frame)

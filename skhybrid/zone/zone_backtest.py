@@ -1,4 +1,4 @@
-"""How well the predictor of some settings would have forecast the last weeks of a log."""
+"""Back-test of the predictor of some settings on the last weeks of a log."""
 
 from __future__ import annotations
 

@@ -13,16 +13,15 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES
 from ..logs.log_findings import without_standstills
-from ..persistence import load_metadata, load_model, save_model
-from ..preprocessing import FacadeIrradiance
+from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import FACADES
+from ..study.data import with_facades
+from ..study.run import INTERVAL
 from ..study.settings import Settings, settings_from
 
 _DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 _LEAST_DAYS = 3
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
-_INTERVAL = (0.1, 0.9)
 
 
 @dataclass
@@ -53,7 +52,7 @@ class ZoneModel:
         ValueError
             If no three days of the log have all inputs and a temperature.
         """
-        rows = complete_rows(with_facades(settings, frame))
+        rows = complete_rows(with_facades(frame, settings))
         step = pd.Timedelta(settings.step)
         if len(rows):
             rows = max(stretches(rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)], step), key=len)
@@ -118,7 +117,7 @@ class ZoneModel:
         ----------
         frame : DataFrame, one column per role
         """
-        return complete_rows(with_facades(self.settings, frame))
+        return complete_rows(with_facades(frame, self.settings))
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.
@@ -162,7 +161,7 @@ class ZoneModel:
         DataFrame
             ``T_za`` [degC], ``q_0.1`` and ``q_0.9``; under a thermostat also ``Q_hvac`` [kW] and its quantiles.
         """
-        future = with_facades(self.settings, future)
+        future = with_facades(future, self.settings)
         setpoint = self._ideal_setpoint(future)
         ahead = future.drop(columns=[role for role in SETPOINT_ROLES if setpoint is not None and role in future])
         if setpoint is None:
@@ -197,15 +196,16 @@ class ZoneModel:
         ValueError
             If the file has a model without the settings of its log.
         """
-        text = load_metadata(path).get("settings")
+        predictor, metadata = load_model_and_metadata(path)
+        text = metadata.get("settings")
         if text is None:
             raise ValueError(f"{path} holds a model without the settings of a log; make it with skhybrid fit.")
         given = {key: value for key, value in json.loads(text).items() if value is not None}
-        return cls(load_model(path), settings_from(given))
+        return cls(predictor, settings_from(given))
 
     def _with_intervals(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
         try:
-            return self.predictor.forecast(history, future, quantiles=_INTERVAL)
+            return self.predictor.forecast(history, future, quantiles=INTERVAL)
         except ValueError as error:
             if "interval" not in str(error):
                 raise
@@ -238,11 +238,3 @@ def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:
     """The rows between gaps, in their order."""
     breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) != step.value) + 1
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
-
-
-def with_facades(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with the irradiance on the facades of the site, where the settings have one."""
-    if not settings.site or "q_sol" not in frame or any(str(c).startswith("q_sol_") for c in frame):
-        return frame
-    facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
-    return facades.fit_transform(frame)

@@ -222,7 +222,9 @@ NOT_CALLED = {
     **dict.fromkeys(("RobustnessDisplay", "PosteriorDisplay", "sample_posterior", "Posterior"), _SAMPLES),
     **dict.fromkeys(("plan_experiment", "ExperimentPlan"), "simulates a week many times, for seconds"),
     **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay"), "draws what another call has made"),
-    **dict.fromkeys(("save_model", "load_model", "load_metadata"), "save and load, and the target model"),
+    **dict.fromkeys(
+        ("save_model", "load_model", "load_metadata", "load_model_and_metadata"), "save and load, and the target model"
+    ),
     **dict.fromkeys(
         ("ZoneModel", "ZoneFolder", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"
     ),
