@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,11 +32,15 @@ def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Index: quantity; ``value``, ``std``, ``unit`` and ``remark``.
     """
+    return describe(identify_building(settings, frame))
+
+
+def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
+    """The gray box of the settings, fitted on the last weeks of a log."""
     rows = complete_rows(frame)
     rows = rows[rows.index > rows.index[-1] - pd.Timedelta(days=_DAYS)]
-    gray_box = make_gray_box(settings)
     columns = [c for c in rows if str(c) not in (f"q_sol_{name}" for name in FACADES)]
-    return describe(gray_box.fit(rows[columns], rows["T_za"]))
+    return make_gray_box(settings).fit(rows[columns], rows["T_za"])
 
 
 def describe(gray_box: Any) -> pd.DataFrame:
@@ -44,26 +49,52 @@ def describe(gray_box: Any) -> pd.DataFrame:
     The heat loss is that of the zone held at one temperature, from the steady state of its network; standard errors
     come from the parameters' covariance by first-order differences.
     """
-    theta = pd.Series(gray_box.theta_)
-    cov = np.asarray(gray_box.theta_cov_, dtype=np.float64) if hasattr(gray_box, "theta_cov_") else None
-    found = {name: (value, *_error_of(gray_box, name, theta, cov)) for name, value in _values(gray_box, theta).items()}
     rows = {}
-    for name, (value, std) in found.items():
+    for name, value, std in with_errors(gray_box, lambda theta: quantities(gray_box, theta)).itertuples():
         unit = name.rpartition(" [")[2].removesuffix("]")
         rows[name.rpartition(" [")[0]] = {"value": value, "std": std, "unit": unit, "remark": _remark(name, value, std)}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
 
 
-def _values(gray_box: Any, theta: pd.Series) -> dict[str, float]:
-    """Quantities of a network with some parameters."""
-    network, step = gray_box.network_, gray_box.sampling_time_ / pd.Timedelta("1h")
-    names = gray_box.state_space_.input_names
+def with_errors(gray_box: Any, of: Callable[[pd.Series], dict[str, float]]) -> pd.DataFrame:
+    """Quantities of a fitted gray box by name: ``value``, and ``std`` by the delta method; NaN without a covariance.
+
+    Parameters
+    ----------
+    gray_box : fitted estimator
+    of : callable, from the parameters to the quantities
+    """
+    theta = pd.Series(gray_box.theta_, dtype=np.float64)
+    base = pd.Series(of(theta), dtype=np.float64)
+    cov = np.asarray(getattr(gray_box, "theta_cov_", np.nan), dtype=np.float64)
+    if not np.isfinite(cov).any():
+        return pd.DataFrame({"value": base, "std": np.nan})
+    slopes = np.zeros((len(base), len(theta)))
+    for j, value in enumerate(theta):
+        small = 1e-4 * abs(value) or 1e-8
+        moved = of(theta + small * (np.arange(len(theta)) == j))
+        slopes[:, j] = (pd.Series(moved, dtype=np.float64).reindex(base.index) - base) / small
+    slopes = np.nan_to_num(slopes)
+    with np.errstate(invalid="ignore", over="ignore"):
+        variance = np.nansum((slopes @ np.nan_to_num(cov)) * slopes, axis=1)
+        return pd.DataFrame({"value": base, "std": np.sqrt(np.maximum(variance, 0.0))})
+
+
+def discrete(gray_box: Any, theta: pd.Series, step: float) -> tuple[np.ndarray, np.ndarray, list[str], int]:
+    """``A``, ``B`` over a step [h], the names of the inputs, and the position of the zone's temperature."""
+    network, names = gray_box.network_, list(gray_box.state_space_.input_names)
     d = network.discrete(dict(theta), tuple(n for n in names if n not in network.gain_names), step)
-    A, B = np.asarray(d.A), np.asarray(d.B)
+    zone = network.states.index("T_za") if "T_za" in network.states else len(network.states) - 1
+    return np.asarray(d.A), np.asarray(d.B), names, zone
+
+
+def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
+    """What an engineer calls the quantities of a network with some parameters, with units in their names."""
+    step = gray_box.sampling_time_ / pd.Timedelta("1h")
+    A, B, names, zone = discrete(gray_box, theta, step)
     steady = np.linalg.solve(np.eye(len(A)) - A, B)
-    zone = network.states.index("T_za") if "T_za" in network.states else len(A) - 1
     out = {}
-    per_kw = steady[zone, names.index(network.gain_names[0])]
+    per_kw = steady[zone, names.index(gray_box.network_.gain_names[0])]
     out["heat loss [W/K]"] = 1000.0 / per_kw
     poles = np.sort(np.linalg.eigvals(A).real)
     for i, pole in enumerate(poles[(poles > 0) & (poles < 1)][::-1], 1):
@@ -77,20 +108,6 @@ def _values(gray_box: Any, theta: pd.Series) -> dict[str, float]:
         if str(name).startswith("C_"):
             out[f"heat capacity {name} [kWh/K]"] = float(value)
     return out
-
-
-def _error_of(gray_box: Any, name: str, theta: pd.Series, cov: np.ndarray | None) -> tuple[float]:
-    """Standard error of a quantity by the delta method; NaN without a covariance."""
-    if cov is None or not np.isfinite(cov).any():
-        return (np.nan,)
-    base = _values(gray_box, theta)[name]
-    slope = np.zeros(len(theta))
-    for j, parameter in enumerate(theta.index):
-        small = 1e-4 * abs(theta[parameter]) or 1e-8
-        moved = _values(gray_box, theta + small * (theta.index == parameter))
-        slope[j] = (moved.get(name, np.nan) - base) / small
-    with np.errstate(invalid="ignore"):
-        return (float(np.sqrt(np.maximum(np.nansum(slope[:, None] * np.nan_to_num(cov) * slope), 0.0))),)
 
 
 def _remark(name: str, value: float, std: float) -> str:

@@ -1,0 +1,115 @@
+"""``skhybrid export``: what was identified, in the form that other programs take."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._options import CONFIG, as_command, print_json, settings_at
+from ._output import DONE, Progress
+
+
+@as_command("emhass", "skhybrid export emhass thermostat.csv --config zone.toml --out emhass.json")
+@click.argument("source", metavar="LOG|MODEL|DIR")
+@CONFIG
+@click.option("--log", metavar="LOG", help="Log to identify on, where a model file or a zone's folder is given.")
+@click.option("--sense", type=click.Choice(["heat", "cool"]), default="heat", show_default=True)
+@click.option(
+    "--block",
+    type=click.Choice(["thermal_config", "thermal_battery"]),
+    default="thermal_config",
+    show_default=True,
+    help="The kind of load to write.",
+)
+@click.option(
+    "--step", type=click.FloatRange(1), default=30, show_default=True, metavar="MINUTES", help="EMHASS's time step."
+)
+@click.option(
+    "--hours", type=float, default=6.0, show_default=True, help="How long heating goes on or off at a stretch."
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="emhass.json", help="File of runtime parameters.")
+def emhass(
+    source: str,
+    config: Path | None,
+    log: str | None,
+    sense: str,
+    block: str,
+    step: float,
+    hours: float,
+    out: Path | None,
+    say: Progress,
+    as_json: bool,
+) -> int:
+    """Write thermal_config and thermal_battery of EMHASS, each value with its standard error.
+
+    They come from a log with its configuration, from a log and the model file or zone's folder that has its
+    configuration, or from a two-stage model file alone.  What the data do not tell is left out, with the reason.
+    """
+    from .._files import atomic_path
+    from ..zone import emhass_parameters
+
+    gray_box, settings, rows = _identified(source, config, log)
+    found = emhass_parameters(gray_box, settings, rows, sense=sense, step=step / 60.0, hours=hours)
+    for name, reason in found.left_out.items():
+        if name in ("heating_rate", "cooling_constant"):
+            say.warn(f"{name} is left out: {reason}")
+    written = found.runtime_parameters(block)
+    if out is not None:
+        with atomic_path(out) as made:
+            made.write_text(json.dumps(written, indent=2) + "\n", encoding="utf-8")
+        say.note(f"wrote {out}")
+    if as_json:
+        values = found.values.to_dict(orient="index")
+        rest = {"left_out": found.left_out, "misfit [K]": found.misfit, "warmed [K]": found.warmed}
+        print_json({"runtime_parameters": written, "values": values, **rest})
+    else:
+        print(_text(found, written, hours))
+    return DONE
+
+
+command = click.Group(
+    "export",
+    commands=[emhass],
+    help="Write what was identified in the form that other programs take.",
+    epilog="\b\nExample:\n  skhybrid export emhass thermostat.csv --config zone.toml",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=False,
+)
+
+
+def _identified(source: str, config: Path | None, log: str | None) -> tuple[Any, Any, Any]:
+    """A gray box with standard errors, its settings, and the log that it was identified on."""
+    from ..study import read_log
+    from ..zone import ZoneFolder, ZoneModel
+    from ..zone.building import identify_building
+
+    path = Path(source)
+    if not path.is_dir() and path.suffix != ".skops":
+        settings, log = settings_at(config), source
+    else:
+        zone = ZoneFolder(path).load() if path.is_dir() else ZoneModel.load(path)
+        settings = zone.settings if config is None else settings_at(config)
+        if log is None:
+            gray_box = zone.predictor.gray_box_
+            if not hasattr(gray_box, "theta_cov_"):
+                raise ValueError(
+                    f"the network of {source} was fitted for forecasts and has no standard errors; give its log with "
+                    "--log, to identify the building on."
+                )
+            return gray_box, settings, None
+    frame, _ = read_log(log, settings)
+    return identify_building(settings, frame), settings, frame
+
+
+def _text(found: Any, written: dict[str, Any], hours: float) -> str:
+    """The values, what is left out, and what EMHASS takes."""
+    change = (
+        f"In {hours:g} h at nominal power the network's temperature changes by {found.warmed:.1f} K; EMHASS's law with "
+        f"one time constant differs from it by {found.misfit:.1f} K (root mean square)."
+    )
+    reasons = [f"- {name}: {reason}." for name, reason in found.left_out.items()]
+    table = found.values.to_string(na_rep="-", float_format="{:.4g}".format)
+    return "\n".join([table, "", change, "", "Not written:", *reasons, "", json.dumps(written, indent=2)])

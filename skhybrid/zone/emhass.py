@@ -1,0 +1,229 @@
+"""The thermal parameters that users of EMHASS type in by hand, from an identified network with standard errors."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..study.judgement import is_scaled
+from ..study.plant import Performance
+from ..study.settings import Settings
+from .building import quantities, with_errors
+from .first_order import Law, first_order, temperatures, warming
+
+_DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
+_LARGE = 0.99  # quantile of the logged heat that is its nominal power, where nothing else tells
+_SIGNS = {"heat": 1.0, "cool": -1.0}
+_UNSURE = 0.3  # relative standard error above which a value is uncertain
+_UNITS = {
+    "heating_rate": "K/h",
+    "cooling_constant": "1/h",
+    "volume": "m3",
+    "u_value": "W/(m2 K)",
+    "window_area": "m2",
+}
+_IN_KW = ("volume", "u_value", "window_area")
+_OF_HEAT_PUMP = "supply_temperature, heating_curve and carnot_efficiency"
+_BY_HAND = {
+    "start_temperature, min_temperatures and max_temperatures": "they belong to each plan; fill them in when you call "
+    "EMHASS",
+    _OF_HEAT_PUMP: "a log of a room does not hold them; read them from "
+    "the heat pump, or give cop in [plant], which becomes efficiency",
+    "internal_gains_factor": "it needs the electricity of the household beside this log",
+    "envelope_area, ventilation_rate and heated_volume": "a log holds only the heat loss of all together, which is "
+    "written as u_value [W/K] with an area of 1 m2 and no ventilation",
+    "density and heat_capacity": "a log holds only their product with volume, which is that of concrete here",
+    "window_area and shgc": "a log holds only their product, which is written as window_area with a shgc of 1; "
+    "EMHASS multiplies it with the irradiance on the horizontal",
+}
+
+
+class EmhassExport(NamedTuple):
+    """Parameters of a zone for EMHASS.
+
+    Parameters
+    ----------
+    values : DataFrame
+        Index: parameter; ``value``, ``std``, ``unit``, ``block`` and ``remark``.
+    load : dict of block to parameters, as ``def_load_config`` of EMHASS takes them
+    left_out : dict of parameters to the reason why they are not written
+    nominal_power : float or None, electrical power at which the heating rate holds [W]
+    misfit : float, difference between law and network over the hours at nominal power, root mean square [K]
+    warmed : float, by how much the network warms (or cools) in these hours [K]
+    """
+
+    values: pd.DataFrame
+    load: dict[str, dict[str, Any]]
+    left_out: dict[str, str]
+    nominal_power: float | None
+    misfit: float
+    warmed: float
+
+    def runtime_parameters(self, block: str = "thermal_config") -> dict[str, Any]:
+        """What EMHASS takes with a call, for one deferrable load.
+
+        Parameters
+        ----------
+        block : {"thermal_config", "thermal_battery"}
+        """
+        power = {} if self.nominal_power is None else {"nominal_power_of_deferrable_loads": [self.nominal_power]}
+        return {"def_load_config": [{block: self.load[block]}], **power}
+
+
+def emhass_parameters(
+    gray_box: Any,
+    settings: Settings,
+    rows: pd.DataFrame | None = None,
+    *,
+    sense: str = "heat",
+    step: float = 0.5,
+    hours: float = 6.0,
+) -> EmhassExport:
+    """The values of ``thermal_config`` and ``thermal_battery`` of EMHASS, each with its standard error.
+
+    Parameters
+    ----------
+    gray_box : fitted estimator, with ``theta_cov_``
+    settings : Settings
+    rows : DataFrame, optional, the log it was identified on, by role
+    sense : {"heat", "cool"}
+    step : float, time step of the plan [h]
+    hours : float
+        How long heating goes on or off at a stretch [h]; the law, which has one time constant, is fitted to them.
+
+    Raises
+    ------
+    ValueError
+        If nothing heats (or cools), or no nominal heat is known.
+
+    Notes
+    -----
+    :mod:`skhybrid.zone.first_order` derives heating rate and cooling constant.  EMHASS's storage takes heat without
+    feedback (docs/thermal_battery.md), ``T[k+1] = T[k] + (COP P dt - demand[k]) / C``; its C is the one that warms as
+    the network does over the hours, by least squares.  Standard errors are those of the parameters by the delta method.
+    """
+    if not (step > 0 and hours >= 2 * step):
+        raise ValueError(f"a plan of {hours:g} h in steps of {step:g} h is too short; give two steps or more.")
+    plant = _plant(gray_box, settings, rows, sense)
+    n_steps = round(hours / step)
+    time = step * np.arange(1, n_steps + 1)
+
+    def of(theta: pd.Series) -> dict[str, float]:
+        warmed, final = warming(gray_box, theta, plant, step, n_steps)
+        building = quantities(gray_box, theta)
+        capacity = _heat(gray_box, plant, theta) * float(time @ time) / float(np.abs(warmed) @ time)  # [kWh/K]
+        return {
+            **first_order(np.abs(warmed), abs(final), step)._asdict(),
+            "volume": 3600.0 * capacity / (_DENSITY * _HEAT_CAPACITY),
+            "u_value": building["heat loss [W/K]"],
+            "window_area": building.get("solar aperture [m2]", np.nan),
+        }
+
+    found = with_errors(gray_box, of)
+    scaled = is_scaled(settings, gray_box.state_space_.input_names)
+    left_out = _not_told(found, scaled) | _BY_HAND
+    known = {str(name): float(f"{value:.4g}") for name, value in found["value"].items() if name not in left_out}
+    efficiency = settings.plant.get("cop")
+    if sense == "cool":
+        efficiency = settings.plant.get("eer", efficiency)
+    if isinstance(efficiency, int | float):
+        known["efficiency"] = float(efficiency)
+        left_out.pop(_OF_HEAT_PUMP)
+    heat = _heat(gray_box, plant, pd.Series(gray_box.theta_))
+    power = _electricity(settings, _SIGNS[sense] * heat, rows) if scaled else None
+    if power is None:
+        delivered = f"{heat:.3g} kW of heat or cold" if scaled else "the heat of its full stage"
+        left_out["nominal_power_of_deferrable_loads"] = (
+            f"it is the plant's electricity [W] when it delivers {delivered}; give cop in [plant], or type it in"
+        )
+    warmed = abs(warming(gray_box, pd.Series(gray_box.theta_), plant, step, n_steps)[0])
+    law = Law(*found["value"].iloc[:2])
+    by_law = temperatures(law, np.ones(n_steps), np.zeros(n_steps), 0.0, step)
+    return EmhassExport(
+        _table(found.drop(index=[name for name in found.index if name in left_out])),
+        _blocks(known, sense),
+        left_out,
+        power,
+        float(np.sqrt(np.mean((by_law - warmed) ** 2))),
+        float(warmed[-1]),
+    )
+
+
+def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: str) -> dict[str, float]:
+    """Inputs of the plant at nominal power: stages of 1 that heat (or cool), else heat [kW]."""
+    sign = _SIGNS[sense]
+    theta = gray_box.theta_
+    sources = gray_box.network_.sources(gray_box.state_space_.input_names[: -len(gray_box.network_.gain_names)])
+    stages = {s.role: 1.0 for s in sources if s.role.startswith("u_") and sign * theta[s.parameter] > 0.0}
+    heats = [s.role for s in sources if s.role.startswith("Q_")]
+    if stages or not heats:
+        if not stages:
+            raise ValueError(f"the log has no heat and no stage that can {sense}, so EMHASS's law cannot be told.")
+        return stages
+    given = settings.plant.get("most_heat" if sense == "heat" else "most_cold")
+    if given is None and rows is not None:
+        used = (sign * rows[heats[0]])[lambda heat: heat > 0.0]
+        given = used.quantile(_LARGE) if len(used) else None
+    if not given:
+        raise ValueError(
+            f"no heat of {heats[0]} can be called nominal, since the log has none that can {sense}; give most_heat or "
+            "most_cold in [plant]."
+        )
+    return {heats[0]: sign * float(given)}
+
+
+def _heat(gray_box: Any, plant: dict[str, float], theta: pd.Series) -> float:
+    """Heat or cold at nominal power [kW]."""
+    parts = [abs(s.parameter is None or theta[s.parameter]) * abs(plant[s.role])
+             for s in gray_box.network_.sources(plant)]  # fmt: skip
+    return float(sum(parts))
+
+
+def _electricity(settings: Settings, heat: float, rows: pd.DataFrame | None) -> float | None:
+    """Electricity [W] at nominal power and the mean outdoor temperature; None where it is not known."""
+    performance = Performance.of(settings.plant)
+    if performance is None:
+        return None
+    outdoors = np.nan if rows is None else rows["T_oa"].mean()
+    found = 1000.0 * float(performance.electricity(np.array(heat), np.array(outdoors)))
+    return round(found) if np.isfinite(found) else None
+
+
+def _not_told(found: pd.DataFrame, scaled: bool) -> dict[str, str]:
+    """Parameters that this log does not tell, with the reason."""
+    out = {}
+    for name, value, std in found.itertuples():
+        if name in _IN_KW and not scaled:
+            out[name] = (
+                "no capacity of the plant is known, so no kW is certain; give known = { Q_h = ... } in [estimator]"
+            )
+        elif not np.isfinite(value):
+            out[name] = "the log has no irradiance"
+        elif not std < abs(value):
+            out[name] = f"not identified: {value:.2g} with a standard error of {std:.2g}"
+    return out
+
+
+def _table(found: pd.DataFrame) -> pd.DataFrame:
+    """Identified values with block, unit and remark."""
+    remark = np.where(found["std"] > _UNSURE * found["value"].abs(), "uncertain", "")
+    units = [_UNITS[str(name)] for name in found.index]
+    blocks = ["thermal_battery" if name in _IN_KW else "thermal_config" for name in found.index]
+    return found.assign(unit=units, block=blocks, remark=remark).rename_axis("parameter")
+
+
+def _blocks(known: dict[str, float], sense: str) -> dict[str, dict[str, Any]]:
+    """The two blocks of EMHASS, with what makes each lumped value stand for a product."""
+    battery: dict[str, Any] = {"sense": sense, "thermal_loss": 0.0}  # all losses are in u_value
+    if "u_value" in known:
+        battery |= {"u_value": known["u_value"], "envelope_area": 1.0, "ventilation_rate": 0.0, "heated_volume": 0.0}
+    if "volume" in known:
+        battery |= {"volume": known["volume"], "density": _DENSITY, "heat_capacity": _HEAT_CAPACITY}
+    if "window_area" in known:
+        battery |= {"window_area": known["window_area"], "shgc": 1.0}
+    if "efficiency" in known:
+        battery["efficiency"] = known["efficiency"]
+    law = {name: known[name] for name in Law._fields if name in known}
+    return {"thermal_config": {**law, "sense": sense}, "thermal_battery": battery}
