@@ -201,7 +201,8 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
     given = {
         "columns": {"T_za": "room", "T_oa": "outdoor", "q_sol": "ghi", "Q_hvac": "power"},
         "units": {"q_sol": "W/m2"},
-        "plant": {"electricity": True, "cop": 4.0, "tariff": 0.3, "most_heat": 5.0},
+        "plant": {"electricity": True, "cop": 4.0, "most_heat": 5.0},
+        "tariff": {"price": 0.3, "currency": "EUR"},
     }
     frame, _ = read_log(tmp_path / "e.csv", settings_from(given))
     np.testing.assert_allclose(frame["Q_hvac"], 4.0 * log["power"], atol=1e-9)
@@ -209,7 +210,9 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
     found = day_ahead(zone, tmp_path / "e.csv", folder / "weather.csv", Schedule.of_text("22,27"))
     assert found.frame["Q_hvac"].max() <= 5.0
     np.testing.assert_allclose(found.frame["electricity_kW"], found.frame["Q_hvac"] / 4.0)
-    assert found.summary["cost"] == pytest.approx(0.3 * found.summary["electricity [kWh]"], abs=0.01)
+    assert found.summary["cost of electricity [EUR]"] == pytest.approx(
+        0.3 * found.summary["electricity [kWh]"], abs=0.01
+    )
     assert any("ideal one" in text for text in found.remarks)
 
 

@@ -53,9 +53,9 @@ def emhass(
 
     gray_box, settings, rows = _identified(source, config, log)
     found = emhass_parameters(gray_box, settings, rows, sense=sense, step=step / 60.0, hours=hours)
-    for name, reason in found.left_out.items():
-        if name in ("heating_rate", "cooling_constant"):
-            say.warn(f"{name} is left out: {reason}")
+    for name in ("heating_rate", "cooling_constant") if block == "thermal_config" else ("volume", "u_value"):
+        if name in found.left_out:
+            say.warn(f"{name}, which EMHASS needs, is left out: {found.left_out[name]}")
     written = found.runtime_parameters(block)
     if out is not None:
         with atomic_path(out) as made:

@@ -18,6 +18,7 @@ from ..persistence import save_model
 from .compared_models import HYBRID, PLAIN_WORDS
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
+from .tariff import Cost, energy_cost
 
 
 def format_table(table: pd.DataFrame) -> str:
@@ -121,11 +122,21 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
         settings=result.settings.as_dict(),
         verdicts=result.verdicts,
         scaled=result.scaled,
+        cost=_cost(result),
         notes=result.warnings,
     )
     names = [HYBRID, *result.table.index.drop(HYBRID)]
     ordered = {name: result.frames[name] for name in names if name in result.frames}
     study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
+
+
+def _cost(result: StudyResult) -> Cost | None:
+    """What the load of the next day costs; None without a tariff, or where its kW have no scale."""
+    if not result.scaled:
+        return None
+    given = result.settings
+    forecast = result.forecast.assign(T_oa=result.data.future["T_oa"])
+    return energy_cost(forecast, given.tariff, given.plant, given.holidays)
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
@@ -173,6 +184,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),
+        "next_day_cost": None if (cost := _cost(result)) is None else cost._asdict(),
         "next_day_held_out": result.data.held_out,
         "seconds": round(result.seconds, 2),
         "warnings": result.warnings,

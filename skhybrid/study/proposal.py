@@ -146,9 +146,11 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
         ]
     else:
         plant += ["# electricity = true  # where the plant's columns are electricity", "# cop = 3.0"]
-    plant += ["# tariff = 0.30  # price of a kWh", "# most_heat = 8.0  # what the plant can deliver [kW]"]
+    plant.append("# most_heat = 8.0  # what the plant can deliver [kW]")
+    tariff = ["# [tariff]  # of electricity, or of heat where there is no cop"]
+    tariff += ['# price = 0.30  # of a kWh; by the clock: { "7:00" = 0.35, "22:00" = 0.22 }', '# currency = "EUR"']
     thermostat = ["# [thermostat]  # set-points of a day to come", "# heat = 21", "# cool = 25"]
-    return [plant, thermostat]
+    return [plant, tariff, thermostat]
 
 
 def _span_lines(report: LogReport) -> list[list[str]]:

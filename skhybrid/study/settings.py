@@ -17,6 +17,7 @@ from .._holidays import read_holidays
 from .._table import ROLES, role_of
 from .._time import positive_duration
 from .plant import Performance
+from .tariff import Tariff
 from .thermostat import Schedule
 
 SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
@@ -29,9 +30,9 @@ ESTIMATORS = {
 }
 _TABLES = (
     "columns", "units", "scale", "log", "network", "estimator", "forecaster", "train", "test", "load", "site", "plant",
-    "thermostat",
+    "thermostat", "tariff",
 )  # fmt: skip
-_PLANT = ("electricity", "cop", "eer", "tariff", "most_heat", "most_cold")
+_PLANT = ("electricity", "cop", "eer", "most_heat", "most_cold")
 _SPAN = ("start", "end")
 _NETWORK = ("name", "capacitances", "resistors", "solar", "measured", "disturbed", "heated", "bounds")
 _SITE = {"latitude": 90.0, "longitude": 180.0}
@@ -78,10 +79,12 @@ class Settings:
         Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
     plant : mapping
         ``electricity`` (whether the columns of the plant are electricity, not heat), ``cop`` of heating and ``eer`` of
-        cooling (a number, or pairs ``[T_oa, value]``), ``tariff`` (price of a kWh of electricity, or of heat where
-        there is no ``cop``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
+        cooling (a number, or pairs ``[T_oa, value]``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
     thermostat : mapping
         ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point.
+    tariff : mapping
+        ``price`` of a kWh of electricity, or of heat where there is no ``cop``: a number, or a table of clock time and
+        price; ``weekend``, that of weekends and holidays, where it differs; ``currency``.
     """
 
     name: str = "zone"
@@ -110,6 +113,7 @@ class Settings:
     log: Mapping[str, Any] = field(default_factory=dict)
     plant: Mapping[str, Any] = field(default_factory=dict)
     thermostat: Mapping[str, Any] = field(default_factory=dict)
+    tariff: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_plain(self)
@@ -129,6 +133,7 @@ class Settings:
         _check_tables(self)
         _check_plant(self.plant)
         Schedule.of_tables(self.thermostat)
+        Tariff.of(self.tariff)
         _check_site(self.site, self.columns)
 
     def as_dict(self) -> dict[str, Any]:
@@ -241,7 +246,7 @@ def _check_tables(settings: Settings) -> None:
 def _check_plant(plant: Mapping[str, Any]) -> None:
     _check_keys("plant", plant, _PLANT)
     Performance.of(plant)
-    for key in ("tariff", "most_heat", "most_cold"):
+    for key in ("most_heat", "most_cold"):
         if key in plant and not (_is_number(plant[key]) and plant[key] >= 0):
             raise ValueError(f"[plant] {key} = {plant[key]!r} must be a number of at least 0.")
 

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .._holidays import read_holidays
+
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
 _KINDS = ("heat", "cool", "weekend")
 
@@ -38,7 +40,7 @@ class Schedule(NamedTuple):
         if not any(sides):
             raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
         found = cls(sides[0], sides[1], cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
-        heat, cool = (_by_minute(side, np.arange(1440)) for side in sides)
+        heat, cool = (at_minute(side, np.arange(1440)) for side in sides)
         if (heat > cool).any():
             at = int(np.argmax(heat > cool))
             raise ValueError(
@@ -67,12 +69,12 @@ class Schedule(NamedTuple):
         index : DatetimeIndex of n rows, in local time
         free : ndarray (n,) of bool, weekends and holidays
         """
-        minute = np.asarray(index.hour * 60 + index.minute)
+        minute = minutes(index)
         of = {True: self.weekend or self, False: self}
         columns = {}
         for role, side in (("T_heat_set", 0), ("T_cool_set", 1)):
             if of[True][side] or of[False][side]:
-                values = [_by_minute(of[kind][side], minute) for kind in (True, False)]
+                values = [at_minute(of[kind][side], minute) for kind in (True, False)]
                 columns[role] = np.where(free, *values)
         return pd.DataFrame(columns, index=index)
 
@@ -89,26 +91,45 @@ def _of_text(side: str) -> Any:
 
 def _side(name: str, given: Any) -> dict[int, float]:
     """Set-points by minute of one side."""
+    return by_clock(f"[thermostat] {name}", given, "set-point", (0, 45))
+
+
+def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:
+    """Values by the minute of the day, of a number or a table of clock times; empty if nothing is given."""
     if given is None:
         return {}
     if isinstance(given, int | float) and not isinstance(given, bool):
         given = {"0:00": given}
     if not isinstance(given, Mapping) or not given:
-        raise ValueError(f"[thermostat] {name} = {given!r} must be a temperature, or a table of clock times.")
+        raise ValueError(f"{where} = {given!r} must be a {what}, or a table of clock times.")
+    low, high = span or (-np.inf, np.inf)
     out = {}
     for clock, value in given.items():
         found = _CLOCK.fullmatch(str(clock))
         if found is None:
-            raise ValueError(f"[thermostat] {name} has {clock!r}, which is no clock time such as 6:30.")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 45:
-            raise ValueError(f"[thermostat] {name} at {clock} is {value!r}, which is no set-point from 0 to 45 degC.")
+            raise ValueError(f"{where} has {clock!r}, which is no clock time such as 6:30.")
+        plain = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+        if not plain or not low <= value <= high:
+            allowed = f" from {low:g} to {high:g} degC" if span else ""
+            raise ValueError(f"{where} at {clock} is {value!r}, which is no {what}{allowed}.")
         out[60 * int(found[1]) + int(found[2])] = float(value)
     return dict(sorted(out.items()))
 
 
-def _by_minute(side: dict[int, float], minute: np.ndarray) -> np.ndarray:
-    """Set-point at some minutes of the day; NaN where there is none."""
-    if not side:
+def at_minute(values: dict[int, float], minute: np.ndarray) -> np.ndarray:
+    """Values at some minutes of the day; NaN where there are none."""
+    if not values:
         return np.full(len(minute), np.nan)
-    starts, values = np.array(list(side)), np.array(list(side.values()))
-    return values[np.searchsorted(starts, minute, side="right") - 1]  # -1: the last of the day before
+    starts, held = np.array(list(values)), np.array(list(values.values()))
+    return held[np.searchsorted(starts, minute, side="right") - 1]  # -1: the last of the day before
+
+
+def minutes(index: pd.DatetimeIndex) -> np.ndarray:
+    """Minute of the day of rows in local time."""
+    return np.asarray(index.hour * 60 + index.minute)
+
+
+def free_days(holidays: Any, index: pd.DatetimeIndex) -> np.ndarray:
+    """(n,) bool, whether rows in local time lie on a weekend or a holiday."""
+    local = index.tz_localize(None) if index.tz is not None else index
+    return np.asarray(read_holidays(holidays, local).day_of_week(local) >= 5)

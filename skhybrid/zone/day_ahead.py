@@ -17,6 +17,7 @@ from ..study.data import read_log
 from ..study.judgement import is_scaled
 from ..study.plant import Performance
 from ..study.settings import Settings
+from ..study.tariff import energy_cost
 from ..study.thermostat import Schedule
 from .tomorrow import rows_ahead
 from .zone_model import ZoneModel
@@ -62,8 +63,8 @@ def day_ahead(
     -------
     DayAhead
         Columns: ``T_za`` [degC], ``q_0.1`` and ``q_0.9``, the set-points and the weather; under a thermostat
-        ``Q_hvac`` [kW] with ``Q_hvac_0.1`` and ``Q_hvac_0.9``, and electricity [kW] and cost where the settings have a
-        coefficient of performance and a tariff.
+        ``Q_hvac`` [kW] with ``Q_hvac_0.1`` and ``Q_hvac_0.9``, and electricity [kW] where the settings have a
+        coefficient of performance.
 
     Raises
     ------
@@ -134,13 +135,10 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
     found["largest load [kW]"] = round(float(out["Q_hvac"].abs().max()), 2)
-    used = heat + cold
     if "electricity_kW" in out:
-        used = float(out["electricity_kW"].sum() * hours)
-        found["electricity [kWh]"] = round(used, 2)
-    if "tariff" in settings.plant:
-        found["cost"] = round(used * float(settings.plant["tariff"]), 2)
-    return found
+        found["electricity [kWh]"] = round(float(out["electricity_kW"].sum() * hours), 2)
+    cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays)
+    return found if cost is None else found | cost.entries()
 
 
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:

@@ -107,48 +107,40 @@ def emhass_parameters(
     if not (step > 0 and hours >= 2 * step):
         raise ValueError(f"a plan of {hours:g} h in steps of {step:g} h is too short; give two steps or more.")
     plant = _plant(gray_box, settings, rows, sense)
-    n_steps = round(hours / step)
-    time = step * np.arange(1, n_steps + 1)
-
-    def of(theta: pd.Series) -> dict[str, float]:
-        warmed, final = warming(gray_box, theta, plant, step, n_steps)
-        building = quantities(gray_box, theta)
-        capacity = _heat(gray_box, plant, theta) * float(time @ time) / float(np.abs(warmed) @ time)  # [kWh/K]
-        return {
-            **first_order(np.abs(warmed), abs(final), step)._asdict(),
-            "volume": 3600.0 * capacity / (_DENSITY * _HEAT_CAPACITY),
-            "u_value": building["heat loss [W/K]"],
-            "window_area": building.get("solar aperture [m2]", np.nan),
-        }
-
-    found = with_errors(gray_box, of)
+    time = step * np.arange(1, round(hours / step) + 1)
+    found = with_errors(gray_box, lambda theta: _values(gray_box, theta, plant, time))
     scaled = is_scaled(settings, gray_box.state_space_.input_names)
     left_out = _not_told(found, scaled) | _BY_HAND
     known = {str(name): float(f"{value:.4g}") for name, value in found["value"].items() if name not in left_out}
-    efficiency = settings.plant.get("cop")
-    if sense == "cool":
-        efficiency = settings.plant.get("eer", efficiency)
+    efficiency = settings.plant.get("cop") if sense == "heat" else settings.plant.get("eer", settings.plant.get("cop"))
     if isinstance(efficiency, int | float):
         known["efficiency"] = float(efficiency)
         left_out.pop(_OF_HEAT_PUMP)
-    heat = _heat(gray_box, plant, pd.Series(gray_box.theta_))
+    heat = _heat(gray_box, plant, gray_box.theta_)
     power = _electricity(settings, _SIGNS[sense] * heat, rows) if scaled else None
     if power is None:
-        delivered = f"{heat:.3g} kW of heat or cold" if scaled else "the heat of its full stage"
+        delivered = f"{heat:.3g} kW of {sense}ing" if scaled else "the heat of its full stage"
         left_out["nominal_power_of_deferrable_loads"] = (
             f"it is the plant's electricity [W] when it delivers {delivered}; give cop in [plant], or type it in"
         )
-    warmed = abs(warming(gray_box, pd.Series(gray_box.theta_), plant, step, n_steps)[0])
-    law = Law(*found["value"].iloc[:2])
-    by_law = temperatures(law, np.ones(n_steps), np.zeros(n_steps), 0.0, step)
-    return EmhassExport(
-        _table(found.drop(index=[name for name in found.index if name in left_out])),
-        _blocks(known, sense),
-        left_out,
-        power,
-        float(np.sqrt(np.mean((by_law - warmed) ** 2))),
-        float(warmed[-1]),
-    )
+    warmed = np.abs(warming(gray_box, gray_box.theta_, plant, step, len(time))[0])
+    by_law = temperatures(Law(*found["value"].iloc[:2]), np.ones(len(time)), np.zeros(len(time)), 0.0, step)
+    misfit = float(np.sqrt(np.mean((by_law - warmed) ** 2)))
+    table = _table(found.drop(index=[name for name in found.index if name in left_out]))
+    return EmhassExport(table, _blocks(known, sense), left_out, power, misfit, float(warmed[-1]))
+
+
+def _values(gray_box: Any, theta: pd.Series, plant: dict[str, float], time: np.ndarray) -> dict[str, float]:
+    """EMHASS's parameters of a network with some parameters, over the ends of the plan's steps [h]."""
+    warmed, final = warming(gray_box, theta, plant, time[0], len(time))
+    building = quantities(gray_box, theta)
+    capacity = _heat(gray_box, plant, theta) * float(time @ time) / float(np.abs(warmed) @ time)  # [kWh/K]
+    return {
+        **first_order(np.abs(warmed), abs(final), time[0])._asdict(),
+        "volume": 3600.0 * capacity / (_DENSITY * _HEAT_CAPACITY),
+        "u_value": building["heat loss [W/K]"],
+        "window_area": building.get("solar aperture [m2]", np.nan),
+    }
 
 
 def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: str) -> dict[str, float]:
@@ -158,10 +150,10 @@ def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: 
     sources = gray_box.network_.sources(gray_box.state_space_.input_names[: -len(gray_box.network_.gain_names)])
     stages = {s.role: 1.0 for s in sources if s.role.startswith("u_") and sign * theta[s.parameter] > 0.0}
     heats = [s.role for s in sources if s.role.startswith("Q_")]
-    if stages or not heats:
-        if not stages:
-            raise ValueError(f"the log has no heat and no stage that can {sense}, so EMHASS's law cannot be told.")
+    if stages:
         return stages
+    if not heats:
+        raise ValueError(f"the log has no heat and no stage that can {sense}, so EMHASS's law cannot be told.")
     given = settings.plant.get("most_heat" if sense == "heat" else "most_cold")
     if given is None and rows is not None:
         used = (sign * rows[heats[0]])[lambda heat: heat > 0.0]
@@ -176,9 +168,8 @@ def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: 
 
 def _heat(gray_box: Any, plant: dict[str, float], theta: pd.Series) -> float:
     """Heat or cold at nominal power [kW]."""
-    parts = [abs(s.parameter is None or theta[s.parameter]) * abs(plant[s.role])
-             for s in gray_box.network_.sources(plant)]  # fmt: skip
-    return float(sum(parts))
+    sources = gray_box.network_.sources(plant)
+    return float(sum(abs(plant[s.role] * (1.0 if s.parameter is None else theta[s.parameter])) for s in sources))
 
 
 def _electricity(settings: Settings, heat: float, rows: pd.DataFrame | None) -> float | None:

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES
 from ..datasets import weather_on_steps
 from ..study.settings import Settings
-from ..study.thermostat import Schedule
+from ..study.thermostat import Schedule, free_days
 
 
 class RowsAhead(NamedTuple):
@@ -80,9 +79,7 @@ def _setpoints(
             f"nothing tells what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
             f"configuration, or fill in {names} in the rows ahead."
         )
-    local = index.tz_localize(None) if index.tz is not None else index
-    free = read_holidays(settings.holidays, local).day_of_week(local) >= 5
-    return found.band(index, free)
+    return found.band(index, free_days(settings.holidays, index))
 
 
 def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:

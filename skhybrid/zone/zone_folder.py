@@ -25,7 +25,7 @@ _REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewe
 _CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
 _SCORED = pd.Timedelta(days=28)
 #: settings that a model does not depend on
-_FREE = ("name", "thermostat", "train", "test", "load", "origin_step")
+_FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
 
 class Tick(NamedTuple):

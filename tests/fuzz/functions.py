@@ -228,4 +228,5 @@ NOT_CALLED = {
     **dict.fromkeys(
         ("ZoneModel", "ZoneFolder", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"
     ),
+    **dict.fromkeys(("emhass_parameters", "EmhassExport"), "reads a fitted gray box and settings"),
 }

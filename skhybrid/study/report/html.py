@@ -12,6 +12,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
@@ -92,6 +93,7 @@ def write_report(
     settings: Mapping[str, Any] | None = None,
     verdicts: Sequence[Verdict] = (),
     scaled: bool = True,
+    cost: Cost | None = None,
     notes: Iterable[str] = (),
 ) -> None:
     """Write a study as one self-contained HTML file, in one step.
@@ -116,11 +118,12 @@ def write_report(
     spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
     verdicts : sequence of Verdict, on temperature and load
     scaled : bool, whether the log fixes what a kW is; else no kW are put in front
+    cost : Cost, optional, what the load of the next day costs
     notes : iterable of str, warnings
     """
     listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
     sections = [
-        _head(title, table, frames, forecast, label, verdicts, scaled),
+        _head(title, table, frames, forecast, label, verdicts, scaled, cost),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
         _accuracy(table, frames, label, coverage),
         _learned(schedule, weights, label),
@@ -148,6 +151,7 @@ def _head(
     label: str,
     verdicts: Sequence[Verdict],
     scaled: bool,
+    cost: Cost | None,
 ) -> str:
     own = table.loc[label]
     n_origins = frames[label]["origin"].nunique()
@@ -160,6 +164,8 @@ def _head(
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {_day(forecast.index)}"))
     cards += _energy(forecast) if scaled else []
+    if cost is not None:
+        cards.append((f"{cost.value:.2f}\u00a0{cost.currency}".strip(), f"cost of the {cost.energy} for it"))
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
         f'{_verdicts(verdicts)}<p class="verdict">{escape(verdict(table, label))}</p>\n<div class="cards">'

@@ -1,0 +1,105 @@
+"""What the plant's energy of a day costs, at one price or at prices by the clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+from .plant import Performance
+from .thermostat import at_minute, by_clock, free_days, minutes
+
+_KINDS = ("price", "weekend", "currency")
+
+
+class Tariff(NamedTuple):
+    """Prices of a kWh by the minute of the day."""
+
+    price: dict[int, float]
+    weekend: dict[int, float]  # of weekends and holidays
+    currency: str
+
+    @classmethod
+    def of(cls, tables: Mapping[str, Any]) -> Self | None:
+        """The tariff of ``[tariff]``; None if it is empty.
+
+        Raises
+        ------
+        ValueError
+            If it names an unknown key, has no price, or a clock time or price cannot be read.
+        """
+        if not tables:
+            return None
+        for key in tables:
+            if key not in _KINDS:
+                raise ValueError(f"unknown key {key!r} in [tariff]; known are {', '.join(_KINDS)}.")
+        if "price" not in tables:
+            raise ValueError("[tariff] needs the price of a kWh, such as price = 0.30.")
+        currency = tables.get("currency", "")
+        if not isinstance(currency, str):
+            raise ValueError(f"[tariff] currency = {currency!r} must be text in quotes, such as 'EUR'.")
+        price = by_clock("[tariff] price", tables["price"], "price of a kWh")
+        free = by_clock("[tariff] weekend", tables.get("weekend"), "price of a kWh")
+        return cls(price, free or price, currency)
+
+    def at(self, index: pd.DatetimeIndex, free: np.ndarray) -> np.ndarray:
+        """Prices (n,) of some rows in local time, of which ``free`` (n,) are weekends and holidays."""
+        return np.where(free, at_minute(self.weekend, minutes(index)), at_minute(self.price, minutes(index)))
+
+
+class Cost(NamedTuple):
+    """What the plant's energy costs."""
+
+    value: float
+    ends: tuple[float, float] | None  # if every hour's load were at the lower, or the upper end of its interval
+    energy: str  # electricity, or heat where no coefficient of performance is given
+    currency: str
+
+    def entries(self) -> dict[str, Any]:
+        """Values by name, for a list."""
+        name, unit = f"cost of {self.energy}", f" [{self.currency}]" if self.currency else ""
+        found: dict[str, Any] = {f"{name}{unit}": round(self.value, 2)}
+        if self.ends is not None:
+            found[f"{name}, by the ends of the load's intervals{unit}"] = [round(end, 2) for end in self.ends]
+        return found
+
+
+def energy_cost(
+    forecast: pd.DataFrame, tariff: Mapping[str, Any], plant: Mapping[str, Any], holidays: Any
+) -> Cost | None:
+    """The cost of a day's plant energy; None without a tariff or a load.
+
+    Parameters
+    ----------
+    forecast : DataFrame
+        ``Q_hvac`` [kW], cooling negative, with ``Q_hvac_0.1`` and ``Q_hvac_0.9`` where there are any; ``T_oa`` [degC].
+    tariff, plant, holidays
+        As in the settings of a study.
+    """
+    prices = Tariff.of(tariff)
+    if prices is None or "Q_hvac" not in forecast or len(forecast) < 2:
+        return None
+    index = pd.DatetimeIndex(forecast.index)
+    hours = (index[1] - index[0]) / pd.Timedelta("1h")
+    price = hours * prices.at(index, free_days(holidays, index))
+    performance = Performance.of(plant)
+
+    def costs(role: str) -> np.ndarray:
+        load = forecast[role].to_numpy(dtype=np.float64)
+        if performance is None:
+            return price * np.abs(load)
+        return price * performance.electricity(load, forecast["T_oa"].to_numpy(dtype=np.float64))
+
+    ends = None
+    if {"Q_hvac_0.1", "Q_hvac_0.9"} <= set(forecast):
+        both = np.array([costs("Q_hvac_0.1"), costs("Q_hvac_0.9")])
+        idle = (forecast["Q_hvac_0.1"] <= 0.0) & (forecast["Q_hvac_0.9"] >= 0.0)  # the plant may rest
+        low, high = (end(both, axis=0) for end in (np.min, np.max))
+        ends = (
+            float(np.where(idle, np.minimum(low, 0.0), low).sum()),
+            float(np.where(idle, np.maximum(high, 0.0), high).sum()),
+        )
+    energy = "heat" if performance is None else "electricity"
+    return Cost(float(costs("Q_hvac").sum()), ends, energy, prices.currency)

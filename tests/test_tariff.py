@@ -1,0 +1,62 @@
+"""Cost of a day's plant energy at one price and at prices by the clock."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.study.settings import settings_from
+from skhybrid.study.tariff import energy_cost
+
+COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
+
+
+def _forecast(n=48, load=2.0, start="2024-01-05", **more):
+    """Hours from a Friday on."""
+    index = pd.date_range(start, periods=n, freq="1h")
+    return pd.DataFrame({"Q_hvac": np.full(n, load), "T_oa": np.zeros(n), **more}, index=index)
+
+
+def test_the_price_of_the_hour_applies_to_heat_where_no_performance_is_given():
+    tariff = {"price": {"6:00": 0.4, "22:00": 0.2}, "weekend": 0.1, "currency": "EUR"}
+    cost = energy_cost(_forecast(), tariff, {}, None)
+    assert cost.value == pytest.approx(2.0 * (16 * 0.4 + 8 * 0.2 + 24 * 0.1))
+    assert cost.entries() == {"cost of heat [EUR]": 20.8}
+    holiday = energy_cost(_forecast(), tariff, {}, ["2024-01-05"])
+    assert holiday.value == pytest.approx(2.0 * 48 * 0.1)
+
+
+def test_it_applies_to_electricity_where_a_performance_is_given():
+    plant = {"cop": [[-10, 2.0], [10, 4.0]], "eer": 5.0}
+    heated = energy_cost(_forecast(24), {"price": 0.3}, plant, None)
+    assert heated.value == pytest.approx(24 * 2.0 / 3.0 * 0.3)
+    assert heated.entries() == {"cost of electricity": 4.8}
+    cooled = energy_cost(_forecast(24, load=-2.0), {"price": 0.3}, plant, None)
+    assert cooled.value == pytest.approx(24 * 2.0 / 5.0 * 0.3)
+
+
+def test_the_ends_of_the_loads_intervals_bound_the_cost():
+    heats = energy_cost(_forecast(24, **{"Q_hvac_0.1": 1.0, "Q_hvac_0.9": 4.0}), {"price": 0.5}, {}, None)
+    assert heats.ends == pytest.approx((12.0, 48.0))
+    rests = energy_cost(_forecast(24, 0.5, **{"Q_hvac_0.1": -3.0, "Q_hvac_0.9": 2.0}), {"price": 0.5}, {}, None)
+    assert rests.ends == pytest.approx((0.0, 36.0))
+    cools = energy_cost(_forecast(24, -2.0, **{"Q_hvac_0.1": -4.0, "Q_hvac_0.9": -1.0}), {"price": 0.5}, {}, None)
+    assert cools.ends == pytest.approx((12.0, 48.0))
+    assert cools.entries()["cost of heat, by the ends of the load's intervals"] == [12.0, 48.0]
+
+
+def test_without_a_tariff_or_a_load_there_is_no_cost():
+    assert energy_cost(_forecast(), {}, {}, None) is None
+    assert energy_cost(_forecast().drop(columns="Q_hvac"), {"price": 0.3}, {}, None) is None
+
+
+@pytest.mark.parametrize(
+    ("tariff", "message"),
+    [({"currency": "EUR"}, "needs the price"), ({"price": "0.3"}, "must be a price"), ({"prize": 1}, "unknown key"),
+     ({"price": {"25:00": 0.3}}, "no clock time"), ({"price": {"6:00": True}}, "no price of a kWh"),
+     ({"price": float("nan")}, "no price of a kWh"), ({"price": 0.3, "currency": 3}, "text in quotes")],
+)  # fmt: skip
+def test_tariffs_that_cannot_be(tariff, message):
+    with pytest.raises(ValueError, match=message):
+        settings_from({"columns": COLUMNS, "tariff": tariff})
