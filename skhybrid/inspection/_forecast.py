@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..model_selection import backtest, score_backtest
 from ._display import Display
-from ._style import COLORS, MEASURED, axes_or_new, bands, heading, legend, line_style, tidy, time_axis
+from ._style import COLORS, MARKERS, MEASURED, axes_or_new, bands, heading, legend, line_style, tidy, time_axis
 
 
 class ForecastDisplay(Display):
@@ -84,7 +84,7 @@ class ForecastDisplay(Display):
         ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
         n_entries = 1 + len(chosen)
         for number, (label, frame) in enumerate(chosen.items()):
-            style = line_style(number)
+            style = line_style(number, beside_measured=True)
             ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
             n_entries += bands(ax, frame["time"], frame, style["color"], label if len(chosen) > 1 else "")
         for origin in first["origin"].unique():
@@ -152,7 +152,8 @@ class LeadErrorDisplay(Display):
         ax = axes_or_new(ax, (7.0, 3.6))
         hours = pd.TimedeltaIndex(self.errors.index) / pd.Timedelta("1h")
         for number, (label, values) in enumerate(self.errors.items()):
-            ax.plot(hours, values, linewidth=1.6, label=label, **line_style(number))
+            marks = {"marker": MARKERS[number % len(MARKERS)], "markersize": 4.5, "markevery": (2 * number, 12)}
+            ax.plot(hours, values, linewidth=1.5, label=label, **line_style(number), **marks)
         tidy(ax, ylabel="RMSE of temperature [K]", xlabel="lead [h]")
         ax.set_xlim(0, hours.max())
         ax.set_ylim(bottom=0)
@@ -227,7 +228,8 @@ class DayAheadDisplay(Display):
     def _draw_temperature(self, ax: Any) -> None:
         if self.measured is not None and self.measured["T_za"].notna().any():
             ax.plot(self.measured.index, self.measured["T_za"], color=MEASURED, linewidth=1.6, label="measured")
-        ax.plot(self.forecast.index, self.forecast["T_za"], color=COLORS[0], linewidth=1.8, label="forecast")
+        style = line_style(0, beside_measured=True)
+        ax.plot(self.forecast.index, self.forecast["T_za"], linewidth=1.8, label="forecast", **style)
         n_bands = bands(ax, self.forecast.index, self.forecast, COLORS[0])
         if self.setpoint is not None:
             setpoint = pd.Series(self.setpoint, index=self.forecast.index)
@@ -240,7 +242,8 @@ class DayAheadDisplay(Display):
             given = self.measured["Q_hvac"]
             ax.step(given.index, given, where="post", color=MEASURED, linewidth=1.2, label="delivered")
         load = self.forecast["Q_hvac"]
-        ax.step(load.index, load, where="post", color=COLORS[1], linewidth=1.6, label="needed (forecast)")
+        style = {"color": COLORS[1], "linestyle": "--", "linewidth": 1.6}
+        ax.step(load.index, load, where="post", label="needed (forecast)", **style)
         ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)
         ax.axhline(0.0, color="#888888", linewidth=0.8)
         tidy(ax, ylabel="heat [kW]\n(+ heating, − cooling)")

@@ -13,12 +13,15 @@ MEASURED = "#222222"
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 #: lines also differ by their dashes, for prints without colour.
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
-_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 2.6}
+#: of lines with few enough points, where dashes of long curves would look alike.
+MARKERS = ("o", "s", "^", "D", "v", "x")
+_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 3.2}
 
 
-def line_style(number: int) -> dict[str, Any]:
-    """Return colour and dashes of line ``number``."""
-    return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[number % len(DASHES)]}
+def line_style(number: int, *, beside_measured: bool = False) -> dict[str, Any]:
+    """Return colour and dashes of line ``number``; beside a measurement none is solid, as that is."""
+    dashes = DASHES[1:] if beside_measured else DASHES
+    return {"color": COLORS[number % len(COLORS)], "linestyle": dashes[number % len(dashes)]}
 
 
 def axes_or_new(ax: Any, figsize: tuple[float, float], n_rows: int = 1) -> Any:

@@ -24,7 +24,7 @@ _STYLE = """
   --line: #313a45; --mark: #56b4e9; --good: #17352a; } }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 62rem; padding: 1.2rem 1.1rem 4rem; background: var(--page); color: var(--ink);
-  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
+  font: 1rem/1.55 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0.6rem 0 0.2rem; }
 h2 { font-size: 1.2rem; margin: 2.2rem 0 0.4rem; padding-top: 0.6rem; border-top: 1px solid var(--line); }
 p { margin: 0.4rem 0 0.8rem; max-width: 46rem; } .soft { color: var(--soft); }
@@ -46,7 +46,17 @@ figure { margin: 0.8rem 0 1.2rem; } figure img { width: 100%; height: auto; bord
   border: 1px solid var(--line); padding: 0.3rem; } figcaption { color: var(--soft); font-size: 0.88rem; }
 ul { padding-left: 1.2rem; } li { margin: 0.25rem 0; overflow-wrap: anywhere; }
 code { font-size: 0.9em; overflow-wrap: anywhere; }
-@media print { body { max-width: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+@page { margin: 14mm; }
+@media print {
+  :root { color-scheme: light; --ink: #000; --soft: #333; --page: #fff; --card: #fff; --line: #888; --mark: #000;
+    --good: #eee; }
+  html { font-size: 12px; } body { max-width: none; padding: 0; } p { max-width: none; orphans: 3; widows: 3; }
+  h2 { break-after: avoid; margin-top: 1.4rem; } h2 + p { break-after: avoid; }
+  .cards { grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); }
+  .wide { overflow: visible; break-inside: avoid; } th, td { white-space: normal; } td.text { min-width: 0; }
+  figure, tr, li, .card, .judged { break-inside: avoid; } figure img { max-height: 85mm; object-fit: contain; }
+  .listed { columns: 2; }
+}
 """
 
 
@@ -130,7 +140,7 @@ def write_report(
         _week(zeta, truth),
         _building(parameters, identification, label),
         _list("Warnings", map(escape, notes)),
-        _list("Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items())),
+        _list("Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items()), "listed"),
     ]
     page = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -287,9 +297,15 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
 
 
 def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
-    texts = ("unit", "description", "remark")
+    texts = ("description", "remark")
     rows = [
-        (str(name), _number(row["value"], 3), _number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
+        (
+            str(name),
+            _number(row["value"], 3),
+            _number(row["std"], 2),
+            str(row.get("unit", "")),
+            *(str(row.get(column, "")) for column in texts),
+        )
         for name, row in parameters.iterrows()
     ]
     separate = (
@@ -302,13 +318,13 @@ def _building(parameters: pd.DataFrame, identification: str | None, label: str) 
     return (
         "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
         f"error shows how well the data determine a value.{separate}</p>\n"
-        + _table(("parameter", "value", "± std. error", *texts), rows, n_texts=len(texts))
+        + _table(("parameter", "value", "± std. error", "unit", *texts), rows, n_texts=len(texts))
     )
 
 
-def _list(title: str, items: Iterable[str]) -> str:
+def _list(title: str, items: Iterable[str], kind: str = "prose") -> str:
     items = "".join(f"<li>{item}</li>" for item in items)
-    return f"<h2>{title}</h2>\n<ul>{items}</ul>" if items else ""
+    return f'<h2>{title}</h2>\n<ul class="{kind}">{items}</ul>' if items else ""
 
 
 def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
