@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +13,8 @@ import pandas as pd
 import pytest
 
 from skhybrid.study.report import study_picture, verdict, write_report
+from skhybrid.study.report.figures import backtest_figure, day_figure, lead_figure, schedule_figure
+from skhybrid.study.tariff import Cost
 
 INDEX = pd.date_range("2024-01-01", periods=24, freq="1h", tz="UTC")
 
@@ -187,3 +191,62 @@ def test_one_picture_of_a_study(tmp_path, columns):
 )
 def test_the_verdict_is_what_the_table_says(own, other, words):
     assert words in verdict(pd.DataFrame({"rmse": [own, other]}, index=["hybrid", "ARX"]))
+
+
+def test_it_shows_what_the_day_costs(tmp_path):
+    write_report(tmp_path / "r.html", **_study(cost=Cost(4.218, None, "electricity", "EUR")))
+    text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
+    assert "4.22\u00a0EUR" in text
+    assert "cost of the electricity" in text
+
+
+def test_lines_of_a_figure_differ_without_colour():
+    study = _study()
+    names = ["hybrid", *(f"another model with a long name {n}" for n in range(4))]
+    frames = dict.fromkeys(names, study["frames"]["hybrid"])
+    day = study["forecast"].assign(**{"q_0.1": 19.0, "q_0.9": 21.0})
+    for figure in (day_figure(day), backtest_figure(frames), lead_figure(frames), schedule_figure(study["schedule"])):
+        for ax in figure.axes:
+            lines = [line for line in ax.lines if not line.get_label().startswith("_")]
+            looks = [(str(line._dash_pattern), line.get_marker()) for line in lines]
+            assert len(set(looks)) == len(looks) > 1
+        figure.draw_without_rendering()
+        for ax in figure.axes:  # a long legend must not squeeze the axes
+            assert ax.get_position().width > 0.8
+
+
+_MEASURE = """<iframe src="phone.html" style="width:390px;height:900px"></iframe>
+<iframe src="paper.html" style="width:688px;height:900px"></iframe><pre id="found"></pre><script>onload = () => {
+const parts = [...document.querySelectorAll("iframe")].map(f => { const d = f.contentDocument;
+  const clipped = [...d.querySelectorAll(".wide")].filter(e => e.scrollWidth > e.clientWidth + 1).length;
+  return d.documentElement.scrollWidth - f.clientWidth + " " + clipped; });
+document.getElementById("found").textContent = parts.join("; "); }</script>"""
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")
+def test_it_fits_a_phone_and_its_tables_fit_the_paper(tmp_path):
+    """A page of A4 with margins of 14 mm is 688 px wide."""
+    study = _study()
+    long = "a description of some length, as they are in a study"
+    study["table"] = study["table"].rename(index={"ARX": "black box (ARX), fitted at every origin"}).assign(note=long)
+    study["frames"] = {"hybrid": study["frames"]["hybrid"]}
+    study["parameters"] = study["parameters"].assign(description=long, remark=long)
+    write_report(tmp_path / "phone.html", **study)
+    page = (tmp_path / "phone.html").read_text(encoding="utf-8")
+    (tmp_path / "paper.html").write_text(page.replace("@media print", "@media screen"), encoding="utf-8")
+    (tmp_path / "both.html").write_text(_MEASURE, encoding="utf-8")
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files", "--dump-dom"]
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
+    run = subprocess.run(
+        ["chromium", *flags, profile, "--virtual-time-budget=4000", f"file://{tmp_path / 'both.html'}"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    wider_on_phone, wider_on_paper, clipped_on_paper = re.search(
+        r'id="found">(-?\d+) \d+; (-?\d+) (\d+)<', run.stdout
+    ).groups()
+    assert int(wider_on_phone) <= 0
+    assert int(wider_on_paper) <= 0
+    assert int(clipped_on_paper) == 0

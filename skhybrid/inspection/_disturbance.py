@@ -106,7 +106,7 @@ class DisturbanceWeekDisplay(Display):
         ax.grid(False, axis="x")
         ax.grid(True, axis="x", which="minor", color="#dddddd", linewidth=0.6)
         ax.tick_params(axis="x", which="major", length=0)
-        legend(ax, 3)
+        legend(ax)
         heading(ax, title)
         return self._drawn_on(ax)
 
@@ -189,6 +189,6 @@ class ScheduleDisplay(Display):
             panel.axhline(0.0, color="#888888", linewidth=0.8)
             tidy(panel, ylabel=label)
         axes[-1].set(xlim=(0, _HOURS), xticks=range(0, _HOURS + 1, 3), xlabel="local hour [h]")
-        legend(axes[0], len(days))
+        legend(axes[0])
         heading(axes[0], title)
         return self._drawn_on(axes)

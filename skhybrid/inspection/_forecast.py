@@ -82,16 +82,15 @@ class ForecastDisplay(Display):
         chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
         first = next(iter(chosen.values()))
         ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
-        n_entries = 1 + len(chosen)
         for number, (label, frame) in enumerate(chosen.items()):
             style = line_style(number, beside_measured=True)
             ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
-            n_entries += bands(ax, frame["time"], frame, style["color"], label if len(chosen) > 1 else "")
+            bands(ax, frame["time"], frame, style["color"], label if len(chosen) > 1 else "")
         for origin in first["origin"].unique():
             ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
         tidy(ax, ylabel=f"zone temperature [{unit}]")
         time_axis(ax, pd.Index(first["time"]))
-        legend(ax, n_entries)
+        legend(ax)
         heading(ax, title)
         return self._drawn_on(ax)
 
@@ -159,7 +158,7 @@ class LeadErrorDisplay(Display):
         ax.set_ylim(bottom=0)
         if hours.max() % 6 == 0:
             ax.set_xticks(range(0, int(hours.max()) + 1, 6 if hours.max() > 12 else 3))
-        legend(ax, self.errors.shape[1])
+        legend(ax)
         heading(ax, title)
         return self._drawn_on(ax)
 
@@ -230,12 +229,12 @@ class DayAheadDisplay(Display):
             ax.plot(self.measured.index, self.measured["T_za"], color=MEASURED, linewidth=1.6, label="measured")
         style = line_style(0, beside_measured=True)
         ax.plot(self.forecast.index, self.forecast["T_za"], linewidth=1.8, label="forecast", **style)
-        n_bands = bands(ax, self.forecast.index, self.forecast, COLORS[0])
+        bands(ax, self.forecast.index, self.forecast, COLORS[0])
         if self.setpoint is not None:
             setpoint = pd.Series(self.setpoint, index=self.forecast.index)
             ax.plot(setpoint.index, setpoint, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
         tidy(ax, ylabel="zone temperature [degC]")
-        legend(ax, 3 + n_bands)
+        legend(ax)
 
     def _draw_load(self, ax: Any) -> None:
         if self.measured is not None and "Q_hvac" in self.measured and self.measured["Q_hvac"].notna().any():
@@ -247,7 +246,7 @@ class DayAheadDisplay(Display):
         ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)
         ax.axhline(0.0, color="#888888", linewidth=0.8)
         tidy(ax, ylabel="heat [kW]\n(+ heating, − cooling)")
-        legend(ax, 2)
+        legend(ax)
 
 
 def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:

@@ -86,8 +86,8 @@ class PosteriorDisplay(Display):
         ax.set_ylim(len(terms) - 0.5, -1.0)
         unit = "log RMSE [-]" if self.log else "RMSE [K]"
         tidy(ax, ylabel="", xlabel=f"change of {unit} (negative: smaller error)")
-        legend(ax, 2)
-        heading(ax, title, pad=24)
+        legend(ax)
+        heading(ax, title)
         return self._drawn_on(ax)
 
     def _draw_term(self, ax: Any, row: int, term: str) -> None:

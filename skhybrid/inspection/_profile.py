@@ -82,6 +82,6 @@ class ProfileDisplay(Display):
             ax.axvline(truth, color=COLORS[1], linewidth=1.4, linestyle=":", label=f"true value {truth:.3g}")
         tidy(ax, ylabel="deviance [-]", xlabel=f"{found.parameter} [{found.unit}]")
         ax.set_ylim(bottom=0.0)
-        legend(ax, 2)
-        heading(ax, title, pad=46)
+        legend(ax)
+        heading(ax, title)
         return self._drawn_on(ax)

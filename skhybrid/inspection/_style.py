@@ -15,6 +15,7 @@ WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
 #: of lines with few enough points, where dashes of long curves would look alike.
 MARKERS = ("o", "s", "^", "D", "v", "x")
+_PER_INCH, _HANDLE = 17.0, 9  # characters of a legend per inch, and those that a handle takes
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 3.2}
 
 
@@ -55,16 +56,24 @@ def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None =
         ax.spines[side].set_visible(False)
 
 
-def heading(ax: Any, title: str | None, pad: float = 30.0) -> None:
-    """Set a bold title ``pad`` points above the axes, clear of the legend."""
+def heading(ax: Any, title: str | None) -> None:
+    """Set a bold title above the axes, clear of the legend."""
     if title:
+        pad = 15.0 + 15.0 * -(-len(ax.get_legend_handles_labels()[1]) // _columns(ax))
         ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=pad)
 
 
-def legend(ax: Any, n_entries: int) -> None:
+def legend(ax: Any) -> None:
     """Add a legend above the axes, where it hides nothing."""
     place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-    ax.legend(ncols=min(n_entries, 5), **place, **_LEGEND)
+    ax.legend(ncols=_columns(ax), **place, **_LEGEND)
+
+
+def _columns(ax: Any) -> int:
+    """Columns of a legend that is no wider than the axes: a wider one would squeeze them."""
+    labels = ax.get_legend_handles_labels()[1]
+    longest = max(map(len, labels), default=0) + _HANDLE
+    return max(1, min(len(labels), 5, int(_PER_INCH * ax.bbox.width / ax.figure.dpi / longest)))
 
 
 def time_axis(ax: Any, time: pd.Index) -> None:

@@ -46,6 +46,9 @@ figure { margin: 0.8rem 0 1.2rem; } figure img { width: 100%; height: auto; bord
   border: 1px solid var(--line); padding: 0.3rem; } figcaption { color: var(--soft); font-size: 0.88rem; }
 ul { padding-left: 1.2rem; } li { margin: 0.25rem 0; overflow-wrap: anywhere; }
 code { font-size: 0.9em; overflow-wrap: anywhere; }
+@media (max-width: 40rem) { th, td { white-space: normal; padding: 0.3rem 0.3rem; } td.text { min-width: 9rem; }
+  .models td.text, .models th.text { display: none; }
+  figure { overflow-x: auto; } figure img { width: 38rem; max-width: none; } figcaption { position: sticky; left: 0; } }
 @page { margin: 14mm; }
 @media print {
   :root { color-scheme: light; --ink: #000; --soft: #333; --page: #fff; --card: #fff; --line: #888; --mark: #000;
@@ -54,8 +57,10 @@ code { font-size: 0.9em; overflow-wrap: anywhere; }
   h2 { break-after: avoid; margin-top: 1.4rem; } h2 + p { break-after: avoid; }
   .cards { grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); }
   .wide { overflow: visible; break-inside: avoid; } th, td { white-space: normal; } td.text { min-width: 0; }
-  figure, tr, li, .card, .judged { break-inside: avoid; } figure img { max-height: 85mm; object-fit: contain; }
-  .listed { columns: 2; }
+  .models td.text, .models th.text { display: table-cell; }
+  figure, tr, li, .card, .judged { break-inside: avoid; } figure { overflow: visible; }
+  figure img { width: 100%; max-height: 85mm; object-fit: contain; }
+  .listed { columns: 2; font-size: 0.9rem; }
 }
 """
 
@@ -346,7 +351,8 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     if of_models:
         body = body.replace("<tr>", '<tr class="best">', 1)
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+    wide = "wide models" if of_models else "wide"
+    return f'<div class="{wide}"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
 
 
 def _figure(image: str, caption: str) -> str:
