@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -109,13 +111,20 @@ def test_a_log_reaches_tomorrow_without_an_edit(folder, capsys):
         {60 * t.hour + t.minute: float(v) for t, v in heat.items()},
         {60 * t.hour + t.minute: float(v) for t, v in cool.items()},
     )
-    found = day_ahead(zone, folder / "log.csv", folder / "weather.csv", schedule).frame
+    zone.settings = replace(zone.settings, tariff={"price": {"6:00": 0.4, "20:00": 0.2}, "currency": "EUR"})
+    forecast = day_ahead(zone, folder / "log.csv", folder / "weather.csv", schedule)
+    found = forecast.frame
     assert found.index.equals(truth.index.as_unit(found.index.unit))
     assert np.sqrt(((found["T_za"] - truth["T_za"]) ** 2).mean()) < 1.0
     assert np.sqrt(((found["Q_hvac"] - truth["Q_hvac"]) ** 2).mean()) < 2.5
     inside = found["T_za"].between(found["q_0.1"], found["q_0.9"]).mean()
     assert inside > 0.9
     assert (found["Q_hvac_0.1"] <= found["Q_hvac_0.9"]).all()
+    price = np.where((found.index.hour >= 6) & (found.index.hour < 20), 0.4, 0.2)
+    cost = forecast.summary["cost of heat [EUR]"]
+    assert cost == pytest.approx(float((price * found["Q_hvac"].abs()).sum()) / 4.0, abs=0.01)
+    low, high = forecast.summary["cost of heat, by the ends of the load's intervals [EUR]"]
+    assert low < cost < high
 
 
 def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):

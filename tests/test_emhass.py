@@ -150,7 +150,11 @@ def test_export_from_the_command_line(office, tmp_path, capsys):
     ZoneModel(predictor, read_settings(config)).save(model)
     assert main(["export", "emhass", model]) == 1
     assert "give its log with --log" in capsys.readouterr().err
-    assert main(["export", "emhass", model, "--log", log, "-q"]) == 0
+    folder = tmp_path / "kitchen"
+    folder.mkdir()
+    (tmp_path / "m.skops").rename(folder / "model.skops")
+    (tmp_path / "zone.toml").rename(folder / "zone.toml")
+    assert main(["export", "emhass", str(folder), "--log", log, "-q"]) == 0
     text = capsys.readouterr().out
     assert "Not written:" in text
     assert '"thermal_config"' in text

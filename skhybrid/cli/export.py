@@ -91,6 +91,8 @@ def _identified(source: str, config: Path | None, log: str | None) -> tuple[Any,
         settings, log = settings_at(config), source
     else:
         zone = ZoneFolder(path).load() if path.is_dir() else ZoneModel.load(path)
+        if config is None and path.is_dir():
+            config = ZoneFolder(path).config
         settings = zone.settings if config is None else settings_at(config)
         if log is None:
             gray_box = zone.predictor.gray_box_
