@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import cache
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -42,6 +43,9 @@ class RollingMember(Protocol):
 
         From the first new row on, NaN where unknown; only with adaptation.
         """
+
+    def fork(self, first: int) -> Self:
+        """A copy that goes on by itself, and keeps the errors of forecasts from number ``first`` on."""
 
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
@@ -162,6 +166,11 @@ class _RollingErrors:
         """(n, L, 1) errors of forecasts of the history [K]."""
         return self._errors.values
 
+    def fork(self, first: int) -> Self:
+        made = copy(self)
+        made._errors = self._errors.fork(first)
+        return made
+
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``; where anything is adapted, learn and record the errors known since."""
         before, self._row = self._row, origin
@@ -170,8 +179,9 @@ class _RollingErrors:
         self._learn(view, origin)
         self._errors.extend((origin - self.begin) // self._every + 1)
         # forecasts that had not ended at the row before
-        place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), len(self.errors))
+        place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), self._errors.n)
         rows = self.begin + place * self._every
+        place -= self._errors.first
         ends, paths = rows[:, None] + self.leads, self._past_paths(view, rows)
         known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
@@ -192,6 +202,11 @@ class RollingARX(_RollingErrors):
         self.arx, self._per_day = arx, rows_per_day(arx.sampling_time_)
         self._recursive = arx.recursive(begin)
         self._coefs: list[np.ndarray] = []  # of the days so far
+
+    def fork(self, first: int) -> Self:
+        made = super().fork(first)
+        made._recursive, made._coefs = copy(self._recursive), list(self._coefs)
+        return made
 
     def _learn(self, view: ARXData, origin: int) -> None:
         while (mark := self.begin + len(self._coefs) * self._per_day) <= origin:
@@ -260,6 +275,11 @@ class RollingProfile(_RollingErrors):
     ) -> None:
         super().__init__(begin, leads, adapt, rule.every)
         self._rule, self._mean_day, self._row = rule, mean_day, begin - 1
+
+    def fork(self, first: int) -> Self:
+        made = super().fork(first)
+        made._mean_day = copy(self._mean_day)
+        return made
 
     def advance(self, view: ProfileRows, origin: int) -> None:
         self._mean_day.extend(view, self._row + 1, origin + 1)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -60,6 +61,15 @@ class RollingBlend:
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
         self.row = -1  # the last row that it went through
+        self._first = 0  # number of the first hourly forecast whose errors are kept
+
+    def fork(self) -> Self:
+        """A copy that goes on by itself, in a time that does not depend on how many rows there were."""
+        made, record = copy(self), self._record
+        reach = max(int(record.sample.leads[-1]), (int(_DAYS_BACK.max()) + 1) * record.rows_per_day)
+        made._first = max(self._first, (self.row - reach - self._begin) // record.every)
+        made._rolling = [rolling.fork(made._first) for rolling in self._rolling]
+        return made
 
     def views(self, rows: NumberedTable) -> list[Any]:
         return [member.view(rows) for member in self._members]
@@ -101,7 +111,8 @@ class RollingBlend:
 
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""
-        errors = np.concatenate([rolling.errors[first:] for rolling in self._rolling], axis=-1)
+        kept = first - self._first
+        errors = np.concatenate([rolling.errors[kept:] for rolling in self._rolling], axis=-1)
         origins = self._begin + self._record.every * np.arange(first, first + len(errors))
         return self._record.plausible.clip_errors(errors), origins
 

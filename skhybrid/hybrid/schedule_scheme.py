@@ -40,17 +40,24 @@ class ScheduleScheme(Scheme):
     """Schedules of gain and conductance through the network, and ARX, with given capacities ``known`` [kW]."""
 
     name = "schedule"
-    _ahead: RollingBlend | None = None  # as far as the last forecast from the last known row went
 
     def __init__(self, network: RCNetwork, *, known: dict[str, float], horizon: Any, adapt: str | None) -> None:
         self.network, self.known, self.horizon, self.adapt = network, known, horizon, adapt
+        #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
+        self._running: dict[str | None, RollingBlend] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_")
+        made_anew = ("_running", "gray_box_", "forecaster_", "weights_", "zeta_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        # it shares what never changes, so that a copy goes on from where this one is
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__getstate__(), _running=dict(self._running))
+        return made
+
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        self.__dict__.update(state, _running={})
         self._physics.restore(self.rows.training)
 
     @property
@@ -221,24 +228,29 @@ class ScheduleScheme(Scheme):
 
     def advanced(self, measured: ZoneTable) -> Self:
         """The scheme after new rows; what they teach is computed when a forecast is wanted."""
-        return self._with(rows=self.rows.appended(measured), _ahead=self.__dict__.pop("_ahead", None))
+        return self._with(rows=self.rows.appended(measured), _running=dict(self._running))
 
     def forecast_ahead(self, future: ZoneTable) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
-        ahead = future.replace(history={"T_za": np.full(future.n_rows, np.nan)})
-        # a call in another thread finds no blend meanwhile, and begins at the first row
-        blend = self.__dict__.pop("_ahead", None)
-        if blend is None or blend.adapt != self.adapt:
+        blend, views = self._at_last(future)
+        path, heat = blend.forecast(views, future.n_rows, self.rows.plausible)
+        return Paths(path[None], heat[None])
+
+    def _at_last(self, future: ZoneTable) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the last known row, and the rows that it reads, with those that follow."""
+        ahead, blend = future.replace(history={"T_za": np.full(future.n_rows, np.nan)}), self._running.get(self.adapt)
+        if blend is None:
             rows = self._joined([*self.rows.tables, ahead])
             blend = RollingBlend(self._members, self._record, rows, self.adapt)
         else:
             back = int(self._record.sample.leads[-1]) + self._record.rows_per_day + _MORE_ROWS
             rows = self._last_rows(max(0, blend.row - back), ahead)
         views = blend.views(rows)
-        blend.advance(views, self.rows.n_rows - 1)
-        path, heat = blend.forecast(views, future.n_rows, self.rows.plausible)
-        self._ahead = blend
-        return Paths(path[None], heat[None])
+        if blend.row < self.rows.n_rows - 1:
+            blend = blend.fork()
+            blend.advance(views, self.rows.n_rows - 1)
+            self._running[self.adapt] = blend
+        return blend, views
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """What is known from a row on, or from the last measurement before it, and the rows ahead."""

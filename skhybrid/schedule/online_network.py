@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -129,6 +130,13 @@ class OnlineNetwork:
         self._memories = [
             CoefficientMemory(self._fit.problem, products, self._begin, days * per_day) for days in HALF_LIVES
         ]
+
+    def fork(self) -> Self:
+        """A copy that goes on by itself; its parts replace what they hold, and modify nothing."""
+        made = copy(self)
+        made._filter, made._open = copy(self._filter), copy(self._open)
+        made._memories = [copy(memory) for memory in self._memories]
+        return made
 
     def respond(self, segment: Segment, origins: np.ndarray) -> Responses:
         """Simulate and filter the next rows; ``origins`` count from the first of them."""
