@@ -84,6 +84,8 @@ class RollingBlend:
 
     def forecast(self, views: list[Any], n_leads: int, plausible: PlausibleRange) -> tuple[np.ndarray, np.ndarray]:
         """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
         record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
         products, n_more = record.products, 0.0
@@ -96,6 +98,11 @@ class RollingBlend:
         if self.adapt is not None:
             path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
         return plausible.clip(path), heat
+
+    def heat_now(self, views: list[Any]) -> float:
+        """Unmeasured heat over the step of the last row [kW]."""
+        given = zip(self._rolling, views, strict=True)
+        return next(rolling.heat_now(view) for rolling, view in given if hasattr(rolling, "heat_now"))
 
     def _share(self, row: Any, later: int) -> Any:
         """How much forecasts that ended at a row count at a later one."""

@@ -176,12 +176,13 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        paths = Paths(np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads)))
+        paths = Paths(*np.empty((2, len(origins), n_leads)), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
             plausible = PlausibleRange(lowest[i], highest[i])
             paths.temperature[i], paths.zeta[i] = blend.forecast(views, n_leads, plausible)
+            paths.zeta_now[i] = blend.heat_now(views)
         return paths
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
@@ -230,15 +231,18 @@ class ScheduleScheme(Scheme):
         """The scheme after new rows; what they teach is computed when a forecast is wanted."""
         return self._with(rows=self.rows.appended(measured), _running=dict(self._running))
 
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
-        blend, views = self._at_last(future)
-        path, heat = blend.forecast(views, future.n_rows, self.rows.plausible)
-        return Paths(path[None], heat[None])
+        blend, views = self._at_last(future, T_za)
+        n_leads, plausible = future.n_rows, self.rows.plausible
+        if T_za is not None:
+            n_leads, plausible = n_leads - 1, plausible.extended(np.array([T_za]))
+        path, heat = blend.forecast(views, n_leads, plausible)
+        return Paths(path[None], heat[None], np.array([blend.heat_now(views)]))
 
-    def _at_last(self, future: ZoneTable) -> tuple[RollingBlend, list[Any]]:
-        """The blend at the last known row, and the rows that it reads, with those that follow."""
-        ahead, blend = future.replace(history={"T_za": np.full(future.n_rows, np.nan)}), self._running.get(self.adapt)
+    def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
+        ahead, blend = with_temperature(future, T_za), self._running.get(self.adapt)
         if blend is None:
             rows = self._joined([*self.rows.tables, ahead])
             blend = RollingBlend(self._members, self._record, rows, self.adapt)
@@ -250,6 +254,9 @@ class ScheduleScheme(Scheme):
             blend = blend.fork()
             blend.advance(views, self.rows.n_rows - 1)
             self._running[self.adapt] = blend
+        if T_za is not None:  # a row that is not kept
+            blend = blend.fork()
+            blend.advance(views, self.rows.n_rows)
         return blend, views
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
@@ -294,6 +301,14 @@ class ScheduleScheme(Scheme):
         forecast, _ = self._blend(rows, origins, per_day, adapt=None)
         measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
+
+
+def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
+    """Rows ahead of which nothing is measured, or the temperature of the first one."""
+    T = np.full(future.n_rows, np.nan)
+    if T_za is not None:
+        T[0] = T_za
+    return future.replace(history={"T_za": T})
 
 
 def _prior(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:

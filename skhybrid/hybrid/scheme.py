@@ -21,6 +21,13 @@ class Paths(NamedTuple):
 
     temperature: np.ndarray  # (n_origins, n_leads) at the stamp of each row [degC]
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
+    zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin
+
+    def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
+        """Temperature and zeta of the first path by the rows ahead; the first one is the origin where it is measured."""
+        if T_za is None:
+            return self.temperature[0], self.zeta[0]
+        return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
 
 
 class Scheme(ABC):
@@ -58,8 +65,11 @@ class Scheme(ABC):
         """Forecast from each origin; anything at rows beyond the table."""
 
     @abstractmethod
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
-        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths."""
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
+        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths.
+
+        With the measured temperature of its first row, which is not kept, that row is the origin.
+        """
 
     @abstractmethod
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
@@ -149,6 +159,12 @@ class Scheme(ABC):
         made = object.__new__(type(self))
         made.__dict__.update(self.__dict__, **changes)
         return made
+
+
+def measured_now(future: ZoneTable, T_za: float) -> ZoneTable:
+    """The first row of a table as one that is known, with its measured temperature."""
+    now = future.rows(slice(0, 1))
+    return now.replace(history={**now.history, "T_za": np.array([T_za])})
 
 
 def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:

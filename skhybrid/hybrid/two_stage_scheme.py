@@ -25,7 +25,7 @@ from ..thermal import get_network
 from .drift import DriftMonitor
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
-from .scheme import Paths, Scheme
+from .scheme import Paths, Scheme, measured_now
 from .tables import (
     ELSEWHERE,
     KEPT,
@@ -128,7 +128,14 @@ class TwoStageScheme(Scheme):
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
         return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
 
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
+        if T_za is not None:
+            return self.advanced(measured_now(future, T_za)).forecast_ahead(future.rows(slice(1, None)))
+        zeta, temperature = self._ahead(future)
+        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:], zeta[:1])
+
+    def _ahead(self, future: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
+        """(n_rows + 1,) disturbance from the last known row on, and (n_rows,) temperatures."""
         rows = self._rows_of(future, np.full(future.n_rows, np.nan))
         steps = self._aggregation.extended(stamps_ns(future), rows, self._n_kept)
         known = steps.of_row[:1] - 1
@@ -136,8 +143,9 @@ class TwoStageScheme(Scheme):
         forecaster, _ = next(self._forecasters(steps, known, True))
         zeta = _path(forecaster, steps, known, int(wanted[-1]) + 1)[0, wanted]
         acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
-        temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
-        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:])
+        if not future.n_rows:
+            return zeta, np.empty(0)
+        return zeta, drive_on(self.gray_box_, future, acting, self.disturbance)
 
     @property
     def _n_kept(self) -> int:
@@ -195,13 +203,18 @@ class TwoStageScheme(Scheme):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid)."""
+        zeta, temperature = self._driven(table, origins, n_leads)
+        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, 1:], zeta[:, 0])
+
+    def _driven(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n_origins, n_leads + 1) disturbance from each origin on, and (n_origins, n_leads) temperatures."""
         here = _after_history(table)
+        zeta = self._disturbance_paths(table, here, origins, n_leads + 1, 0)
         # heat of a row acts over its own step, so that of the origin's row is the first to act
-        shift = 1 if self.disturbance == "input" else 0
-        zeta = self._disturbance_paths(table, here, origins, n_leads + shift, 1 - shift)
-        acting = zeta[:, :n_leads]
-        temperature = self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
-        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, shift:])
+        acting = zeta[:, :-1] if self.disturbance == "input" else zeta[:, 1:]
+        if not n_leads:
+            return zeta, np.empty((len(origins), 0))
+        return zeta, self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""

@@ -190,6 +190,11 @@ class RollingNetwork:
         """State at the last row, by one memory."""
         return self._network.state(self.coefs()[memory])
 
+    def heat_now(self, rows: NumberedSegment) -> float:
+        """Unmeasured heat over the last row's step [kW]."""
+        state, last = self.state(), rows.between(self.row - 1, self.row)
+        return float(last.channels.scheduled_heat(state.coef)[0]) + state.gain
+
     def forecast(self, rows: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(K, n_leads) deviations from the reference [K] and unmeasured heat [kW] after the last row; inputs hold."""
         origin = self.row - 1
