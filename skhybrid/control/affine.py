@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..filtering import simulate_path
+from .heat_plan import as_plan
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class AffineForecast:
         ndarray of shape (H,)
             At each stamp [degC]; with a last axis where several nodes are measured.
         """
-        plan = np.asarray(q, dtype=np.float64).reshape(self.gain.shape[1:3])
+        plan = as_plan(q, self.gain.shape[1:3], self.index)
         return self.free + np.tensordot(self.gain, plan, axes=((1, 2), (0, 1)))
 
 
@@ -109,7 +110,7 @@ class ControlModel:
         ndarray of shape (H + 1, o)
             At the stamp of each row and at the end of the last one [degC].
         """
-        plan = np.asarray(u, dtype=np.float64).reshape(len(self.forcing), self.B.shape[1])
+        plan = as_plan(u, (len(self.forcing), self.B.shape[1]), self.index)
         return simulate_path(self.A, self.forcing + plan @ self.B.T, self.x0) @ self.C.T
 
 
@@ -123,7 +124,7 @@ class LinearNetwork(NamedTuple):
     forcing: np.ndarray  # (N, n) by all but the inputs
     states: tuple[str, ...]
 
-    def next(self, u: np.ndarray) -> LinearNetwork:
+    def after(self, u: np.ndarray) -> LinearNetwork:
         """The same from the next row on, after inputs (m,) of this one."""
         state = self.A @ self.state + self.B @ u + self.forcing[0]
         return self._replace(state=state, forcing=self.forcing[1:])
@@ -131,10 +132,10 @@ class LinearNetwork(NamedTuple):
     def measured(self, T_za: np.ndarray) -> LinearNetwork:
         """With the measured temperatures (o,) in place of the estimated ones; what follows stays as it is.
 
-        C picks nodes.  The first forcing takes up the difference.
+        The first forcing takes up the difference.
         """
         state, forcing = self.state.copy(), self.forcing.copy()
-        state[self.C.argmax(axis=1)] = T_za
+        state[self.C.argmax(axis=1)] += T_za - self.C @ state
         forcing[0] += self.A @ (self.state - state)
         return self._replace(state=state, forcing=forcing)
 

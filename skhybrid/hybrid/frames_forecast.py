@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
@@ -18,7 +19,7 @@ from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .closed_loop import ClosedLoop, ClosedLoopPaths
-from .frames_reading import FramesReadingMixin, read_now, refuse_no_frames
+from .frames_reading import FramesReadingMixin
 from .scheme import Scheme
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
 

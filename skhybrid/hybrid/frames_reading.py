@@ -2,41 +2,14 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .._ranges import check_range
+from .._joining import join_frames, join_tables, refuse_absent, unmeasured, with_measured
 from .._table import ZoneTable, append_tables
 from .scheme_intervals import HybridQuantilesMixin
-from .tables import join_frames, join_tables, refuse_absent, unmeasured
-
-
-def read_now(T_za: Any, index: pd.Index) -> float:
-    """The temperature that is measured now [degC], at the first of some rows ahead."""
-    if isinstance(T_za, bool | np.bool_) or not isinstance(T_za, Real) or not np.isfinite(float(T_za)):
-        raise ValueError(f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}.")
-    value = float(T_za)
-    check_range(np.array([value]), "T_za", "T_za", index[:1])
-    return value
-
-
-def refuse_no_frames(history: Any, future: Any) -> None:
-    """Refuse a history or rows ahead that are no tables, or have no rows."""
-    for name, rows in (("history", history), ("future", future)):
-        if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
-            raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
-    if (history is not None and not len(history.index)) or not len(future.index):
-        raise ValueError("history and future need at least one row each.")
-
-
-def with_measured(table: ZoneTable, row: int, T_za: float) -> ZoneTable:
-    """A table in which the temperature of one row is measured."""
-    T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za.copy()
-    T[row] = T_za
-    return table.replace(history={**table.history, "T_za": T})
 
 
 def _at_now(table: ZoneTable, first: int, T_za: float | None) -> tuple[ZoneTable, np.ndarray]:

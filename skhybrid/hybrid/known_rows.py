@@ -7,10 +7,11 @@ from typing import Any, Self
 
 import pandas as pd
 
+from .._joining import in_zone_of
 from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
 from .._time import spell
 from .plausible_range import PlausibleRange
-from .tables import KEPT, in_zone_of
+from .tables import KEPT
 
 _JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from ..control import Plan, gain_of
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads
+from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain
 from ..thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
 
@@ -52,6 +53,12 @@ class RollingMember(Protocol):
 
     def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
         """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none."""
+
+    def unlimited(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """As :meth:`forecast`, without limits of its own."""
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        """(k, H, H, m) gain of :meth:`unlimited` by a plan [K per kW or stage]."""
 
 
 class Member(Protocol):
@@ -115,6 +122,20 @@ class RollingSchedule(RollingNetwork):
     def forecast(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         path, heat = super().forecast(view, n_leads)
         return path + self.fit.reference, heat
+
+    def unlimited(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.forecast(view, n_leads)
+
+    def path(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n_leads,) temperatures [degC] and unmeasured heat [kW] by the long memory."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
+        paths, heats = self.forecast(view, n_leads)
+        return paths[0], heats[0]
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        states = [self.forecast_state(memory) for memory in range(len(self.coefs()))]
+        return np.stack([plant_gain(self.fit, state, plan.inputs, plan.values) for state in states])
 
 
 class ARXMember:
@@ -220,8 +241,19 @@ class RollingARX(_RollingErrors):
         return self.arx.iterate(view, origins, int(self.leads[-1]), coefs)[:, self.leads - 1]
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        coef = self.arx.coef_ if self.adapt is None else self._recursive.coef()
-        return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :]), None
+
+    @property
+    def _coef(self) -> np.ndarray:
+        """(n_columns,) as known at the last row."""
+        return self.arx.coef_ if self.adapt is None else self._recursive.coef()
+
+    def unlimited(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], held=False), None
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        responses = [self.arx.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
+        return gain_of(np.column_stack(responses))[None]
 
 
 class DailyProfileMember:
@@ -291,3 +323,10 @@ class RollingProfile(_RollingErrors):
 
     def forecast(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
         return self._rule.paths(view, self._mean_day, np.array([self._row]), np.arange(1, n_leads + 1)), None
+
+    def unlimited(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
+        return self.forecast(view, n_leads)
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        (n, m) = plan.values.shape
+        return np.zeros((1, n, n, m))

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..control import Plan
 from ..filtering import ForecastSample
 from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
@@ -87,17 +88,49 @@ class RollingBlend:
         if not n_leads:
             return np.empty(0), np.empty(0)
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
-        record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
+        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
+        weights = by_lead(shares, self._record.n_leads, n_leads)
+        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
+        return plausible.clip(path + self._correction(shares, n_leads)), heat
+
+    def unlimited(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`forecast`, in which nothing is clipped."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
+        found = [rolling.unlimited(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
+        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
+        weights = by_lead(shares, self._record.n_leads, n_leads)
+        path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
+        return path + self._correction(shares, n_leads), heat
+
+    def gain(self, plan: Plan, first_lead: int) -> np.ndarray:
+        """(H, H, m) gain of :meth:`unlimited` by a plan, whose first row is that of lead ``first_lead``, 0 or 1."""
+        n = len(plan.values)
+        weights = np.zeros((n, len(self._record.member_of)))
+        weights[1 - first_lead :] = by_lead(self._shares(), self._record.n_leads, n - 1 + first_lead)
+        found = np.concatenate([rolling.gain(plan) for rolling in self._rolling])
+        return np.asarray(np.einsum("ik,kijm->ijm", weights, found))
+
+    @property
+    def network(self) -> Any:
+        """The member that is a network."""
+        return self._rolling[0]
+
+    def _shares(self) -> np.ndarray:
+        """(n_groups, K) weights of the ways to forecast, as known at the last row."""
+        record = self._record
         products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
             n_more = (self.row + 1 - self._begin) / record.rows_per_day
-        shares = blend_weights(products, *record.caution(n_more))
-        weights = by_lead(shares, record.n_leads, n_leads)
-        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
-        if self.adapt is not None:
-            path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
-        return plausible.clip(path), heat
+        return blend_weights(products, *record.caution(n_more))
+
+    def _correction(self, shares: np.ndarray, n_leads: int) -> np.ndarray:
+        """(n_leads,) what the blend of these shares missed that may come back [K]."""
+        record = self._record
+        if self.adapt is None:
+            return np.zeros(n_leads)
+        return np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
 
     def heat_now(self, views: list[Any]) -> float:
         """Unmeasured heat over the step of the last row [kW]."""

@@ -12,12 +12,22 @@ import pandas as pd
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
-from ..control import Band, Limits, LoadPaths
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
 from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
-from ..schedule import NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
+from ..schedule import (
+    NumberedSegment,
+    OriginState,
+    ScheduledNetwork,
+    bends_at,
+    heat_frame,
+    linear_network,
+    load_paths,
+    loads,
+    plant_heat,
+)
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
@@ -25,7 +35,7 @@ from .known_rows import KnownRows
 from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
-from .scheme import Paths, Scheme
+from .scheme import AffinePaths, Ahead, Paths, Scheme
 
 _LAGS = 24  # temperatures that the black box regresses on
 _RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
@@ -258,6 +268,47 @@ class ScheduleScheme(Scheme):
             blend = blend.fork()
             blend.advance(views, self.rows.n_rows)
         return blend, views
+
+    def _start(self, ahead: Ahead) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the origin of rows ahead, and the rows that it reads."""
+        if ahead.origin is None:
+            return self._at_last(ahead.table, ahead.T_za)
+        rows, moved = self._numbered(ahead.table)
+        blend = RollingBlend(self._members, self._record, rows, self.adapt)
+        views = blend.views(rows)
+        blend.advance(views, ahead.origin + moved)
+        return blend, views
+
+    def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
+        blend, views = self._start(ahead)
+        network = blend.network
+        if member == "blend":
+            temperature, zeta = blend.unlimited(views, ahead.n_leads)
+            gain = blend.gain(plan, ahead.n_leads - ahead.n_rows + 1)
+        else:
+            temperature, zeta = network.path(views[0], ahead.n_leads)
+            gain = network.gain(plan)[0]
+        if ahead.T_za is not None:
+            temperature, zeta = np.append(ahead.T_za, temperature), np.append(blend.heat_now(views), zeta)
+        bends = bends_at(network.fit, network.forecast_state(0), plan.inputs, plan.values)
+        return AffinePaths(temperature, zeta, gain, bends.slope.any(axis=0))
+
+    def stages(self) -> dict[str, float]:
+        return {role: max(1.0, most) for role, most in self._physics.fit_.plan.max_stages}
+
+    def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
+        blend, views = self._start(ahead)
+        segment, values = views[0].between(blend.row, blend.row + 1 + ahead.n_leads), plan.values
+        if ahead.T_za is None:
+            known = (
+                self.rows.latest.rows(slice(-1, None))
+                if ahead.origin is None
+                else ahead.table.rows(slice(ahead.origin, ahead.origin + 1))
+            )
+            values = np.vstack([[known.inputs[role][0] for role in plan.inputs], values])
+        state = blend.network.forecast_state(0)
+        network = linear_network(blend.network.fit, state, segment, plan.inputs, values)
+        return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """What is known from a row on, or from the last measurement before it, and the rows ahead."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from ..control import Band, Limits, LoadPaths
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
@@ -28,6 +28,28 @@ class Paths(NamedTuple):
         if T_za is None:
             return self.temperature[0], self.zeta[0]
         return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
+
+
+class Ahead(NamedTuple):
+    """Rows ahead of an origin."""
+
+    table: ZoneTable  # these alone, or with all rows before them
+    origin: int | None  # row of the table; None: the rows follow the known ones
+    T_za: float | None  # measured in the first row ahead, which then is the origin [degC]
+    n_rows: int
+
+    @property
+    def n_leads(self) -> int:
+        return self.n_rows - (self.T_za is not None)
+
+
+class AffinePaths(NamedTuple):
+    """A forecast under a plan (H, m) by the rows ahead, in which nothing is clipped, and its slope."""
+
+    temperature: np.ndarray  # (H,) [degC]
+    zeta: np.ndarray  # (H,) [kW, or K for an output disturbance]
+    gain: np.ndarray  # (H, H, m) [K per kW or stage]
+    bent: np.ndarray  # (m,) bool, inputs in which it is not affine
 
 
 class Scheme(ABC):
@@ -70,6 +92,18 @@ class Scheme(ABC):
 
         With the measured temperature of its first row, which is not kept, that row is the origin.
         """
+
+    @abstractmethod
+    def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
+        """The forecast of the rows ahead, by the whole model or its network, as a function of the plan."""
+
+    @abstractmethod
+    def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
+        """The network from the first row ahead on, whose inputs are those of the plan."""
+
+    @abstractmethod
+    def stages(self) -> dict[str, float]:
+        """Highest value of each stage."""
 
     @abstractmethod
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:

@@ -164,6 +164,11 @@ class OnlineNetwork:
         nodes = self._filter.last_states @ np.append(coef, 1.0) + filtered[:-1]
         return OriginState(self.psi, self._filter.matrices, coef, nodes, filtered[-1], output)
 
+    @property
+    def emitted(self) -> float:
+        """Heat that the emitter gives off in the last row [kW]."""
+        return 0.0 if self._filter.emitter is None else self._filter.emitter.output
+
     def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J)."""
         # ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held

@@ -190,6 +190,10 @@ class RollingNetwork:
         """State at the last row, by one memory."""
         return self._network.state(self.coefs()[memory])
 
+    def forecast_state(self, memory: int) -> OriginState:
+        """The state from which a forecast by one memory starts."""
+        return self.state(memory)._replace(emitter=self._network.emitted)
+
     def heat_now(self, rows: NumberedSegment) -> float:
         """Unmeasured heat over the last row's step [kW]."""
         state, last = self.state(), rows.between(self.row - 1, self.row)
