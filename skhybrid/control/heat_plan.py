@@ -91,12 +91,10 @@ def warn_bent(plan: Plan, bent: np.ndarray) -> None:
         )
 
 
-def limits_of(capacities: Mapping[str, float], covered: np.ndarray, inputs: Sequence[str]) -> np.ndarray:
+def limits_of(stages: Mapping[str, float], covered: np.ndarray, inputs: Sequence[str]) -> np.ndarray:
     """(m, 2) least and most of each input: of a stage 0 and its highest value, of measured heat what is covered."""
-    stages = [(0.0, capacities[role]) if role in capacities else None for role in inputs]
-    return np.array([own if stage is None else stage for stage, own in zip(stages, covered, strict=True)]).reshape(
-        -1, 2
-    )
+    own = zip(inputs, covered, strict=True)
+    return np.array([(0.0, stages[role]) if role in stages else ends for role, ends in own]).reshape(-1, 2)
 
 
 def as_plan(q: Any, shape: tuple[int, int], index: pd.Index) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import read_now, refuse_no_frames
+from .._joining import read_now, refuse_no_frames, with_measured
+from .._table import ZoneTable
 from .._threads import one_blas_thread
 from ..control import (
     AffineForecast,
@@ -23,9 +24,11 @@ from ..control import (
     warn_bent,
     warn_uncovered,
 )
-from ..forecasting.quantiles import read_quantiles
+from ..forecasting.features import day_type_hours
+from ..forecasting.intervals import PathClock
+from ..forecasting.quantiles import path_clock, read_quantiles
 from .frames_forecast import FramesForecastMixin
-from .scheme import Ahead
+from .scheme import Ahead, RecentErrors
 
 
 class AffineFramesMixin(FramesForecastMixin):
@@ -87,7 +90,7 @@ class AffineFramesMixin(FramesForecastMixin):
         found = self._present_scheme().affine(ahead, plan, read_member(member))
         warn_bent(plan, found.bent)
         free = found.temperature - np.tensordot(found.gain, plan.values, axes=2)
-        offsets = None if levels is None else self._offsets_ahead(ahead, levels)
+        offsets = None if levels is None else self._offsets_ahead(ahead, levels, found.recent)
         return AffineForecast(free, found.gain, found.zeta, future.index, roles, offsets)
 
     @one_blas_thread
@@ -139,13 +142,33 @@ class AffineFramesMixin(FramesForecastMixin):
         warn_uncovered(plan, given, covered_by(self._scheme.rows.training.inputs, roles))
         return ahead, plan
 
-    def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray) -> np.ndarray:
+    def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None) -> np.ndarray:
         """(H, n_levels) what quantiles have beyond a forecast of the rows ahead [K]."""
-        out = np.zeros((ahead.n_rows, len(levels)))
-        if ahead.n_leads:
-            if ahead.origin is None:
-                table, origin = self._after_known(ahead.table, ahead.T_za)
-            else:
-                table, origin = ahead.table, np.array([ahead.origin])
-            out[ahead.n_rows - ahead.n_leads :] = self._quantile_offsets(table, origin, ahead.n_leads, levels)[1][0]
+        out, n_leads = np.zeros((ahead.n_rows, len(levels))), ahead.n_leads
+        if not n_leads:
+            return out
+        if ahead.origin is not None:
+            table, origin = ahead.table, np.array([ahead.origin])
+        elif recent is not None and ahead.T_za is not None:
+            table, origin = with_measured(ahead.table, 0, ahead.T_za), np.array([0])
+        else:
+            table, origin = self._after_known(ahead.table, ahead.T_za)
+        if recent is None:
+            found = self._quantile_offsets(table, origin, n_leads, levels)[1][0]
+        else:
+            found = self._recent_offsets(path_clock(table, origin, n_leads), table, recent, levels)
+        out[ahead.n_rows - n_leads :] = found
         return out
+
+    def _recent_offsets(
+        self, clock: PathClock, table: ZoneTable, recent: RecentErrors, levels: np.ndarray
+    ) -> np.ndarray:
+        """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors."""
+        intervals, hours = self.intervals_, table.step_hours
+        ends = recent.leads - recent.back[:, None]  # rows from the origin
+        since_last = ends - clock.lead.shape[1]
+        slots = day_type_hours(table, since_last.ravel()).reshape(ends.shape)
+        lead = np.broadcast_to(recent.leads * hours, ends.shape)
+        errors = recent.values, PathClock(lead, slots, ends * hours / 24.0)
+        factor = intervals.factor_at(errors, 0.0)
+        return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, None, factor)

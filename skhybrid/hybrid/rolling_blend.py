@@ -11,9 +11,11 @@ import numpy as np
 
 from ..control import Plan
 from ..filtering import ForecastSample
+from ..forecasting.intervals import DAYS_BACK
 from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
 from .plausible_range import PlausibleRange
+from .scheme import RecentErrors
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
@@ -67,7 +69,7 @@ class RollingBlend:
     def fork(self) -> Self:
         """A copy that goes on by itself, in a time that does not depend on how many rows there were."""
         made, record = copy(self), self._record
-        reach = max(int(record.sample.leads[-1]), (int(_DAYS_BACK.max()) + 1) * record.rows_per_day)
+        reach = int(record.sample.leads[-1]) + (DAYS_BACK + 1) * record.rows_per_day
         made._first = max(self._first, (self.row - reach - self._begin) // record.every)
         made._rolling = [rolling.fork(made._first) for rolling in self._rolling]
         return made
@@ -110,6 +112,18 @@ class RollingBlend:
         weights[1 - first_lead :] = by_lead(self._shares(), self._record.n_leads, n - 1 + first_lead)
         found = np.concatenate([rolling.gain(plan) for rolling in self._rolling])
         return np.asarray(np.einsum("ik,kijm->ijm", weights, found))
+
+    def recent_errors(self) -> RecentErrors | None:
+        """Errors of the forecasts since the training that began whole days (up to an hour more) before the last row."""
+        record = self._record
+        if self.adapt is None or self.row < self._begin:
+            return None
+        errors, origins = self._history(self._first)
+        rows = self.row - record.rows_per_day * np.arange(1, DAYS_BACK + 1)
+        at = np.searchsorted(origins, rows[rows >= self._begin], side="right") - 1
+        missed = np.sum(errors[at] * self._shares()[record.groups], axis=-1)
+        known = origins[at][:, None] + record.sample.leads <= self.row
+        return RecentErrors(np.where(known, missed, np.nan), self.row - origins[at], record.sample.leads)
 
     @property
     def network(self) -> Any:

@@ -291,7 +291,7 @@ class ScheduleScheme(Scheme):
         if ahead.T_za is not None:
             temperature, zeta = np.append(ahead.T_za, temperature), np.append(blend.heat_now(views), zeta)
         bends = bends_at(network.fit, network.forecast_state(0), plan.inputs, plan.values)
-        return AffinePaths(temperature, zeta, gain, bends.slope.any(axis=0))
+        return AffinePaths(temperature, zeta, gain, bends.slope.any(axis=0), blend.recent_errors())
 
     def stages(self) -> dict[str, float]:
         return {role: max(1.0, most) for role, most in self._physics.fit_.plan.max_stages}
@@ -313,11 +313,12 @@ class ScheduleScheme(Scheme):
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """What is known from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
-        known = last_rows(self.rows.tables, n_known - first)
-        while not np.isfinite(known.history["T_za"][0]) and known.n_rows < n_known:
-            known = last_rows(self.rows.tables, 2 * known.n_rows)
-        n_before = min(int(_FILTERED / known.step), n_known - known.n_rows)
-        known = last_rows(self.rows.tables, n_before + known.n_rows)
+        n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
+        known = last_rows(self.rows.tables, n_rows + n_filtered)
+        while not np.isfinite(known.history["T_za"][-n_rows]) and n_rows < n_known:
+            n_rows = min(2 * n_rows, n_known)
+            known = last_rows(self.rows.tables, n_rows + n_filtered)
+        n_before = known.n_rows - n_rows
         longer = concatenate_tables([known, ahead])
         table, before = longer.rows(slice(n_before, None)), longer.rows(slice(n_before))
         begin, first = self.rows.training.n_rows, n_known - known.n_rows + n_before
@@ -349,7 +350,7 @@ class ScheduleScheme(Scheme):
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
         origins = _midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
-        forecast, _ = self._blend(rows, origins, per_day, adapt=None)
+        forecast = self._blend(rows, origins, per_day, adapt=None).temperature
         measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
 

@@ -24,7 +24,7 @@ class Paths(NamedTuple):
     zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin
 
     def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """Temperature and zeta of the first path by the rows ahead; the first one is the origin where it is measured."""
+        """Temperature and zeta of the first path by the rows ahead, of which the first may be the measured origin."""
         if T_za is None:
             return self.temperature[0], self.zeta[0]
         return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
@@ -43,6 +43,14 @@ class Ahead(NamedTuple):
         return self.n_rows - (self.T_za is not None)
 
 
+class RecentErrors(NamedTuple):
+    """Errors of forecasts that were made about whole days before an origin, as known there."""
+
+    values: np.ndarray  # (D, L) [K], NaN where unknown
+    back: np.ndarray  # (D,) rows from their origins to this one
+    leads: np.ndarray  # (L,) rows
+
+
 class AffinePaths(NamedTuple):
     """A forecast under a plan (H, m) by the rows ahead, in which nothing is clipped, and its slope."""
 
@@ -50,6 +58,7 @@ class AffinePaths(NamedTuple):
     zeta: np.ndarray  # (H,) [kW, or K for an output disturbance]
     gain: np.ndarray  # (H, H, m) [K per kW or stage]
     bent: np.ndarray  # (m,) bool, inputs in which it is not affine
+    recent: RecentErrors | None = None  # None where nothing is recorded
 
 
 class Scheme(ABC):

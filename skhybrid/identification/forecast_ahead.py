@@ -152,10 +152,12 @@ class ForecastAheadMixin(RollingForecastMixin):
 
         Parameters
         ----------
-        history, future, T_za
+        history, future
             As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
         inputs : sequence of str, default=("Q_hvac",)
             What is decided: heating and cooling of the training table, kW or stages.
+        T_za : float, or sequence of several measured nodes, optional
+            As in :meth:`forecast`.
         member : {"network", "blend"}, default="network"
             The same here: an identification is a network.
         quantiles : None
@@ -216,7 +218,7 @@ class ForecastAheadMixin(RollingForecastMixin):
         roles = tuple(role for role in known.roles if is_plant(role) and role in acting)
         if not roles:
             raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
-        ahead, plan = self._planned(history, future, roles, T_za)
+        ahead, _ = self._planned(history, future, roles, T_za)
         _, _, start = self._expected(ahead)
         rows = known.experiment(ahead.table).inputs[ahead.origin :]
         offset = np.vstack([np.zeros_like(start.offset[0, :1]), start.offset[0, :-1]])
