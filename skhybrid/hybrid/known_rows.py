@@ -15,6 +15,8 @@ from .tables import KEPT
 
 _JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 
+_ALIKE = 12  # recent tables of one length that are joined
+
 
 @dataclass(frozen=True)
 class KnownRows:
@@ -69,7 +71,7 @@ class KnownRows:
     def appended(self, table: ZoneTable) -> KnownRows:
         """These rows and a table that follows them, in a time that does not depend on how many there are."""
         plausible = self.plausible.extended(table.history["T_za"])
-        longer = replace(self, recent=(*self.recent, _owned(table)), plausible=plausible)
+        longer = replace(self, recent=_fewer((*self.recent, _owned(table))), plausible=plausible)
         if longer._n_recent < _JOINED:
             return longer
         most = _most(table)
@@ -117,6 +119,14 @@ class KnownRows:
                 f"X begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one step "
                 f"of {spell(latest.step)} later."
             )
+
+
+def _fewer(recent: tuple[ZoneTable, ...]) -> tuple[ZoneTable, ...]:
+    """The same rows, the last tables joined where there are many of one length: each call goes through all of them."""
+    last = recent[-_ALIKE:]
+    if len(last) < _ALIKE or len({table.n_rows for table in last}) > 1:
+        return recent
+    return (*recent[:-_ALIKE], concatenate_tables(last))
 
 
 def _owned(table: ZoneTable) -> ZoneTable:

@@ -235,7 +235,7 @@ class TwoStageScheme(Scheme):
         return network.after(rows[0, columns_of(known, plan.inputs)])
 
     def _origin(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) node temperatures at the origin (of the open loop for an output disturbance), (N, p) inputs from there."""
+        """(n,) node temperatures at the origin (open loop for an output disturbance), and (N, p) inputs from there."""
         if ahead.origin is not None:
             here = _after_history(ahead.table)
             return self.gray_box_.origin_state(here, ahead.origin - ahead.table.n_history, self.disturbance)
