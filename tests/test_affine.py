@@ -171,7 +171,7 @@ def test_a_bend_gives_the_tangent_and_says_so(bent, tables):
 def test_a_forecast_that_would_be_clipped_is_not(fitted, tables):
     X, future, _ = _rows(tables, "schedule")
     model = fitted("schedule").update(X[N_TRAIN:NOW])
-    q = np.full(DAY, 200.0)
+    q = np.full(DAY, 20.0)
     affine, clipped = (
         model.affine_forecast(None, future).temperature(q),
         model.forecast(None, future.assign(Q_hvac=q))["T_za"],

@@ -78,7 +78,7 @@ def test_a_plan_for_several_rooms(rooms, measured):
     history, future = X[:-96], X[-96:]
     now = future[OUTPUTS].iloc[0].to_list() if measured else None
     space = model.to_state_space(history, future, T_za=now)
-    q = future[list(space.inputs)].to_numpy() + np.random.default_rng(0).normal(size=(96, len(space.inputs)))
+    q = np.random.default_rng(0).uniform(size=(96, len(space.inputs)))
     planned = future.assign(**dict(zip(space.inputs, q.T, strict=True)))
     found = model.affine_forecast(history, future, space.inputs, T_za=now)
     forecast = model.forecast(history, planned, T_za=now)
