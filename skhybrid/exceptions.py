@@ -32,5 +32,9 @@ class ExcitationWarning(SkhybridWarning):
     """The data do not excite a parameter, so the fit cannot determine it."""
 
 
+class PlanWarning(SkhybridWarning):
+    """A plan leaves what training covered, or a forecast is not affine in it."""
+
+
 class ModelFileError(ValueError):
     """A model file is truncated, altered, from another version, or not a model file at all."""

@@ -42,6 +42,14 @@ class ClosedLoopPaths(NamedTuple):
     heat_bands: np.ndarray | None = None  # (O, L, n_levels) [kW]
     temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
 
+    def after(self, T_za: float) -> ClosedLoopPaths:
+        """With the temperature at the origin before those at the ends of its rows."""
+        known, bands = (
+            None if T is None else np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
+            for T in (self.paths.temperature, self.temperature_bands)
+        )
+        return self._replace(paths=self.paths._replace(temperature=known), temperature_bands=bands)
+
 
 class _Errors(NamedTuple):
     """Errors of the members from origins of a table."""

@@ -8,6 +8,7 @@ in ``docs/user_guide/hybrid.rst``.
 
 from .fit import LeadFit, fit_leads
 from .online_network import OriginState
+from .plant_model import bends_at, linear_network, plant_gain
 from .rolling_network import ErrorHistory, RollingNetwork
 from .schedule_loads import heat_frame, load_paths, loads, plant_heat
 from .scheduled_network import ScheduledNetwork
@@ -21,10 +22,13 @@ __all__ = [
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
+    "bends_at",
     "fit_leads",
     "heat_frame",
+    "linear_network",
     "load_paths",
     "loads",
     "make_segment",
+    "plant_gain",
     "plant_heat",
 ]

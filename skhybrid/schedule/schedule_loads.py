@@ -16,6 +16,7 @@ from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
+from .plant_model import emitting
 from .segment import Segment
 
 _GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
@@ -196,16 +197,11 @@ def _with_emitter(
     fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Network with the emitter's heat as one more state: transition, forcing without the plant, effect of 1 kW."""
+    A, effect = emitting(fit, state)
     M, coef, plan, channels = state.matrices, state.coef, segment.plan, segment.channels
     n, nb = len(M.A), segment.boundary.shape[1]
-    unit = M.B[:, nb:]
-    delayed = coef[-1] if plan.emitter else 0.0  # share of the heat that the emitter delays
-    a = np.exp(-fit.model.step / np.exp(state.psi[-1]))
-    A, effect = np.zeros((n + 1, n + 1)), np.empty(n + 1)
-    A[:n, :n], A[:n, n], A[n, n] = M.A, delayed * unit[:, plan.heated], a
-    effect[:n], effect[n] = (1.0 - delayed) * unit[:, plan.heated], 1.0 - a
     heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
     heat[:, plan.zone] += zeta
     forcing = np.zeros((segment.n_rows, n + 1))
-    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ unit.T
+    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ M.B[:, nb:].T
     return A, forcing, effect
