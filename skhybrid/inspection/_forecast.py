@@ -171,7 +171,7 @@ class DayAheadDisplay(Display):
     ----------
     forecast : DataFrame
         Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... [degC] and the load
-        ``Q_hvac`` [kW].
+        ``Q_hvac`` [kW], with its quantiles ``Q_hvac_0.1`` and ``Q_hvac_0.9``.
     measured : DataFrame, optional
         Measurements by time: ``T_za`` [degC] and, if there is any, ``Q_hvac`` [kW]; may begin before the forecast.
     setpoint : Series or float, optional
@@ -241,10 +241,16 @@ class DayAheadDisplay(Display):
             ax.step(given.index, given, where="post", color=MEASURED, linewidth=1.2, label="delivered")
         load = self.forecast["Q_hvac"]
         ax.step(load.index, load, where="post", color=COLORS[1], linewidth=1.6, label="needed (forecast)")
-        ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)
+        edges = [self.forecast.get(f"Q_hvac_{level}", load) for level in (0.1, 0.9)]
+        if edges[0] is load:
+            ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)
+        else:
+            ax.fill_between(
+                load.index, *edges, step="post", color=COLORS[1], alpha=0.22, linewidth=0, label="80 % interval"
+            )
         ax.axhline(0.0, color="#888888", linewidth=0.8)
         tidy(ax, ylabel="heat [kW]\n(+ heating, − cooling)")
-        legend(ax, 2)
+        legend(ax, 3)
 
 
 def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:

@@ -13,6 +13,7 @@ MEASURED = "#222222"
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 #: lines also differ by their dashes, for prints without colour.
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
+_NARROW = 5.0  # width of a figure up to which stamps have little room [in]
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 2.6}
 
 
@@ -71,7 +72,7 @@ def time_axis(ax: Any, time: pd.Index) -> None:
         return
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    locator = AutoDateLocator(minticks=3, maxticks=9, tz=time.tz)
+    locator = AutoDateLocator(minticks=3, maxticks=9 if ax.figure.get_figwidth() > _NARROW else 5, tz=time.tz)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
     ax.set_xlim(time.min(), time.max())
