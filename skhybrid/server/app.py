@@ -170,7 +170,7 @@ def _add_refusals(app: FastAPI) -> None:
         return refuse
 
     app.add_exception_handler(BlockingIOError, answer(409, {"Retry-After": "5"}))
-    for kind, code in ((ModelFileError, 500), (OSError, 500), (ValueError, 422), (TypeError, 422)):
+    for kind, code in ((ModelFileError, 500), (OSError, 500), (ValueError, 422)):
         app.add_exception_handler(kind, answer(code))
 
 

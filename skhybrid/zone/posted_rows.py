@@ -137,5 +137,7 @@ def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings) -> p
 
 def _local(frame: pd.DataFrame, tz: Any) -> pd.DataFrame:
     """A frame of the archive in a time zone, where it has one."""
+    if frame.empty:
+        return frame.set_axis(pd.DatetimeIndex([], tz=tz), axis=0)
     aware = pd.DatetimeIndex(frame.index).tz is not None
     return frame.tz_convert(tz) if aware and tz is not None else frame
