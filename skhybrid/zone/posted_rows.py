@@ -20,6 +20,7 @@ from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
+_AHEAD_OF_US = pd.Timedelta(days=1)  # that a clock may be, or another time zone
 _SEED = 3  # even rows before the first posted one, which tell the step where one row is posted alone
 
 
@@ -86,11 +87,15 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     Raises
     ------
     ValueError
-        If the rows and the kept log differ in whether their stamps have a time zone.
+        If the rows and the kept log differ in whether their stamps have a time zone, or a measurement is not yet.
     """
     known = np.flatnonzero(rows["T_za"].notna().to_numpy()) if "T_za" in rows else np.empty(0, dtype=int)
     n_measured = int(known[-1]) + 1 if len(known) else 0
     tz = pd.DatetimeIndex(rows.index).tz
+    if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _AHEAD_OF_US:
+        raise ValueError(
+            f"{rows.index[n_measured - 1]} has a temperature and lies in the future; check the sender's clock."
+        )
     even = _local(archive.log(EVEN), tz)
     if len(even) and (pd.DatetimeIndex(even.index).tz is None) != (tz is None):
         have, give = ("no", "without an offset") if tz is not None else ("a", "with an offset, such as +01:00")
@@ -104,6 +109,7 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
         found = _on_steps(even, posted, settings)
         even = found.combine_first(even)  # of rows that came at another distance the values found then
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
+        archive.forget_log(EVEN, posted.index[-1] - _KEPT)
         whole = found.index[found.index <= posted.index[-1] - _TAIL]
         if len(whole):
             archive.forget_log(POSTED, whole[-1])
