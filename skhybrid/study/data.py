@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, NamedTuple, cast
 
@@ -66,6 +66,20 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     FileNotFoundError, ValueError
         If the file does not exist or cannot be read with these settings.
     """
+    frame, channels, changed = read_by_role(path, settings)
+    if settings.label == "right":
+        frame = to_left_label(frame.sort_index(kind="stable"))
+    frame, report = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])
+    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
+        given, logged = spell(report.step), spell(report.source_step)
+        raise ValueError(
+            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
+        )
+    return frame, str(report)
+
+
+def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[Channel], frozenset[str]]:
+    """One column per role at the stamps of the log, its channels, and which of these were logged by change."""
     columns = dict(settings.columns)
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
@@ -76,15 +90,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     _refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
-    if settings.label == "right":
-        frame = to_left_label(frame.sort_index(kind="stable"))
-    frame, report = _on_even_steps(frame, settings, [c.role for c in channels if c.name in raw.held])
-    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
-        given, logged = spell(report.step), spell(report.source_step)
-        raise ValueError(
-            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
-        )
-    return frame, str(report)
+    return frame, channels, raw.held
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
@@ -106,7 +112,9 @@ def _refuse_mixed_units(frame: pd.DataFrame) -> None:
             )
 
 
-def _on_even_steps(frame: pd.DataFrame, settings: Settings, held: list[str]) -> tuple[pd.DataFrame, RegularizeReport]:
+def on_even_steps(
+    frame: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
+) -> tuple[pd.DataFrame, RegularizeReport]:
     """The rows at the step of the settings, with values that are logged by change held until the next."""
     held = [role for role in held if role in frame]
     longest = settings.log.get("max_hold", "1D")

@@ -16,12 +16,20 @@ _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
 
 
+#: rows of the log: at the steps of the zone, as they were posted, or ahead of the last measurement
+EVEN, POSTED, AHEAD = 0, 1, 2
+
+
 def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
     columns = [*(f"{key} TEXT NOT NULL" for key in keys), *(f'"{value}" REAL' for value in values)]
     return f"CREATE TABLE IF NOT EXISTS {name} ({', '.join(columns)}, PRIMARY KEY ({', '.join(keys)})) WITHOUT ROWID"
 
 
-_TABLES = (_table("forecast", ("origin", "time"), _FORECAST), _table("measured", ("time",), _MEASURED))
+_TABLES = (
+    _table("forecast", ("origin", "time"), _FORECAST),
+    _table("measured", ("time",), _MEASURED),
+    _table("log", ("kind", "role", "time"), ("value",)),
+)
 _FINISHED = """
 SELECT f.*, m.T_za AS T_za_measured, m.Q_hvac AS Q_hvac_measured FROM forecast f LEFT JOIN measured m USING (time)
 WHERE f.origin IN (
@@ -87,6 +95,78 @@ class ForecastArchive:
         found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description])
         return found.astype({name: np.float64 for name in found if name not in ("origin", "time")})
 
+    def latest(self) -> pd.DataFrame:
+        """The rows of the last forecast by time, with the columns of the forecast; empty where there is none."""
+        rows = self._database.execute("SELECT * FROM forecast WHERE origin = (SELECT max(origin) FROM forecast)")
+        return self._by_time(rows).drop(columns="origin").astype(np.float64)
+
+    def measured(self, since: pd.Timestamp) -> pd.DataFrame:
+        """Measured temperature [degC] and delivered heat [kW] by time.
+
+        Parameters
+        ----------
+        since : Timestamp, the earliest
+        """
+        texts = _texts(pd.DatetimeIndex([since]))
+        rows = self._database.execute("SELECT * FROM measured WHERE time >= ? ORDER BY time", texts)
+        return self._by_time(rows).astype(np.float64)
+
+    def keep_log(self, frame: pd.DataFrame, kind: int) -> None:
+        """Keep rows of the log by role.
+
+        Those at even steps replace what was kept in their span, and other roles are forgotten; those ahead replace what
+        was known of the same roles from their first stamp on; posted ones replace those at the same stamps.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        kind : EVEN, POSTED or AHEAD
+        """
+        if frame.empty:
+            return
+        stamps, roles = _texts(pd.DatetimeIndex(frame.index)), [str(role) for role in frame]
+        if kind == EVEN:
+            self._database.execute(f"DELETE FROM log WHERE role NOT IN ({', '.join('?' * len(roles))})", roles)
+        for role in roles:
+            values = frame[role].to_numpy(dtype=np.float64)
+            known = np.flatnonzero(~np.isnan(values))
+            last = {EVEN: max(stamps), AHEAD: "9999" if len(known) else ""}.get(kind, "")
+            where = (kind, role, min(stamps), last)
+            self._database.execute("DELETE FROM log WHERE kind = ? AND role = ? AND time BETWEEN ? AND ?", where)
+            self._database.executemany(
+                "INSERT OR REPLACE INTO log VALUES (?, ?, ?, ?)",
+                [(kind, role, stamps[i], float(values[i])) for i in known],
+            )
+
+    def log(self, kind: int) -> pd.DataFrame:
+        """The rows of the log of one kind: one column per role, by time.
+
+        Parameters
+        ----------
+        kind : EVEN, POSTED or AHEAD
+        """
+        found = self._database.execute("SELECT time, role, value FROM log WHERE kind = ?", (kind,)).fetchall()
+        table = pd.DataFrame(found, columns=["time", "role", "value"]).pivot_table(
+            index="time", columns="role", values="value"
+        )
+        return table.set_axis(_stamps(table.index), axis=0).rename_axis(columns=None)
+
+    def forget_log(self, kind: int, before: pd.Timestamp) -> None:
+        """Remove the rows of one kind before a stamp.
+
+        Parameters
+        ----------
+        kind : EVEN, POSTED or AHEAD
+        before : Timestamp
+        """
+        (text,) = _texts(pd.DatetimeIndex([before]))
+        self._database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
+
+    @staticmethod
+    def _by_time(rows: sqlite3.Cursor) -> pd.DataFrame:
+        found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description]).set_index("time")
+        return found.set_axis(_stamps(found.index), axis=0)
+
     def _last(self, table: str, column: str) -> pd.Timestamp | None:
         (text,) = self._database.execute(f"SELECT max({column}) FROM {table}").fetchone()
         return None if text is None else pd.Timestamp(text)
@@ -132,6 +212,11 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
             f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
             "archive."
         ) from error
+
+
+def _stamps(texts: pd.Index) -> pd.DatetimeIndex:
+    """Stamps from those of the archive."""
+    return pd.DatetimeIndex(pd.to_datetime(texts), name="time")
 
 
 def _texts(index: pd.DatetimeIndex) -> list[str]:

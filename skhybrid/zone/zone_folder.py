@@ -18,6 +18,7 @@ from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from .day_ahead import DayAhead, day_ahead
 from .forecast_archive import ForecastArchive, open_archive
+from .posted_rows import keep_log, keep_posted, read_posted
 from .zone_model import ZoneModel, stretches
 
 _REFIT_AFTER = pd.Timedelta(days=28)
@@ -33,6 +34,15 @@ class Tick(NamedTuple):
 
     forecast: DayAhead
     n_new: int  # rows of the log that were new
+    learned: str  # why the model was fitted again, "" where it was not
+    remarks: tuple[str, ...]
+
+
+class Posted(NamedTuple):
+    """What posted rows did."""
+
+    forecast: DayAhead | None  # None where no step is new, or the weather to come is not known
+    n_new: int  # steps of the zone that were new
     learned: str  # why the model was fitted again, "" where it was not
     remarks: tuple[str, ...]
 
@@ -87,7 +97,9 @@ class ZoneFolder:
             settings = read_settings(folder.config)
             frame, _ = read_log(log, settings)
             zone = ZoneModel.fit(settings, frame)
-            archive.add_measured(_measured(frame, zone.history(frame).index[-1]))
+            origin = zone.history(frame).index[-1]
+            archive.add_measured(_measured(frame, origin))
+            keep_log(archive, frame, origin)
             zone.save(folder.model)
         return folder
 
@@ -137,26 +149,66 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            changed = _of_model(settings) != _of_model(zone.settings)
-            zone.settings = settings
             frame, _ = read_log(log, settings)
-            n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
-            remarks = []
-            if why:
-                try:
-                    zone = _fitted_anew(zone, frame)
-                except ValueError as error:
-                    if changed:
-                        raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
-                    remarks, why = [f"the model should be fitted again, because {why}, but {error}"], ""
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             last = archive.last_measured()
             archive.add_measured(_measured(frame, origin, last))
             archive.add_forecast(origin, found.frame)
+            keep_log(archive, frame, origin)
             if n_new or why:
                 zone.save(self.model)
         return Tick(found, n_new, why, (*remarks, *found.remarks))
+
+    def post(
+        self,
+        rows: str | PathLike[str],
+        weather: str | PathLike[str] | None = None,
+        schedule: Schedule | None = None,
+        refit_after: pd.Timedelta = _REFIT_AFTER,
+        *,
+        plain: bool = False,
+    ) -> Posted:
+        """Take in rows beside the log that the archive keeps, as a tick takes in those of a log.
+
+        Rows after the last temperature are weather and plans of the day to come.  Rows that cannot be used change
+        nothing; where only the forecast cannot be made, they are kept, and a remark says why.
+
+        Parameters
+        ----------
+        rows : path-like, a file with the columns of the log, of any number of rows
+        weather, schedule, refit_after
+            As for :meth:`tick`.
+        plain : bool, whether the file is a CSV with commas and a column ``time``, whatever the log is
+
+        Raises
+        ------
+        BlockingIOError
+            If another process is at work in the folder.
+        FileNotFoundError, ValueError
+            If there is no model, or the rows cannot be used.
+        """
+        self._require_model()
+        with open_archive(self.archive) as archive, archive.transaction():
+            self._remove_leftovers()
+            zone, settings = self.load(), read_settings(self.config)
+            frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
+            origin = zone.history(frame).index[-1]
+            archive.add_measured(_measured(frame, origin, archive.last_measured()))
+            found = None
+            try:
+                if n_new or n_ahead or why:
+                    found = day_ahead(zone, frame, weather, schedule)
+            except (ValueError, OSError) as error:
+                remarks.append(f"there is no new forecast: {error}")
+            if found is not None:
+                archive.add_forecast(origin, found.frame)
+                remarks += found.remarks
+            if n_new or why:
+                zone.save(self.model)
+        return Posted(found, n_new, why, tuple(remarks))
 
     def status(self) -> dict[str, Any]:
         """What the zone knows and how its forecasts did, as plain values.
@@ -226,6 +278,23 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     if drift.get("drifted"):
         return len(new), f"its errors have grown since {drift['since']} ({drift['kind']})"
     return len(new), ""
+
+
+def _learn(
+    zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta
+) -> tuple[ZoneModel, int, str, list[str]]:
+    """A model with the new rows, their number, why it was fitted again, and remarks."""
+    changed = _of_model(settings) != _of_model(zone.settings)
+    zone.settings = settings
+    n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
+    if not why:
+        return zone, n_new, "", []
+    try:
+        return _fitted_anew(zone, frame), n_new, why, []
+    except ValueError as error:
+        if changed:
+            raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
+        return zone, n_new, "", [f"the model should be fitted again, because {why}, but {error}"]
 
 
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
