@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import make_office, regularize
+from skhybrid.logs.even_steps import typical_step
 
 
 @pytest.fixture(scope="module")
@@ -184,3 +185,9 @@ def test_held_columns_beside_sampled_ones(log):
 def test_refusals_of_held_columns(options, message):
     with pytest.raises(ValueError, match=message):
         regularize(CHANGES, **options)
+
+
+@pytest.mark.parametrize(("logged", "meant"), [(890.0, 900.0), (1100.0, 1200.0), (1000.0, 1000.0)])
+def test_a_step_near_a_common_one_is_meant(logged, meant):
+    index = pd.Timestamp("2024-01-01") + pd.to_timedelta(np.arange(10) * logged, unit="s")
+    assert typical_step(index) == pd.Timedelta(seconds=meant)

@@ -12,6 +12,10 @@ _FORECASTERS = "test_forecasting_common -k not (checks or processes or global or
 _UPDATES = "test_online_updating -k whole_table or averaged or learns_the_new or leaves_the_model"
 
 _CLOSED_LOOP = "test_set_points_known -k not (refused or other_schemes or saved)"
+_BY_THE_CLOCK = "test_daily_work -k clock or cannot_be or outdoor or electricity_becomes"
+_LOGS = ["test_log_report", "test_logs_text", "test_datasets_regularize", "test_datasets_readers"]
+_SOURCES = ["test_logs_home_automation", "test_logs_sources -k not postgres", "test_logs_thermostats"]
+_ZONE = "test_zone_folder -k not kill and not command_line and not second_tick and not errors_grow"
 _BOOSTING = "test_forecasting_common -k boosting and not (checks or processes or global or torch)"
 _BAYES = "test_model_selection_bayes -k not (quadrature or probabilities or real or beginning or divergences or saved)"
 
@@ -64,6 +68,8 @@ GUARDS = {
     "hybrid/plant_law.py": [_CLOSED_LOOP],
     "hybrid/law_features.py": [_CLOSED_LOOP],
     "hybrid/known_rows.py": [_UPDATES],
+    "hybrid/daily_profile.py": ["test_schedule_scheme -k daily_profile"],
+    "hybrid/law_refits.py": [_CLOSED_LOOP],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
     "model_selection/splitters.py": ["test_model_selection -k not processes"],
     "model_selection/scorers.py": ["test_manners -k scorer"],
@@ -83,6 +89,13 @@ GUARDS = {
     "datasets/_benchmark.py": ["test_datasets_benchmark"],
     "logs/stamps.py": ["test_datasets_readers"],
     "logs/even_steps.py": ["test_datasets_regularize"],
+    "logs/*.py": [*_LOGS, *_SOURCES],
+    "study/judgement.py": ["test_verdict", "test_daily_work -k verdict"],
+    "study/load_rules.py": ["test_verdict"],
+    "study/verdict.py": ["test_verdict"],
+    "study/plant.py": [_BY_THE_CLOCK],
+    "study/thermostat.py": [_BY_THE_CLOCK],
+    "zone/*.py": [_ZONE, "test_daily_work -k not texts and not sun and not command_line"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }
