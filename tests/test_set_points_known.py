@@ -1,6 +1,7 @@
 """Forecasts in which only set-points are known: the thermostat acts, temperature and load are forecast."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -234,3 +235,24 @@ def test_a_plan_is_that_of_the_week_before_by_a_plain_loop():
     ]
     assert 0.2 < np.mean(expected) < 0.8
     np.testing.assert_array_equal(same_plan(rows, targets), expected)
+
+
+def test_a_refit_learns_from_what_was_known_at_the_begin_of_its_week(monkeypatch):
+    def pairs(n):
+        return Pairs(*(np.zeros((n, 2)) for _ in range(4)), ends=np.zeros(n, dtype=int))
+
+    def made(rows, origins, paths, n_known):
+        assert (origins.min(), origins.max(), n_known) == (102, 597, 601)
+        return pairs(3)
+
+    def learned(all_pairs, per_day, weight):
+        assert (len(all_pairs.ends), per_day) == (5, 24)
+        assert weight.tolist() == [1.0, 1.0, 2.0, 2.0, 2.0]
+        return "a law"
+
+    monkeypatch.setattr(law_refits, "make_pairs", made)
+    monkeypatch.setattr(law_refits, "learn", learned)
+    rows = LawRows(np.zeros(900), np.zeros(900), Band(np.zeros(900), np.zeros(900)), np.zeros((900, 1)), None, 24)
+    weeks, refits = law_refits.Weeks(96, 100, 24, 8), law_refits.LawRefits("of the training", pairs(2))
+    assert refits.learn(rows, weeks, [3], 3, SimpleNamespace(of=lambda origins: None)) == {3: "a law"}
+    assert refits.known(rows, weeks, np.array([0, 3])) == {0: "of the training", 3: "a law"}
