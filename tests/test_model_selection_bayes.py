@@ -406,6 +406,15 @@ def test_bad_chains_are_errors_and_leave_nothing_half_fitted(errors, monkeypatch
     assert steps == ([0.97, 0.995] if "diverging" in chains else [0.97])  # smaller steps were tried
 
 
+def test_with_many_sizes_larger_steps_are_tried_first(errors, monkeypatch):
+    attempts = []
+    given = _chains(3, diverging=1)
+    monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: attempts.append(kwargs) or given)
+    with pytest.raises(RuntimeError, match="diverged"):
+        RobustnessComparison(draws=300, chains=2).fit(errors[errors["case"].isin(["case01", "case03", "case04"])])
+    assert [one["target_accept"] for one in attempts] == [0.8, 0.99]
+
+
 def test_a_comparison_can_be_saved(errors, monkeypatch, tmp_path):
     monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: _chains(5))
     fitted = RobustnessComparison(draws=300, chains=2).fit(errors)
