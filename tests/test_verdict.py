@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.study.data import StudyData
+from skhybrid.study.judgement import judge_load, share_outside
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
 
@@ -32,6 +34,7 @@ def test_a_ratio_and_its_interval():
         (0.5, {}, USABLE, "of that of yesterday"),
         (1.0, {}, CARE, "not surely better"),
         (2.0, {}, NOT, "yesterday is better"),
+        (0.5, {"coverage": 0.8}, USABLE, "of that of yesterday"),
         (0.5, {"coverage": 0.6}, CARE, "held 60 %"),
         (0.5, {"coverage": 0.4}, NOT, "held 40 %"),
         (0.5, {"outside": 0.3}, CARE, "30 % of the day to come lies beyond"),
@@ -63,3 +66,27 @@ def test_rules_for_the_load():
     np.testing.assert_allclose(rules[RIDGE], heat[360:], atol=0.01)
     heat[360:] = 99.0  # what was delivered after training is not learned from
     np.testing.assert_allclose(rule_loads(frame[:360], frame[360:], heat, held)[RIDGE], rules[RIDGE])
+
+
+def _study(ahead):
+    """A study that was trained on T_oa from 0 to 10 degC."""
+    train = pd.DataFrame({"T_za": 20.0, "T_oa": [0.0, 10.0]}, pd.date_range("2024-01-01", periods=2, freq="1h"))
+    future = pd.DataFrame({"T_za": 99.0, "T_oa": ahead}, pd.date_range("2024-01-09", periods=len(ahead), freq="1h"))
+    return StudyData(train, train, pd.Timestamp("2024-01-03"), train, future, train["T_za"], False)
+
+
+def test_the_share_of_a_day_beyond_what_training_covered():
+    assert share_outside(_study([-0.6, -0.4, 5.0, 10.4, 10.6])) == pytest.approx(2 / 5)  # 5 % of 10 K is a margin
+    assert share_outside(_study([])) == 0.0
+
+
+def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
+    stamps = pd.date_range("2024-01-01", periods=24 * 12, freq="1h")
+    delivered = pd.Series(2.0 + np.sin(np.arange(len(stamps))), stamps)
+    noise = pd.Series(np.random.default_rng(0).normal(size=len(stamps)), stamps)
+    own = (delivered + 0.5 * noise).where(stamps >= pd.Timestamp("2024-01-03"), 1e6)  # no row before counts
+    rules = {"twice as wrong": delivered + noise}
+    found = judge_load(own, rules, delivered, _study([5.0]), scaled=True)
+    assert found.level == USABLE
+    assert "0.50 of that of twice as wrong" in str(found)
+    assert judge_load(own, rules, delivered, _study([5.0]), scaled=False).level == CARE

@@ -301,3 +301,14 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     with pytest.raises(ValueError, match="a model needs 3"):
         ZoneFolder.init(tmp_path / "kitchen", tmp_path / "log.csv", given)
     assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
+
+
+def test_a_locked_archive_asks_to_try_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(forecast_archive, "_PATIENCE", 0.0)
+    path = tmp_path / "forecasts.db"
+    with forecast_archive.open_archive(path) as archive:
+        assert archive.last_origin() is None
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(BlockingIOError, match="another command is at work"), forecast_archive.open_archive(path):
+            pass
