@@ -44,11 +44,13 @@ class ClosedLoopPaths(NamedTuple):
 
     def after(self, T_za: float) -> ClosedLoopPaths:
         """With the temperature at the origin before those at the ends of its rows."""
-        known, bands = (
-            None if T is None else np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
-            for T in (self.paths.temperature, self.temperature_bands)
-        )
-        return self._replace(paths=self.paths._replace(temperature=known), temperature_bands=bands)
+
+        def extended(T: np.ndarray) -> np.ndarray:
+            return np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
+
+        bands = None if self.temperature_bands is None else extended(self.temperature_bands)
+        paths = self.paths._replace(temperature=extended(self.paths.temperature))
+        return self._replace(paths=paths, temperature_bands=bands)
 
 
 class _Errors(NamedTuple):

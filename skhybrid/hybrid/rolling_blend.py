@@ -64,6 +64,7 @@ class RollingBlend:
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
         self.row = -1  # the last row that it went through
+        self._weighed: tuple[int, np.ndarray] | None = None  # a row, and the weights there
         self._first = 0  # number of the first hourly forecast whose errors are kept
 
     def fork(self) -> Self:
@@ -132,6 +133,11 @@ class RollingBlend:
 
     def _shares(self) -> np.ndarray:
         """(n_groups, K) weights of the ways to forecast, as known at the last row."""
+        if self._weighed is None or self._weighed[0] != self.row:
+            self._weighed = self.row, self._weigh()
+        return self._weighed[1]
+
+    def _weigh(self) -> np.ndarray:
         record = self._record
         products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
