@@ -34,7 +34,6 @@ def test_a_ratio_and_its_interval():
         (2.0, {}, NOT, "yesterday is better"),
         (0.5, {"coverage": 0.6}, CARE, "held 60 %"),
         (0.5, {"coverage": 0.4}, NOT, "held 40 %"),
-        (0.5, {"outside": 0.3}, CARE, "30 % of the day to come lies beyond"),
         (0.5, {"doubts": ["its kW have no certain scale"]}, CARE, "no certain scale"),
         (0.5, {"n_origins": 3}, CARE, "3 forecasts only"),
     ],

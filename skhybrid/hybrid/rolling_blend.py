@@ -22,7 +22,7 @@ _DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 
 @dataclass(frozen=True)
 class BlendRecord:
-    """What a blend knows of its members from their training."""
+    """Knowledge of a blend about its members, from their training."""
 
     sample: ForecastSample
     member_errors: np.ndarray  # (O, L, M) of each member on blocks that were left out [K]
@@ -88,7 +88,7 @@ class RollingBlend:
         return plausible.clip(path), heat
 
     def _share(self, row: Any, later: int) -> Any:
-        """How much forecasts that ended at a row count at a later one."""
+        """Weights at a row of forecasts that ended before it."""
         return faded((later - row) / self._record.rows_per_day)
 
     def _since(self, before: int) -> np.ndarray:

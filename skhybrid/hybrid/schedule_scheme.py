@@ -241,7 +241,7 @@ class ScheduleScheme(Scheme):
         return Paths(path[None], heat[None])
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
-        """What is known from a row on, or from the last measurement before it, and the rows ahead."""
+        """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
         known = last_rows(self.rows.tables, n_known - first)
         while not np.isfinite(known.history["T_za"][0]) and known.n_rows < n_known:

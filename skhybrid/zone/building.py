@@ -1,21 +1,16 @@
-"""A building as an engineer describes it: heat loss, time constants, solar aperture, with remarks."""
+"""Identification of a zone's building from its log."""
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 import pandas as pd
 
 from ..study.compared_models import make_gray_box
 from ..study.data import FACADES
+from ..study.identified_building import describe
 from ..study.settings import Settings
 from .zone_model import complete_rows
 
 _DAYS = 56
-_UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
-#: what a room's values usually are; a value outside is worth a look
-_USUAL = {"heat loss": (5.0, 5000.0), "solar aperture": (0.0, 100.0), "time constant": (0.1, 500.0)}
 
 
 def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
@@ -36,69 +31,3 @@ def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
     gray_box = make_gray_box(settings)
     columns = [c for c in rows if str(c) not in (f"q_sol_{name}" for name in FACADES)]
     return describe(gray_box.fit(rows[columns], rows["T_za"]))
-
-
-def describe(gray_box: Any) -> pd.DataFrame:
-    """Describe a fitted gray box.
-
-    The heat loss is that of the zone held at one temperature, from the steady state of its network; standard errors
-    come from the parameters' covariance by first-order differences.
-    """
-    theta = pd.Series(gray_box.theta_)
-    cov = np.asarray(gray_box.theta_cov_, dtype=np.float64) if hasattr(gray_box, "theta_cov_") else None
-    found = {name: (value, *_error_of(gray_box, name, theta, cov)) for name, value in _values(gray_box, theta).items()}
-    rows = {}
-    for name, (value, std) in found.items():
-        unit = name.rpartition(" [")[2].removesuffix("]")
-        rows[name.rpartition(" [")[0]] = {"value": value, "std": std, "unit": unit, "remark": _remark(name, value, std)}
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
-
-
-def _values(gray_box: Any, theta: pd.Series) -> dict[str, float]:
-    """Quantities of a network with some parameters."""
-    network, step = gray_box.network_, gray_box.sampling_time_ / pd.Timedelta("1h")
-    names = gray_box.state_space_.input_names
-    d = network.discrete(dict(theta), tuple(n for n in names if n not in network.gain_names), step)
-    A, B = np.asarray(d.A), np.asarray(d.B)
-    steady = np.linalg.solve(np.eye(len(A)) - A, B)
-    zone = network.states.index("T_za") if "T_za" in network.states else len(A) - 1
-    out = {}
-    per_kw = steady[zone, names.index(network.gain_names[0])]
-    out["heat loss [W/K]"] = 1000.0 / per_kw
-    poles = np.sort(np.linalg.eigvals(A).real)
-    for i, pole in enumerate(poles[(poles > 0) & (poles < 1)][::-1], 1):
-        out[f"time constant {i} [h]"] = -step / np.log(pole)
-    sun = [k for k, name in enumerate(names) if str(name).startswith("q_sol")]
-    if sun:
-        out["solar aperture [m2]"] = float(steady[zone, sun].sum()) / per_kw
-    for name, value in theta.items():
-        if str(name).startswith("Q_"):
-            out[f"capacity {name} [kW]"] = float(value)
-        if str(name).startswith("C_"):
-            out[f"heat capacity {name} [kWh/K]"] = float(value)
-    return out
-
-
-def _error_of(gray_box: Any, name: str, theta: pd.Series, cov: np.ndarray | None) -> tuple[float]:
-    """Standard error of a quantity by the delta method; NaN without a covariance."""
-    if cov is None or not np.isfinite(cov).any():
-        return (np.nan,)
-    base = _values(gray_box, theta)[name]
-    slope = np.zeros(len(theta))
-    for j, parameter in enumerate(theta.index):
-        small = 1e-4 * abs(theta[parameter]) or 1e-8
-        moved = _values(gray_box, theta + small * (theta.index == parameter))
-        slope[j] = (moved.get(name, np.nan) - base) / small
-    with np.errstate(invalid="ignore"):
-        return (float(np.sqrt(np.maximum(np.nansum(slope[:, None] * np.nan_to_num(cov) * slope), 0.0))),)
-
-
-def _remark(name: str, value: float, std: float) -> str:
-    """What to think of a value."""
-    relative = std / abs(value) if value else np.inf
-    usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (-np.inf, np.inf))
-    if np.isfinite(relative) and relative > _UNKNOWN:
-        return "not identified: the log does not tell it"
-    if not usual[0] <= value <= usual[1]:
-        return "implausible for a room or a building"
-    return "uncertain" if np.isfinite(relative) and relative > _UNSURE else ""

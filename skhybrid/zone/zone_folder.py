@@ -29,7 +29,7 @@ _FREE = ("name", "thermostat", "train", "test", "load", "origin_step")
 
 
 class Tick(NamedTuple):
-    """What a tick did."""
+    """Result of a tick."""
 
     forecast: DayAhead
     n_new: int  # rows of the log that were new
@@ -159,7 +159,7 @@ class ZoneFolder:
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
     def status(self) -> dict[str, Any]:
-        """What the zone knows and how its forecasts did, as plain values.
+        """Report the last row, drift, verdicts and errors of past forecasts, as plain values.
 
         Raises
         ------
@@ -193,7 +193,7 @@ class ZoneFolder:
 
 
 def drift_of(zone: ZoneModel) -> dict[str, Any]:
-    """Whether errors have grown since the model learned: ``drifted``, ``since``, ``kind`` and the statistic.
+    """Report whether errors have grown since the model learned: ``drifted``, ``since``, ``kind`` and the statistic.
 
     Empty where no whole day has passed since, or the training has too few days to compare with.
     """
