@@ -95,7 +95,8 @@ def test_a_docstring_agrees_with_the_signature(path):
 
 def test_a_summary_says_what_a_function_does_or_returns():
     sources = Path(skhybrid.__file__).parent.rglob("*.py")
-    found = [f"{p}: {m[0]}" for p in sources for m in re.finditer(r'"""(What|How|Which|Where) .*', p.read_text("utf-8"))]
+    begins = re.compile(r'"""(What|How|Which|Where) .*')
+    found = [f"{path}: {begin[0]}" for path in sources for begin in begins.finditer(path.read_text("utf-8"))]
     assert not found
 
 

@@ -22,7 +22,7 @@ class Abilities(NamedTuple):
 
 
 def excitation(frame: pd.DataFrame) -> pd.DataFrame:
-    """The moves of each column by role: lowest, highest and mean value, share of rows with one; hours run and starts."""
+    """Moves of each column by role: lowest, highest and mean value, share of rows with one; hours run and starts."""
     hours = _row_hours(frame.index)
     rows = {}
     for role in frame:

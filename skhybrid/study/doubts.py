@@ -12,7 +12,7 @@ import pandas as pd
 from ..exceptions import TooFewDaysError
 
 _MARGIN = 0.05  # of a range, beyond which a value lies outside of it
-_SHARE = 0.1  # of a day beyond what training covered, from which on it is a reason to doubt
+OUTSIDE = 0.1  # of a day beyond what training covered, from which on it is a reason to doubt
 _END = 1e-3  # distance from the end of a parameter's range, as a share of the range [of the logarithm]
 _DRIFTS = {
     "level": "at all hours, as after a change of season or plant",
@@ -51,7 +51,7 @@ def day_beyond(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]]) ->
     """A reason where much of the day to come lies beyond what training covered, with the columns that do."""
     beyond = beyond_training(rows, ranges)
     share = share_of_rows(beyond)
-    if not share > _SHARE:
+    if not share > OUTSIDE:
         return []
     which = "; ".join(_excess(rows[role], *ranges[str(role)]) for role in beyond if beyond[role].any())
     return [f"{100 * share:.0f} % of the day to come lies beyond what training covered ({which})"]

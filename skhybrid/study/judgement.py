@@ -16,7 +16,7 @@ from .verdict import Verdict, compare_errors, judge
 
 _CAPACITY = {"u_heat": "Q_h", "u_cool": "Q_c"}  # parameters of stages; those of other stages have the stage's name
 _HELD = "the temperature to hold"
-_NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
+NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
 
 
 class Load(NamedTuple):
@@ -82,7 +82,7 @@ def judge_load(
     days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
     error = own.reindex(at) - delivered[at]
     compared = [compare_errors(error, load.reindex(at) - delivered[at], days, name) for name, load in rules.items()]
-    return judge("load", compared, n_origins=days.nunique(), doubts=[*([] if scaled else [_NO_SCALE]), *doubts])
+    return judge("load", compared, n_origins=days.nunique(), doubts=[*([] if scaled else [NO_SCALE]), *doubts])
 
 
 def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]:

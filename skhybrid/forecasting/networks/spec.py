@@ -38,7 +38,7 @@ class NetworkSpec(NamedTuple):
 
     @property
     def shape(self) -> NetworkSpec:
-        """A key that networks of one stack share: all but activation, share of dropout and, of MLPs, number of layers."""
+        """Key that networks of one stack share: all but activation, share of dropout and, of MLPs, number of layers."""
         return self._replace(activation="", dropout=0.0, n_layers=0 if self.kind == "mlp" else self.n_layers)
 
     @property
