@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -247,6 +248,11 @@ def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
         assert row in out
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
+    assert out.startswith("temperature: ")
+    page = re.sub(r'<img src="[^"]*"', "", (tmp_path / "demo" / "report.html").read_text(encoding="utf-8"))
+    assert "heat loss" in page
+    for text in (page, out):  # words of the paper that a reader of a report need not know
+        assert not re.search(r"\b(CONV|OD)\b", text)
 
 
 def test_the_module_runs_and_tells_its_version():

@@ -24,6 +24,10 @@ _NODES = {
     "za": "the room", "w": "the walls", "e": "the walls", "m": "the furniture and inner walls", "h": "the heater",
     "s": "the sensor", "T_oa": "outdoors",
 }  # fmt: skip
+_INPUTS = {
+    "T_oa": "the outdoor temperature", "q_sol": "the sun", "Q_hvac": "the heat of the plant",
+    "u_heat": "the heating stage", "u_cool": "the cooling stage",
+}  # fmt: skip
 _QUANTITIES = (
     (r"capacitance of node (\S+)", "heat capacity of {}"),
     (r"resistance between (\S+) and (\S+)", "thermal resistance between {} and {}"),
@@ -64,7 +68,7 @@ def share_of_rows(beyond: pd.DataFrame) -> float:
 
 def _excess(values: pd.Series, low: float, high: float) -> str:
     reached = values.min() if low - values.min() > values.max() - high else values.max()
-    return f"{values.name} reaches {reached:.3g}, training had {low:.3g} to {high:.3g}"
+    return f"{_INPUTS.get(str(values.name), values.name)} reaches {reached:.3g}, training had {low:.3g} to {high:.3g}"
 
 
 def drift_days(model: Any, rows: Any = None) -> pd.DataFrame:
