@@ -176,7 +176,7 @@ def test_the_page_shows_forecast_past_and_verdict_and_is_safe(made):
         "Load: ",
         "The day to come",
         "Forecast and measured",
-        "heating needed",
+        "80 % interval",
         "more than a day old",
     ):
         assert part in text

@@ -25,7 +25,7 @@ def test_a_building_of_one_resistance_by_hand():
     cov = pd.DataFrame(0.0, model.theta_.keys(), model.theta_.keys())
     cov.loc["R_zo", "R_zo"], cov.loc["C_za", "C_za"] = 0.5**2, 1.0
     model.theta_cov_ = cov.to_numpy()
-    found = building.describe(model)
+    found = identified_building.describe(model)
     assert found.loc["heat loss", "value"] == pytest.approx(1000.0 / 5.0)
     assert found.loc["heat loss", "std"] == pytest.approx(1000.0 / 5.0**2 * 0.5, rel=1e-3)
     assert found.loc["time constant 1", "value"] == pytest.approx(2.0 * 5.0)
@@ -35,7 +35,7 @@ def test_a_building_of_one_resistance_by_hand():
     assert found.loc["heat capacity C_za", "value"] == 2.0
     assert found.loc["heat capacity C_za", "std"] == pytest.approx(1.0)
     model.theta_cov_ = np.full(cov.shape, np.nan)
-    assert building.describe(model)["std"].isna().all()
+    assert identified_building.describe(model)["std"].isna().all()
 
 
 @pytest.mark.parametrize(

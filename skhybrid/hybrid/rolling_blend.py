@@ -26,7 +26,7 @@ _DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 
 @dataclass(frozen=True)
 class BlendRecord:
-    """What a blend knows of its members from their training."""
+    """Knowledge of a blend about its members, from their training."""
 
     sample: ForecastSample
     member_errors: np.ndarray  # (O, L, M) of each member on blocks that were left out [K]
@@ -158,7 +158,7 @@ class RollingBlend:
         return next(rolling.heat_now(view) for rolling, view in given if hasattr(rolling, "heat_now"))
 
     def _share(self, row: Any, later: int) -> Any:
-        """How much forecasts that ended at a row count at a later one."""
+        """Weights at a row of forecasts that ended before it."""
         return faded((later - row) / self._record.rows_per_day)
 
     def _since(self, before: int) -> np.ndarray:

@@ -313,7 +313,7 @@ class ScheduleScheme(Scheme):
         return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
-        """What is known from a row on, or from the last measurement before it, and the rows ahead."""
+        """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
         n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
         known = last_rows(self.rows.tables, n_rows + n_filtered)

@@ -162,7 +162,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     frame = _checked(frame)
     stuck = standstill(frame["T_za"])
     frame = _usable(frame, settings)
-    inputs = _inputs(frame)
+    inputs = inputs_of(frame)
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     if not len(known):
         raise ValueError("the log has no measured temperature (T_za) at all.")
@@ -197,7 +197,7 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     if len(values) > 1 and values.min() == values.max():
         first, last = values.index[0], values.index[-1]
         raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
-    inputs = _inputs(frame)
+    inputs = inputs_of(frame)
     _refuse_empty_ahead(frame, inputs)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
@@ -238,7 +238,8 @@ def _checked(frame: Any) -> pd.DataFrame:
     return frame
 
 
-def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
+def inputs_of(frame: pd.DataFrame) -> pd.DataFrame:
+    """The columns that a model must know ahead: all but the temperature and what has no role."""
     return frame.drop(columns=[*HISTORY_ROLES, SETPOINT], errors="ignore")
 
 
@@ -318,7 +319,7 @@ def _next_day(
 
 def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows after the last one with a missing input."""
-    broken = np.flatnonzero(_inputs(rows).isna().any(axis=1).to_numpy())
+    broken = np.flatnonzero(inputs_of(rows).isna().any(axis=1).to_numpy())
     return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
-from .building import discrete
+from ..study.identified_building import discrete
 
 
 class Law(NamedTuple):

@@ -14,6 +14,7 @@ import pandas as pd
 _PATIENCE = 1.0  # how long a command waits for another one before it gives up [s]
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
+BEYOND = "beyond"  # column of a forecast: 1 where the weather lies beyond what training covered
 
 
 #: rows of the log: at the steps of the zone, as they were posted, or ahead of the last measurement
@@ -31,7 +32,7 @@ _TABLES = (
     _table("log", ("kind", "role", "time"), ("value",)),
 )
 _FINISHED = """
-SELECT f.*, m.T_za AS T_za_measured, m.Q_hvac AS Q_hvac_measured FROM forecast f LEFT JOIN measured m USING (time)
+SELECT f.*, {measured} FROM forecast f LEFT JOIN measured m USING (time)
 WHERE f.origin IN (
     SELECT origin FROM forecast WHERE origin >= ? GROUP BY origin HAVING max(time) <= (SELECT max(time) FROM measured))
 ORDER BY f.origin, f.time
@@ -68,7 +69,7 @@ class ForecastArchive:
         self._insert("forecast", frame, _FORECAST, first)
 
     def add_measured(self, frame: pd.DataFrame) -> None:
-        """Keep measured temperature [degC] and delivered heat [kW]; rows of the same times are replaced."""
+        """Keep measured temperature [degC], delivered heat [kW] and stages [-]; rows of the same times are replaced."""
         self._insert("measured", frame, _MEASURED)
 
     def last_measured(self) -> pd.Timestamp | None:
@@ -89,9 +90,14 @@ class ForecastArchive:
         Returns
         -------
         DataFrame
-            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC] and ``Q_hvac_measured`` [kW].
+            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and
+            ``u_heat_measured`` [-] for a stage.
         """
-        rows = self._database.execute(_FINISHED, _texts(pd.DatetimeIndex([since])))
+        named = ", ".join(f'm."{name}" AS "{name}_measured"' for name in self._columns("measured")[1:])
+        return self._read(_FINISHED.format(measured=named), _texts(pd.DatetimeIndex([since])))
+
+    def _read(self, query: str, values: list[str] | tuple[()] = ()) -> pd.DataFrame:
+        rows = self._database.execute(query, values)
         found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description])
         return found.astype({name: np.float64 for name in found if name not in ("origin", "time")})
 
@@ -167,18 +173,25 @@ class ForecastArchive:
         found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description]).set_index("time")
         return found.set_axis(_stamps(found.index), axis=0)
 
+    def _columns(self, table: str) -> list[str]:
+        return [row[1] for row in self._database.execute(f"PRAGMA table_info({table})")]
+
     def _last(self, table: str, column: str) -> pd.Timestamp | None:
         (text,) = self._database.execute(f"SELECT max({column}) FROM {table}").fetchone()
         return None if text is None else pd.Timestamp(text)
 
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
         """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
+        values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
+        for name in set(values) - set(self._columns(table)):  # of an archive that knows no such stage yet
+            self._database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
+        named = ", ".join(f'"{name}"' for name in (*("origin",)[: len(keys)], "time", *values))
         numbers = frame.reindex(columns=list(values)).astype(object)
         rows = numbers.where(numbers.notna(), None).to_numpy().tolist()
         stamps = _texts(pd.DatetimeIndex(frame.index))
         marks = ", ".join("?" * (len(keys) + 1 + len(values)))
         self._database.executemany(
-            f"INSERT OR REPLACE INTO {table} VALUES ({marks})",
+            f"INSERT OR REPLACE INTO {table} ({named}) VALUES ({marks})",
             [(*keys, stamp, *row) for stamp, row in zip(stamps, rows, strict=True)],
         )
 

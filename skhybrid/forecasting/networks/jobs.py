@@ -45,7 +45,7 @@ class _Plan(NamedTuple):
 
     @property
     def shape(self) -> tuple[Any, ...]:
-        """What plans must share to be trained as one stack: equal networks, settings and numbers of windows."""
+        """Key that plans of one stack share: equal networks, settings and numbers of windows."""
         return (self.spec.shape, self.training, self.job.base is not None, self.job.table.n_rows, self.job.split)
 
 

@@ -38,12 +38,12 @@ class NetworkSpec(NamedTuple):
 
     @property
     def shape(self) -> NetworkSpec:
-        """What networks of a stack must share: all but activation, share of dropout and, of MLPs, number of layers."""
+        """Key that networks of one stack share: all but activation, share of dropout and, of MLPs, number of layers."""
         return self._replace(activation="", dropout=0.0, n_layers=0 if self.kind == "mlp" else self.n_layers)
 
     @property
     def n_dropping(self) -> int:
-        """How often hidden values are dropped: in every layer of an MLP, before the output of others."""
+        """Share of hidden values that are dropped: in every layer of an MLP, before the output of others."""
         if self.kind in N_GATES:
             return self.n_leads
         return 1 if self.kind == "cnn" else self.n_layers

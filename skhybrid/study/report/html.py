@@ -100,6 +100,7 @@ def write_report(
     frames: Mapping[str, pd.DataFrame],
     forecast: pd.DataFrame,
     parameters: pd.DataFrame,
+    building: pd.DataFrame | None = None,
     label: str = "hybrid",
     zeta: pd.Series | None = None,
     truth: pd.Series | None = None,
@@ -125,6 +126,7 @@ def write_report(
     frames : mapping of label to DataFrame, back-tests from :func:`skhybrid.model_selection.backtest`
     forecast : DataFrame, the next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured
     parameters : DataFrame, index name, with ``value``, ``std``, ``unit``, ``description``, ``remark``
+    building : DataFrame, optional, index quantity, with ``value``, ``std``, ``unit``, ``remark``
     label : str, the model whose forecast is shown
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
@@ -146,7 +148,7 @@ def write_report(
         _accuracy(table, frames, label, coverage),
         _learned(schedule, weights, label),
         _week(zeta, truth),
-        _building(parameters, identification, label),
+        _building(parameters, building, identification, label),
         html_list("Warnings", map(escape, notes)),
         html_list(
             "Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items()), "listed"
@@ -314,30 +316,31 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     )
 
 
-def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
-    texts = ("description", "remark")
-    rows = [
-        (
-            str(name),
-            _number(row["value"], 3),
-            _number(row["std"], 2),
-            str(row.get("unit", "")),
-            *(str(row.get(column, "")) for column in texts),
-        )
-        for name, row in parameters.iterrows()
-    ]
+def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identification: str | None, label: str) -> str:
     separate = (
         ""
         if identification is None
-        else " These parameters and the unmeasured heat above come from a separate identification "
+        else " These values and the unmeasured heat above come from a separate identification "
         f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
         "its parameters do not describe the building."
     )
+    described = "" if building is None else _values("quantity", building, ("unit", "remark"))
     return (
-        "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
-        f"error shows how well the data determine a value.{separate}</p>\n"
-        + html_table(("parameter", "value", "± std. error", "unit", *texts), rows, n_texts=len(texts))
+        "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
+        "window area that the sun heats through. The standard error shows how well the data determine a value; one "
+        f"that they do not determine is not shown.{separate}</p>\n{described}"
+        "<p>Parameters of the thermal network: capacities store heat and resistances resist its flow.</p>\n"
+        + _values("parameter", parameters, ("unit", "description", "remark"))
     )
+
+
+def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
+    """A table of values with standard errors."""
+    rows = [
+        (str(name), _number(row["value"], 3), _number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
+        for name, row in table.iterrows()
+    ]
+    return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
 
 
 def html_list(title: str, items: Iterable[str], kind: str = "prose") -> str:
