@@ -202,7 +202,7 @@ def simulate(
     replay: dict[str, np.ndarray] | None = None,
     days: tuple[str, str] | None = None,
 ) -> pd.DataFrame:
-    """Run the year, or days (first, last) of it, with ``overrides`` (schedule name -> (N_STEPS,)) in place of schedules.
+    """Run the year, or its days (first, last), with ``overrides`` (schedule name -> (N_STEPS,)) in place of schedules.
 
     Sizing sees the schedules of the model, so that two runs which differ in overrides have the same plant.
     ``replay`` (zone -> (N_STEPS,) [W]) is heat into the air of zones, whose air loops are off then; where it is NaN,

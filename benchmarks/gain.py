@@ -32,6 +32,7 @@ from _forecast_models import ARX, MODELS, REFITTED, Make
 from _forecast_store import path_of, read_facts
 from _report import RESULTS, spread, write_table
 from heat_replayed import DEFAULT, NETWORK, NetworkAlone
+from sklearn.utils import Bunch
 
 from skhybrid import HybridPredictor
 from skhybrid.datasets import make_office, read_zone_csv
@@ -112,9 +113,15 @@ def _office(climate: str, seed: int) -> Row:
     first = log.index[trained * DAY]
     stamps = pd.DatetimeIndex([first + pd.Timedelta(days=d, hours=h) for d in OFFICE_DAYS for h in OFFICE_HOURS])
     data = DataSet(f"make_office {climate} {seed}", log[:first][:-1], log[first:], first + pd.Timedelta("7D"), "")
-    across = fine.X["T_oa"] - fine.states["T_za"]
-    conductance = (fine.gain_parts["air"] / across.where(across.abs() > 0.5)).interpolate(limit_direction="both")
-    return Row(data, stamps, np.array([_response(conductance[stamp:].to_numpy()) for stamp in stamps]))
+    conductance = air_conductance(fine)
+    return Row(data, stamps, np.array([_response(conductance[fine.X.index.get_loc(s) :]) for s in stamps]))
+
+
+def air_conductance(office: Bunch) -> np.ndarray:
+    """What outdoor air carries off per kelvin [kW/K], of a log at the step of the simulation."""
+    across = office.X["T_oa"] - office.states["T_za"]
+    found = office.gain_parts["air"] / across.where(across.abs() > 0.1)
+    return found.interpolate(limit_direction="both").to_numpy()
 
 
 def _response(conductance: np.ndarray) -> np.ndarray:
