@@ -53,7 +53,7 @@ PLAN = "for planning"
 NOTE = (
     "Temperature change by 1 kW more [K/kW], at five leads.  Plants are tested at four hours of three days after the "
     "training, and models at the same hours.  Ratio: mean of the model's changes relative to the mean of the plant's; "
-    "median over rows (lowest to highest).  EnergyPlus: single zones of five buildings, all other zones under their "
+    "median over rows (lowest to highest).  EnergyPlus: single zones, the other zones of the building under their "
     'thermostats.  "within": share of rows in which the ratio is within 15 % of 1 from 15 min to 12 h and within 25 % '
     "after 24 h.  Models are trained on six weeks of the thermostat's log, with its delivered heat, without set-points."
 )
@@ -142,7 +142,7 @@ def assess(row: Row, name: str, store: Path) -> None:
         warnings.simplefilter("ignore", SkhybridWarning)
         model = COMPARED[name](row.data, 0).fit(train, train["T_za"])
         gains = np.array([_step(model, later, origin) for origin in later.index.get_indexer(row.stamps)])
-    facts = {"row": row.data.name, "model": name, "tag": "1", "date": str(datetime.date.today())}
+    facts = {"row": row.data.name, "model": name, "date": str(datetime.date.today())}
     path = path_of(row.data.name, name, 0, store)
     path.parent.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame(np.hstack([gains, row.plant]), row.stamps.rename("origin"), _columns())
@@ -178,9 +178,12 @@ def tables(store: Path, order: Sequence[str]) -> dict[str, pd.DataFrame]:
     heads = [f"{lead:g} h" for lead in TARGET]
     frame = pd.DataFrame(ratios, index=heads).T.rename_axis(["model", "row"])
     names = [n for n in order if n in plants]
-    kinds = {"EnergyPlus": [n for n in names if not n.startswith("make_office")]}
-    kinds["make_office"] = [n for n in names if n not in kinds["EnergyPlus"]]
-    out = {f"Ratio to the plant, {kind}": _summary(frame, chosen) for kind, chosen in kinds.items() if chosen}
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kinds.setdefault("make_office" if name.startswith("make_") else f"EnergyPlus, {name.split()[-1]}", []).append(
+            name
+        )
+    out = {f"Ratio to the plant, {kind}": _summary(frame, chosen) for kind, chosen in kinds.items()}
     out["The plants [K/kW]"] = pd.DataFrame(plants, index=heads).T.loc[names].rename_axis("row")
     for head in heads:
         wide = frame.reset_index().pivot_table(head, "row", "model")

@@ -6,7 +6,7 @@
 Writes ``FOLDER/steps``: a year's log per zone under its thermostat, ``<zone>_irregular.csv``, with a ``meta.csv`` of
 place and spans of training and test (as ``make_buildings.py``), and ``<zone>_<season>_steps.csv`` of the tests.  From
 all of these come ``benchmarks/data/step_tests.csv``, a row per step, and ``step_gains.csv``, their median, lowest and
-highest by zone, season and lead.  Files that are there are not made again; about 8 minutes of one core for all.
+highest by zone, season and lead.  Files that are there are not made again; about 12 minutes of one core for all.
 """
 
 from __future__ import annotations
