@@ -10,10 +10,11 @@ import pytest
 
 from skhybrid import GrayBoxRC
 from skhybrid.datasets import make_office
+from skhybrid.study import identified_building
 from skhybrid.study.data import StudyData
 from skhybrid.study.settings import settings_from
-from skhybrid.zone import building, zone_backtest, zone_search
-from skhybrid.zone.zone_folder import _errors, _scores
+from skhybrid.zone import zone_backtest, zone_search
+from skhybrid.zone.forecast_scores import errors_of
 
 KNOWN = {"C_za": 2.0, "R_zo": 5.0, "A_win": 3.0, "Q_h": 6.0, "Q_c": -4.0}
 SETTINGS = settings_from({"columns": {"T_za": "T_za", "T_oa": "T_oa"}})
@@ -50,7 +51,7 @@ def test_a_building_of_one_resistance_by_hand():
     ],
 )
 def test_remarks_on_a_heat_loss(value, std, words):
-    found = building._remark("heat loss [W/K]", value, std)
+    found = identified_building._remark("heat loss [W/K]", value, std)
     assert found.startswith(words)
     assert bool(found) == bool(words)
 
@@ -64,11 +65,9 @@ def _finished(origins, predicted, measured):
 
 def test_errors_of_finished_forecasts_by_hand():
     rows = _finished(["2024-01-01", "2024-01-01", "2024-01-02"], [20.0, 21.0, 22.0], [20.1, 20.8, 23.2])
-    assert _errors(rows) == {"temperature [K]": {"rmse": 0.705, "bias": -0.367, "coverage": 0.667}, "load [kW]": None}
-    archive = SimpleNamespace(last_measured=lambda: None, finished=lambda since: rows)
-    found = _scores(archive, SimpleNamespace(learned_until=pd.Timestamp("2024-01-01")))
-    assert found["yesterday's forecast"]["temperature [K]"] == {"rmse": 1.2, "bias": -1.2, "coverage": 0.0}
-    assert found["last four weeks"]["forecasts"] == 2
+    assert errors_of(rows) == {"temperature [K]": {"rmse": 0.705, "bias": -0.367, "coverage": 0.667}, "load [kW]": None}
+    newest = errors_of(rows[rows["origin"] == "2024-01-02"])
+    assert newest["temperature [K]"] == {"rmse": 1.2, "bias": -1.2, "coverage": 0.0}
 
 
 def _data():
@@ -101,6 +100,7 @@ def test_a_back_test_compares_errors_at_the_same_rows(monkeypatch):
     models = [SimpleNamespace(label=label, estimator=Model(label)) for label in (*errors, "another one")]
     monkeypatch.setattr(zone_backtest, "make_models", lambda settings: models)
     monkeypatch.setattr(zone_backtest, "backtest", forecasts)
+    monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given: zone_backtest.Doubts([], []))
     said = []
     found = zone_backtest.backtest_zone(SETTINGS, _data(), lambda *words: said.append(words[:2]))
     assert said == [(1, 2), (2, 2)]

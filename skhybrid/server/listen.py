@@ -1,4 +1,4 @@
-"""Where the server listens, and who may speak to it."""
+"""The address of the server, and who may speak to it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ ROWS = TypeAdapter(Annotated[list[Row], Field(min_length=1)])
 
 
 class Posted(BaseModel):
-    """What posted rows did."""
+    """The effect of posted rows."""
 
     rows: int = Field(description="rows read")
     new_steps: int = Field(description="steps of the zone that became complete by them")
@@ -66,7 +66,7 @@ class Errors(BaseModel):
 
 
 class PastErrors(BaseModel):
-    """How forecasts that have run out did."""
+    """Errors of forecasts that have run out."""
 
     origin: str | None = Field(None, alias="from", description="origin, where it is one forecast")
     forecasts: int | None = Field(None, description="number of forecasts, where there are several")
@@ -85,7 +85,7 @@ class Drift(BaseModel):
 
 
 class Status(BaseModel):
-    """What the zone knows, and how its forecasts did."""
+    """State of the zone, and errors of its forecasts."""
 
     name: str = Field(description="name of the zone")
     last_row: str | None = Field(alias="last row", description="time of the last measurement")

@@ -1,4 +1,4 @@
-"""What a zone folder tells of tomorrow and of past forecasts, in the time zone of its log."""
+"""Tomorrow and past forecasts of a zone folder, in the time zone of its log."""
 
 from __future__ import annotations
 

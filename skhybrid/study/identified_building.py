@@ -65,7 +65,7 @@ def discrete(gray_box: Any, theta: pd.Series, step: float) -> tuple[np.ndarray, 
 
 
 def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
-    """What an engineer calls the quantities of a network with some parameters, with units in their names."""
+    """Quantities of a network as an engineer names them, with units in their names."""
     step = gray_box.sampling_time_ / pd.Timedelta("1h")
     A, B, names, zone = discrete(gray_box, theta, step)
     steady = np.linalg.solve(np.eye(len(A)) - A, B)

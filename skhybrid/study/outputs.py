@@ -133,7 +133,7 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
 
 
 def _cost(result: StudyResult) -> Cost | None:
-    """What the load of the next day costs; None without a tariff, or where its kW have no scale."""
+    """Cost of the load of the next day; None without a tariff, or where its kW have no scale."""
     if not result.scaled:
         return None
     given = result.settings

@@ -62,7 +62,7 @@ class EmhassExport(NamedTuple):
     warmed: float
 
     def runtime_parameters(self, block: str = "thermal_config") -> dict[str, Any]:
-        """What EMHASS takes with a call, for one deferrable load.
+        """Return what EMHASS takes with a call, for one deferrable load.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ class Tick(NamedTuple):
 
 
 class Posted(NamedTuple):
-    """What posted rows did."""
+    """The effect of posted rows."""
 
     forecast: DayAhead | None  # None where no step is new, or the weather to come is not known
     n_new: int  # steps of the zone that were new
