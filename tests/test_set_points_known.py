@@ -88,10 +88,10 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
 def test_rows_taken_in_count_as_history(log, model):
     history, future = log[TRAINED : TRAINED + 40], ahead(log, TRAINED + 40)
     levels = (0.1, 0.9)
-    at_once = model.forecast(history, future, levels)
+    at_once = model.forecast(history, future, quantiles=levels)
     updated = copy.deepcopy(model)
     updated.update(history[:17]).update(history[17:])
-    pd.testing.assert_frame_equal(updated.forecast(None, future, levels), at_once, rtol=1e-9, atol=1e-9)
+    pd.testing.assert_frame_equal(updated.forecast(None, future, quantiles=levels), at_once, rtol=1e-9, atol=1e-9)
     assert {"T_za", "zeta", "Q_hvac", *PLANT, "q_0.1", "q_0.9", "Q_hvac_0.1", "Q_hvac_0.9"} == set(at_once)
     assert (at_once["Q_hvac_0.1"] <= at_once["Q_hvac_0.9"]).all()
     assert (at_once["q_0.1"] <= at_once["q_0.9"]).all()
