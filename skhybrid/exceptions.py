@@ -7,6 +7,7 @@ from sklearn.exceptions import NotFittedError
 __all__ = [
     "ExcitationWarning",
     "ModelFileError",
+    "PlanWarning",
     "RoleWarning",
     "ScaleNotIdentifiableWarning",
     "SkhybridWarning",
