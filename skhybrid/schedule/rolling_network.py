@@ -49,7 +49,7 @@ def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: in
     if rows.joined:  # the training rows are the first of these rows
         first = fit.segment.n_rows
         training = network.respond(rows.between(0, first), half.sample.origins)
-    network.start_memories(gram(fit.problem.design(network.psi, half, training)))
+    network.start_memories(gram(fit.problem.design(network.psi, half, training)) + fit.problem.pull_gram(network.psi))
     per_day, spacing = round(_DAY / fit.model.step), _ORIGIN_HOURS * max(1, round(1.0 / fit.model.step))
     for piece in range(first, end, _PIECE_DAYS * per_day):
         until = min(piece + _PIECE_DAYS * per_day, end)
