@@ -71,17 +71,21 @@ class Member(Protocol):
 
 
 class ScheduleMember:
-    """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW."""
+    """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW.
+
+    With the ``purpose`` "plan" its response to a kW is pulled toward what jumps of the heat say of it.
+    """
 
     names: tuple[str, ...] = ("network", "network, short memory")
     is_rule, needs_days = False, True
     fit_: LeadFit
 
-    def __init__(self, network: RCNetwork, known: dict[str, float]) -> None:
-        self.network, self.known = network, known
+    def __init__(self, network: RCNetwork, known: dict[str, float], purpose: str = "forecast") -> None:
+        self.network, self.known, self.purpose = network, known, purpose
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        self.fit_ = fit_leads(self.network, training, training.history["T_za"], n_leads, self.known, calendar=True)
+        T = training.history["T_za"]
+        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, calendar=True, purpose=self.purpose)
         return self
 
     def __getstate__(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
 
 DEFAULT_NETWORK = "4R3C"  # network of the schedule model
+#: what the forecasts are for
+Purpose = Literal["forecast", "plan"]
 
 
 @shared_docs
@@ -70,6 +72,7 @@ class SchedulePredictor(BaseHybrid):
         network="4R3C",
         *,
         known=None,
+        purpose: Purpose = "forecast",
         horizon="1D",
         adapt: Adapt = "full",
         intervals=True,
@@ -82,6 +85,7 @@ class SchedulePredictor(BaseHybrid):
     ):
         self.network = network
         self.known = known
+        self.purpose = purpose
         self.horizon = horizon
         self.adapt = adapt
         self.intervals = intervals
@@ -93,15 +97,17 @@ class SchedulePredictor(BaseHybrid):
         self.max_missing = max_missing
 
     def _make_scheme(self) -> ScheduleScheme:
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt)
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose)
 
 
 def make_schedule_scheme(
-    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None
+    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None, purpose: str
 ) -> ScheduleScheme:
     """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
+    if purpose not in get_args(Purpose):
+        raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
     found = get_network(DEFAULT_NETWORK if network is None else network)
-    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt)
+    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt, purpose=purpose)
 
 
 def _capacities(known: dict[str, float]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
-from ..schedule import NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
+from ..schedule import HeatResponse, NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
@@ -26,6 +26,7 @@ from .members import ARXMember, DailyProfileMember, Member, NumberedTable, Sched
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import Paths, Scheme
+from .without_heat import WithoutHeat
 
 _LAGS = 24  # temperatures that the black box regresses on
 _RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
@@ -42,8 +43,16 @@ class ScheduleScheme(Scheme):
     name = "schedule"
     _ahead: RollingBlend | None = None  # as far as the last forecast from the last known row went
 
-    def __init__(self, network: RCNetwork, *, known: dict[str, float], horizon: Any, adapt: str | None) -> None:
-        self.network, self.known, self.horizon, self.adapt = network, known, horizon, adapt
+    def __init__(
+        self,
+        network: RCNetwork,
+        *,
+        known: dict[str, float],
+        horizon: Any,
+        adapt: str | None,
+        purpose: str = "forecast",
+    ) -> None:
+        self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
 
     def __getstate__(self) -> dict[str, Any]:
         made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_")
@@ -69,13 +78,11 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        self._physics = ScheduleMember(self.network, self.known)
-        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
-        multi_step = [] if _has_trace(training) else [ARXMember(_LAGS, multi_step=True)]
-        self._others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
-        for member in self._members:
-            member.fit(training, n_leads)
+        self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
         fit = self._physics.fit_
+        self._others = self._make_others(training)
+        for member in self._others:
+            member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         left_out = np.stack([m.left_out(training, sample, fit.blocks) for m in self._members], axis=-1)
         left_out = self._of_clipped(left_out, sample)
@@ -91,6 +98,19 @@ class ScheduleScheme(Scheme):
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
+
+    def _make_others(self, training: ZoneTable) -> list[Member]:
+        """The members beside the network; the heat whose gain they are not to learn is taken out of them."""
+        plan = self.purpose == "plan"
+        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
+        multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
+        others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
+        plants = [role for role in training.inputs if role[:2] in ("u_", "Q_")]
+        roles = plants if plan else self._physics.fit_.undetermined
+        if not roles:
+            return others
+        response = HeatResponse.of(self._physics.fit_, roles, training)
+        return [WithoutHeat(member, response) for member in others]
 
     def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
         """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""
@@ -260,7 +280,7 @@ class ScheduleScheme(Scheme):
         rows = self.rows if measured is None else self.rows.appended(measured)
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
-        learned = type(self)(self.network, known=self.known, horizon=self.horizon, adapt=self.adapt)
+        learned = type(self)(self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose)
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)
         return learned

@@ -7,6 +7,7 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
+from .heat_response import HeatResponse
 from .online_network import OriginState
 from .rolling_network import ErrorHistory, RollingNetwork
 from .schedule_loads import heat_frame, load_paths, loads, plant_heat
@@ -15,6 +16,7 @@ from .segment import NumberedSegment, Segment, make_segment
 
 __all__ = [
     "ErrorHistory",
+    "HeatResponse",
     "LeadFit",
     "NumberedSegment",
     "OriginState",

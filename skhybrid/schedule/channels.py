@@ -157,6 +157,11 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     return heat
 
 
+def heat_of_plants(plan: ChannelPlan, coefs: Mapping[str, float], table: ZoneTable) -> np.ndarray:
+    """(N,) heat of all plants [kW] under coefficients by channel."""
+    return known_heat(plan, table) + sum(coefs[one.name] * one.series for one in equipment(plan, table))
+
+
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
     makers = (_solar_channels, equipment, _schedule_channels, _swapped_day_channels)
     names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
