@@ -16,9 +16,14 @@ from .segment import Segment
 JUMP_LEADS = (1, 2)  # rows after a jump at which the gain is observed
 _LEAST_JUMP = 0.3  # share of the largest heat
 _LITTLE_CHANGE = 0.2  # share of a jump by which the heat may change in the rows after it, or other plants with it
-_LEAST_JUMPS = 10
+_LEAST_JUMPS = 8
 _SPREAD = 0.03  # relative standard error to which a gain is believed, beside that of the jumps
 _MOST_ERROR = 0.5  # relative standard error from which jumps tell nothing
+_SHAPE_HOURS, _PER_LOG_HOUR = np.array([0.25, 4.0, 12.0, 24.0]), 0.24
+_UNUSUAL = 0.2
+import os
+_SHAPE_SPREAD = float(os.environ.get("SHAPE","0.25"))
+_RHO = float(os.environ.get("RHO",".75"))
 _KNOWN = -1  # in place of a channel, for the known heat
 
 
@@ -74,7 +79,7 @@ def _observed(
     if np.count_nonzero(weight) < _LEAST_JUMPS:
         return None
     y = segment.y
-    bend = y[k + lead] - y[k] - lead * (y[k] - y[k - 1])
+    bend = y[k + lead] - y[k] - _RHO * lead * (y[k] - y[k - 1])
     squares = float(np.sum(weight * jump**2))
     gain = float(np.sum(weight * jump * bend)) / squares
     error = float(np.sqrt(np.sum(weight * (jump * (bend - gain * jump)) ** 2))) / squares
@@ -83,15 +88,29 @@ def _observed(
     return ObservedGain(source, lead, gain, error, int(np.count_nonzero(weight)))
 
 
-def delayed(gains: tuple[ObservedGain, ...]) -> bool | None:
-    """Whether the response to jumps accelerates, which that of air that is heated directly never does.
-
-    None where the jumps do not tell.
-    """
+def _by_lead(gains: tuple[ObservedGain, ...]) -> tuple[ObservedGain, ...] | None:
+    """Gains of the known heat at the leads of jumps; None where one of them is not known."""
     known = {g.lead: g for g in gains if g.source == _KNOWN}
-    if any(lead not in known for lead in JUMP_LEADS):
-        return None
-    first, second = (known[lead] for lead in JUMP_LEADS)
+    return tuple(known[lead] for lead in JUMP_LEADS) if known.keys() >= set(JUMP_LEADS) else None
+
+
+def is_usual(gains: tuple[ObservedGain, ...]) -> bool:
+    """Whether jumps say that the response begins as is usual in rooms whose air is heated."""
+    found = _by_lead(gains)
+    if found is None:
+        return False
+    first, second = found
+    error = float(np.hypot(first.error / first.gain, second.error / second.gain))
+    usual = np.log1p(_PER_LOG_HOUR * np.log(second.lead / first.lead))
+    return abs(np.log(second.gain / first.gain) - usual) < _UNUSUAL + 2.0 * error
+
+
+def delayed(gains: tuple[ObservedGain, ...]) -> bool:
+    """Whether jumps say that the response accelerates, which that of air that is heated directly never does."""
+    found = _by_lead(gains)
+    if found is None:
+        return False
+    first, second = found
     return second.gain - 2.0 * first.gain > 2.0 * float(np.hypot(second.error, 2.0 * first.error))
 
 
@@ -127,6 +146,17 @@ class GainPull(NamedTuple):
     """Rows of a least-squares problem that pull the gains of a network toward observed ones."""
 
     observed: tuple[ObservedGain, ...]
+    step: float  # [h]
+    usual: bool  # whether the response is also pulled toward the usual shape
+
+    def shape(self, model: FilterModel, psi: np.ndarray, heated: int) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) weighted residuals of the shape of the step response, and their derivatives (3, p) by psi."""
+        rows = np.maximum(np.round(_SHAPE_HOURS / self.step).astype(int), 1)
+        at = step_response(model, model.matrices(psi), psi, heated, rows[-1])
+        log_gain, slope = np.log(at.gain[rows - 1]), at.slope[rows - 1] / at.gain[rows - 1, None]
+        usual = np.log1p(_PER_LOG_HOUR * np.log(_SHAPE_HOURS / _SHAPE_HOURS[0]))
+        residual = log_gain - log_gain[0] - usual
+        return -residual[1:] / _SHAPE_SPREAD, -(slope - slope[0])[1:] / _SHAPE_SPREAD
 
     @property
     def root(self) -> np.ndarray:
@@ -134,7 +164,7 @@ class GainPull(NamedTuple):
         return np.array([1.0 / np.hypot(_SPREAD * g.gain, g.error) for g in self.observed])
 
     def _response(self, model: FilterModel, psi: np.ndarray, heated: int) -> StepResponse:
-        return step_response(model, model.matrices(psi), psi, heated, max(g.lead for g in self.observed))
+        return step_response(model, model.matrices(psi), psi, heated, max(JUMP_LEADS))
 
     def design(self, model: FilterModel, psi: np.ndarray, segment: Segment) -> np.ndarray:
         """(r, J + 1) weighted columns and target."""
@@ -149,7 +179,12 @@ class GainPull(NamedTuple):
                     row[n_channels] = at.lagging[g.lead - 1]
             else:
                 row[g.source] = at.gain[g.lead - 1]
-        return self.root[:, None] * E
+        if not self.usual:
+            return self.root[:, None] * E
+        residual, _ = self.shape(model, psi, plan.heated)
+        usual = np.zeros((len(residual), E.shape[1]))
+        usual[:, -1] = residual
+        return np.vstack([self.root[:, None] * E, usual])
 
     def sensitivities(self, model: FilterModel, psi: np.ndarray, coef: np.ndarray, segment: Segment) -> np.ndarray:
         """(r, p) derivatives by psi of the weighted errors at fixed coefficients."""
@@ -159,7 +194,9 @@ class GainPull(NamedTuple):
             row[:] = -at.slope[g.lead - 1] * (1.0 if g.source == _KNOWN else coef[g.source])
             if g.source == _KNOWN and plan.emitter:
                 row -= coef[-1] * at.dlagging[g.lead - 1]
-        return self.root[:, None] * de
+        if not self.usual:
+            return self.root[:, None] * de
+        return np.vstack([self.root[:, None] * de, self.shape(model, psi, plan.heated)[1]])
 
 
 def unit_step(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int, n_leads: int, lagging: float) -> np.ndarray:
