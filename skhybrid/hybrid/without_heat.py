@@ -9,7 +9,8 @@ import numpy as np
 
 from .._table import ZoneTable
 from ..filtering import ForecastSample
-from ..schedule import HeatResponse
+from ..forecasting.features import rows_per_day
+from ..schedule import HeatResponse, RollingNetwork
 from .members import Member, NumberedTable, RollingMember
 
 
@@ -48,36 +49,60 @@ class WithoutHeat:
         return RowsAndHeat(without, response.heat(rows.table))
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingWithoutHeat:
-        return RollingWithoutHeat(self._response, self._member.view, self._member.start(rows, sample, adapt))
+        rolling, per_week = self._member.start(rows, sample, adapt), 7 * rows_per_day(rows.table.step)
+        return RollingWithoutHeat(self._response, self._member.view, rolling, per_week)
 
 
 class RollingWithoutHeat:
     """The member as it goes through rows from row 0 on."""
 
     def __init__(
-        self, response: HeatResponse, view: Callable[[NumberedTable], Any], rolling: RollingMember
+        self, response: HeatResponse, view: Callable[[NumberedTable], Any], rolling: RollingMember, per_week: int
     ) -> None:
-        self._response, self._view_of, self._rolling = response, view, rolling
+        self._response, self._view_of, self._rolling, self._per_week = response, view, rolling, per_week
         self._row = 0  # the last row that it went through
-        self._past = np.empty(0)  # responses [K] of the rows before it
-        self._states = np.zeros((1, len(response.A)))  # of the network from row ``_first`` on
-        self._first = 0
+        self._heat, self._past = np.empty(0), np.empty(0)  # heat [kW] of the rows before it, and the response [K]
+        self._states = np.zeros((1, len(response.A)))  # of the network from that row on
+        self._shift = 0.0  # taken off a later network's response, so that its level stays [K]
         self._rows: RowsAndHeat | None = None  # as last seen
         self._view: Any = None
+        self._first = 0  # row of the first state
 
     @property
     def errors(self) -> np.ndarray:
         return self._rolling.errors
 
+    def follow(self, network: RollingNetwork) -> None:
+        """Take the response of a network that was fitted again, from now on and for all rows so far."""
+        if np.array_equal(network.psi, self._response.psi):
+            return
+        self._settle()
+        self._response = self._response.at(network.fit, network.psi, network.coefs()[0])
+        states = self._response.simulate(self._heat)
+        past, recent = self._response.output(states[:-1]), slice(-self._per_week, None)
+        self._shift = float(np.mean(past[recent] - self._past[recent])) if len(past) else 0.0
+        self._past, self._states, self._rows = past - self._shift, states[-1:], None
+
+    def _settle(self) -> None:
+        """Keep what is known of the rows before the last one."""
+        n = self._row - self._first
+        if n and self._rows is not None:
+            begin = self._first - self._rows.rows.first
+            self._heat = np.append(self._heat, self._rows.heat[begin : begin + n])
+            self._past = np.append(self._past, self._output(self._states[:n]))
+        self._states, self._first = self._states[n:], self._row
+
+    def _output(self, states: np.ndarray) -> np.ndarray:
+        return self._response.output(states) - self._shift
+
     def _take(self, rows: RowsAndHeat) -> Any:
         """The rows as the member takes them; those after the last one may differ from those seen before."""
         if rows is not self._rows:
-            first, T = rows.rows.first, rows.rows.T
-            self._past = np.append(self._past, self._response.output(self._states[: self._row - self._first]))
-            begin = self._states[self._row - self._first]
-            self._states, self._first = self._response.simulate(rows.heat[self._row - first :], begin), self._row
-            s = np.append(self._past, self._response.output(self._states[:-1]))[first:]
-            self._rows, self._view = rows, self._view_of(rows.rows._replace(T=T - s))
+            self._settle()
+            first = rows.rows.first
+            self._states = self._response.simulate(rows.heat[self._row - first :], self._states[0])
+            response = np.append(self._past, self._output(self._states[:-1]))[first:]
+            self._rows, self._view = rows, self._view_of(rows.rows._replace(T=rows.rows.T - response))
         return self._view
 
     def advance(self, view: RowsAndHeat, origin: int) -> None:
@@ -90,4 +115,4 @@ class RollingWithoutHeat:
         if len(ahead) < n_leads:  # after the last row its heat is held
             held = np.full(n_leads - len(ahead), view.heat[-1])
             ahead = np.concatenate([ahead, self._response.simulate(held, self._states[-1])[1:]])
-        return paths + self._response.output(ahead), zeta
+        return paths + self._output(ahead), zeta

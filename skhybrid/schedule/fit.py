@@ -17,7 +17,7 @@ from .constrained_ridge import Solution, gram, solve_coefficients
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
-from .step_gain import GainPull, is_delayed, is_usual, observed_gains
+from .step_gain import GainPull, is_delayed
 
 _COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
@@ -132,11 +132,10 @@ def fit_leads(
 
 def _plan_and_pull(
     plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float
-) -> tuple[ChannelPlan, GainPull | None]:
+) -> tuple[ChannelPlan, GainPull]:
     """Channels and pull of a network whose gain is to be right."""
-    observed = observed_gains(make_segment(plan, table, T, reference))
-    plan = plan._replace(free_level=True, lags=is_delayed(observed))
-    return plan, GainPull(observed, is_usual(observed), table.step_hours) if observed else None
+    pull = GainPull.of(make_segment(plan, table, T, reference), table.step_hours)
+    return plan._replace(free_level=True, lags=is_delayed(pull.observed)), pull
 
 
 def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:

@@ -24,17 +24,22 @@ class HeatResponse:
     zone: int  # index of the measured node
     roles: frozenset[str]
     mean: float  # [kW]
+    psi: np.ndarray  # (p,)
     A: np.ndarray  # (n + 1, n + 1); the last state is the emitter's heat
     effect: np.ndarray  # (n + 1,) of 1 kW
 
     @classmethod
     def of(cls, fit: LeadFit, roles: Collection[str], training: ZoneTable) -> Self:
         """Response to the heat of the plants ``roles``."""
-        matrices = fit.model.matrices(fit.psi)
-        A, effect = with_lag(fit.plan, matrices, fit.psi, fit.coef, fit.model.step)
-        coefs = {name: float(c) for name, c in zip(fit.channel_names, fit.coef, strict=False) if name.startswith("u_")}
-        made = cls(fit.plan, coefs, fit.model.zone, frozenset(roles), 0.0, A, effect)
+        rest = np.empty(0)
+        made = cls(fit.plan, {}, fit.model.zone, frozenset(roles), 0.0, rest, rest, rest).at(fit, fit.psi, fit.coef)
         return replace(made, mean=float(made.heat(training).mean()))
+
+    def at(self, fit: LeadFit, psi: np.ndarray, coef: np.ndarray) -> Self:
+        """The response of the same network at other parameters."""
+        A, effect = with_lag(fit.plan, fit.model.matrices(psi), psi, coef, fit.model.step)
+        coefs = {name: float(c) for name, c in zip(fit.channel_names, coef, strict=False) if name.startswith("u_")}
+        return replace(self, coefs=coefs, psi=psi, A=A, effect=effect)
 
     def heat(self, table: ZoneTable) -> np.ndarray:
         """(N,) heat of the plants [kW] less the training's mean."""

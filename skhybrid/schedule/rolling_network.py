@@ -12,6 +12,7 @@ from .fit import LeadFit
 from .lead_problem import ScoredForecasts, minimise
 from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
+from .step_gain import GainPull
 
 _REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
@@ -71,10 +72,12 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
     warmup = per_day if rows.joined or first else 0  # from a day on, as in training
     origins = np.arange(warmup, end - 1 - first, max(1, round(_ORIGIN_HOURS / fit.model.step)))
     weight = np.where(origins + first >= rows.begin, HISTORY_WEIGHT, 1.0)
-    forecasts = [ScoredForecasts(rows.between(first, end), ForecastSample(origins, leads), weight)]
+    window = rows.between(first, end)
+    forecasts = [ScoredForecasts(window, ForecastSample(origins, leads), weight)]
     if not rows.joined:
         forecasts.append(_every_second(fit))
-    return minimise(replace(fit.problem, forecasts=tuple(forecasts)), psi, max_steps=_STEPS).psi
+    pull = None if fit.problem.pull is None else GainPull.of(window, fit.model.step)
+    return minimise(replace(fit.problem, forecasts=tuple(forecasts), pull=pull), psi, max_steps=_STEPS).psi
 
 
 def _every_second(fit: LeadFit) -> ScoredForecasts:
@@ -102,6 +105,11 @@ class RollingNetwork:
         self._previous: OnlineNetwork | None = None
         self._previous_since = begin
         self._morning_coefs: dict[int, np.ndarray] = {}  # day -> (K, J)
+
+    @property
+    def psi(self) -> np.ndarray:
+        """(p,) as last fitted."""
+        return self._network.psi
 
     @property
     def errors(self) -> np.ndarray:

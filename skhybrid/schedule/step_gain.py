@@ -7,7 +7,7 @@ Jumps of the heat come from changes of the set-points and tell the gain of the f
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -146,6 +146,12 @@ class GainPull(NamedTuple):
     observed: tuple[ObservedGain, ...]
     usual: bool  # whether the response is also pulled toward the usual shape
     step: float  # [h]
+
+    @classmethod
+    def of(cls, segment: Segment, step: float) -> Self:
+        """Pull toward what the jumps in these rows say."""
+        observed = observed_gains(segment)
+        return cls(observed, is_usual(observed), step)
 
     @property
     def root(self) -> np.ndarray:
