@@ -4,6 +4,7 @@ from __future__ import annotations
 
 __all__ = [
     "ExcitationWarning",
+    "GainWarning",
     "ModelFileError",
     "RoleWarning",
     "ScaleNotIdentifiableWarning",
@@ -30,6 +31,10 @@ class ScaleNotIdentifiableWarning(SkhybridWarning):
 
 class ExcitationWarning(SkhybridWarning):
     """The data do not excite a parameter, so the fit cannot determine it."""
+
+
+class GainWarning(SkhybridWarning):
+    """The response of a forecast to a kW is not to be relied on."""
 
 
 class ModelFileError(ValueError):

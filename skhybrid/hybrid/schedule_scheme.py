@@ -21,6 +21,7 @@ from ..schedule import HeatResponse, NumberedSegment, OriginState, ScheduledNetw
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
+from .gain_report import EXPERIMENT, gain_errors, gain_table, plant_of, warn_of_gains
 from .known_rows import KnownRows
 from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
@@ -55,7 +56,7 @@ class ScheduleScheme(Scheme):
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_")
+        made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -71,6 +72,8 @@ class ScheduleScheme(Scheme):
         self._learn(measured)
         self._warn_scale()
         self._warn_undetermined()
+        if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
+            warn_of_gains(self._members, self.gain_, self.purpose)
         return self
 
     def _learn(self, measured: ZoneTable) -> None:
@@ -142,8 +145,8 @@ class ScheduleScheme(Scheme):
             remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
             warn_user(
                 f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
-                "its gain, so that forecasts with it are a guess; train on a log in which it goes on and off for a "
-                f"few hours{remedy}.",
+                f"its gain, so that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in which "
+                f"it goes on and off for a few hours{remedy}.",
                 ExcitationWarning,
             )
 
@@ -160,6 +163,22 @@ class ScheduleScheme(Scheme):
         """Share of each way to forecast by group of leads, as the training has it."""
         names = [name for member in self._members for name in member.names]
         return pd.DataFrame(self._record.weights(), list(GROUP_NAMES), names)
+
+    @property
+    def _plant(self) -> tuple[str, float] | None:
+        return plant_of(self._physics.fit_, self.rows.training)
+
+    @cached_property
+    def gain_(self) -> pd.DataFrame:
+        """Temperature after a step of 1 kW, by lead and member [K/kW]."""
+        if self._plant is None:
+            raise AttributeError("the training has no plant, so that there is no gain_.")
+        return gain_table(self._members, self._record, self.rows.training, self._plant)
+
+    @cached_property
+    def gain_std_(self) -> pd.Series:
+        """Relative standard error of the network's gain, by lead."""
+        return gain_errors(self._physics.fit_, self.gain_, self.rows.training.step, self.purpose)
 
     @cached_property
     def zeta_(self) -> pd.Series:

@@ -42,6 +42,11 @@ class WithoutHeat:
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         return self._member.left_out(self._reduced(training), sample, blocks)
 
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        if plant[0] not in self._response.roles:
+            return self._member.step_gain(self._reduced(training), plant, n_leads)
+        return self._response.output(self._response.simulate(np.ones(n_leads)))[1:]
+
     def view(self, rows: NumberedTable) -> RowsAndHeat:
         response = self._response
         before = None if rows.before is None else response.without_plants(rows.before)

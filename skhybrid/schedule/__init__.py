@@ -7,6 +7,7 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
+from .gain_error import step_gain, step_gain_error
 from .heat_response import HeatResponse
 from .online_network import OriginState
 from .rolling_network import ErrorHistory, RollingNetwork
@@ -29,4 +30,6 @@ __all__ = [
     "loads",
     "make_segment",
     "plant_heat",
+    "step_gain",
+    "step_gain_error",
 ]

@@ -154,6 +154,11 @@ class GainPull(NamedTuple):
         return cls(observed, is_usual(observed), step)
 
     @property
+    def n_rows(self) -> int:
+        """Number of the rows."""
+        return len(self.observed) + len(self._rows) - 1
+
+    @property
     def root(self) -> np.ndarray:
         """(r,) root weights of the observed gains."""
         return np.array([1.0 / np.hypot(_SPREAD * g.gain, g.error) for g in self.observed])
