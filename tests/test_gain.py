@@ -152,7 +152,7 @@ def test_the_gradient_of_the_loss_has_the_pull(stages):
 
 
 def test_the_network_takes_the_gain_that_jumps_show(plan, log):
-    X, truth = log
+    _, truth = log
     observed = next(g for g in network(plan).problem.pull.observed if g.source == KNOWN_HEAT and g.lead == 1)
     assert step_gain(network(plan), 1)[0] == pytest.approx(observed.gain, rel=0.05)
     assert observed.gain == pytest.approx(truth[0], rel=0.1)

@@ -17,7 +17,16 @@ from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
-from ..schedule import HeatResponse, NumberedSegment, OriginState, ScheduledNetwork, heat_frame, load_paths, loads, plant_heat
+from ..schedule import (
+    HeatResponse,
+    NumberedSegment,
+    OriginState,
+    ScheduledNetwork,
+    heat_frame,
+    load_paths,
+    loads,
+    plant_heat,
+)
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .drift import DriftMonitor
@@ -145,8 +154,8 @@ class ScheduleScheme(Scheme):
             remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
             warn_user(
                 f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
-                f"its gain, so that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in which "
-                f"it goes on and off for a few hours{remedy}.",
+                f"its gain, so that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in "
+                f"which it goes on and off for a few hours{remedy}.",
                 ExcitationWarning,
             )
 
@@ -299,7 +308,9 @@ class ScheduleScheme(Scheme):
         rows = self.rows if measured is None else self.rows.appended(measured)
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
-        learned = type(self)(self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose)
+        learned = type(self)(
+            self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose
+        )
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)
         return learned

@@ -132,7 +132,10 @@ class LeadProblem:
             cross += (E.T @ J)[free]
         if self.pull is not None:
             segment, coef = self.forecasts[0].segment, at.solution.coef
-            E, J = self.pull.design(self.model, at.psi, segment), self.pull.sensitivities(self.model, at.psi, coef, segment)
+            E, J = (
+                self.pull.design(self.model, at.psi, segment),
+                self.pull.sensitivities(self.model, at.psi, coef, segment),
+            )
             H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
         return g, H - cross.T @ cho_solve(cho_factor(inner), cross)

@@ -72,9 +72,7 @@ def _observed(
     return ObservedGain(source, lead, gain, error, n_jumps) if error < _MOST_ERROR * gain else None
 
 
-def _jumps(
-    source: int, sources: Mapping[int, np.ndarray], k: np.ndarray, lead: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _jumps(source: int, sources: Mapping[int, np.ndarray], k: np.ndarray, lead: int) -> tuple[np.ndarray, np.ndarray]:
     """Change of a source at rows ``k``, and where it is a jump after which no source changes much."""
     size = {i: float(np.abs(v).max()) for i, v in sources.items()}
     jump = sources[source][k] - sources[source][k - 1]
