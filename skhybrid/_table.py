@@ -171,7 +171,7 @@ def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
     for table in reversed(tables):
         if chosen and n_rows <= 0:
             break
-        chosen.insert(0, table.rows(slice(max(0, table.n_rows - n_rows), None)))
+        chosen.insert(0, table if table.n_rows <= n_rows else table.rows(slice(table.n_rows - n_rows, None)))
         n_rows -= table.n_rows
     return concatenate_tables(chosen)
 

@@ -37,5 +37,9 @@ class GainWarning(SkhybridWarning):
     """The response of a forecast to a kW is not to be relied on."""
 
 
+class PlanWarning(SkhybridWarning):
+    """A plan leaves what training covered, or a forecast is not affine in it."""
+
+
 class ModelFileError(ValueError):
     """A model file is truncated, altered, from another version, or not a model file at all."""

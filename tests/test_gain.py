@@ -180,6 +180,16 @@ def test_the_blend_answers_to_a_kw_as_the_network_does(plan, log, adapt):
     assert (np.ptp(plan.gain_.to_numpy(), axis=1) < 1e-9).all()
 
 
+def test_an_optimiser_gets_the_gain_of_the_network(plan, log):
+    X, _ = log
+    ahead = X[N_TRAIN : N_TRAIN + DAY].drop(columns="T_za")
+    affine, alone = (plan.affine_forecast(None, ahead, member=member) for member in ("blend", "network"))
+    np.testing.assert_allclose(affine.gain, alone.gain, atol=1e-10)
+    np.testing.assert_allclose(affine.gain.sum(axis=(1, 2))[1:], step_gain(network(plan), DAY - 1), atol=1e-8)
+    found = affine.temperature(ahead["Q_hvac"].to_numpy())
+    np.testing.assert_allclose(found, plan.forecast(None, ahead)["T_za"], atol=1e-9)
+
+
 def test_the_blend_follows_a_network_that_was_fitted_again(plan, log):
     X, _ = log
     later = slice(N_TRAIN + 11 * DAY, N_TRAIN + 12 * DAY)
@@ -187,7 +197,7 @@ def test_the_blend_follows_a_network_that_was_fitted_again(plan, log):
     scheme = deepcopy(plan).update(X[N_TRAIN : later.start])._scheme
     scheme.forecast_ahead(scheme.rows.latest.replace(index=scheme.rows.latest.index))
     assert np.abs(found - before).max() > 1e-4
-    psi = scheme._ahead._rolling[0].psi
+    psi = scheme._running["full"].network.psi
     np.testing.assert_allclose(found, step_gain(replace(network(plan), psi=psi), DAY - 1), atol=1e-8)
 
 

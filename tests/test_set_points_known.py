@@ -131,7 +131,7 @@ def test_without_a_learned_thermostat_the_plant_is_ideal(log):
     with pytest.raises(ValueError, match="no thermostat was learned"):
         model.forecast(None, future)
     with pytest.raises(ValueError, match="need a learned thermostat"):
-        model.forecast(None, future, (0.1, 0.9), setpoint=(20.0, 24.0))
+        model.forecast(None, future, quantiles=(0.1, 0.9), setpoint=(20.0, 24.0))
     found = model.forecast(None, future, setpoint=(20.0, 24.0))
     assert (found["T_za"][2:] > 19.5).all()
     assert {"T_za", "zeta", "Q_hvac", *PLANT} == set(found)

@@ -71,6 +71,24 @@ def test_predictions_have_a_column_a_room(rooms):
     assert model.score(X[: len(X) // 2], rooms["X"][OUTPUTS][: len(X) // 2]) < 1.0
 
 
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_plan_for_several_rooms(rooms, measured):
+    """Free response and gain have one more axis; so has the state-space model's output."""
+    model, X = rooms["model"], rooms["X"]
+    history, future = X[:-96], X[-96:]
+    now = future[OUTPUTS].iloc[0].to_list() if measured else None
+    space = model.to_state_space(history, future, T_za=now)
+    q = np.random.default_rng(0).uniform(size=(96, len(space.inputs)))
+    planned = future.assign(**dict(zip(space.inputs, q.T, strict=True)))
+    found = model.affine_forecast(history, future, space.inputs, T_za=now)
+    forecast = model.forecast(history, planned, T_za=now)
+    assert found.gain.shape == (96, 96, len(space.inputs), 2)
+    assert list(forecast.columns) == [*OUTPUTS, "zeta_north", "zeta_south"]
+    for T in (found.temperature(q), space.simulate(q)[:-1]):
+        np.testing.assert_allclose(T, forecast[OUTPUTS], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.zeta, forecast[["zeta_north", "zeta_south"]], rtol=0, atol=1e-9)
+
+
 def test_a_forecast_under_given_disturbances(rooms):
     model, X = rooms["model"], rooms["X"]
     cold = model.drive(X, [300], np.zeros((1, 8, 2)))

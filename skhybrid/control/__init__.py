@@ -1,5 +1,7 @@
-"""Set-points, limits, plants and the heat that they require: plain matrices and states, no estimator."""
+"""Set-points, limits, plants, required heat and affine forecasts: plain matrices and states, no estimator."""
 
+from .affine import AffineForecast, ControlModel, LinearNetwork, gain_of, impulse_response
+from .heat_plan import Plan, covered_by, limits_of, planned, read_inputs, read_member, warn_bent, warn_uncovered
 from .required_heat import (
     MOST_AHEAD,
     HeatedZone,
@@ -15,16 +17,29 @@ from .setpoints import Band, Limits, read_limits, read_setpoint
 
 __all__ = [
     "MOST_AHEAD",
+    "AffineForecast",
     "Band",
+    "ControlModel",
     "HeatedZone",
     "Limits",
+    "LinearNetwork",
     "LoadPaths",
+    "Plan",
     "Plant",
+    "covered_by",
+    "gain_of",
+    "impulse_response",
     "is_plant",
+    "limits_of",
     "load_frame",
     "make_plant",
+    "planned",
+    "read_inputs",
     "read_limits",
+    "read_member",
     "read_setpoint",
     "required_heat",
     "steps_ahead",
+    "warn_bent",
+    "warn_uncovered",
 ]

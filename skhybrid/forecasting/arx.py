@@ -261,7 +261,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """
         return self._design.view(table, T, first, before)
 
-    def iterate(self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
+    def iterate(
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+    ) -> np.ndarray:
         """Forecasts (n_origins, n_leads) [degC] by the recursion from each origin.
 
         Parameters
@@ -270,8 +272,20 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             The temperature is read up to each origin; after the last row the inputs are held.
         origins, n_leads : ndarray of int, shape (n_origins,), and int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
+        held : bool; whether nothing far outside of the training temperatures is forecast
         """
-        return self._design.iterate(view, origins, n_leads, coefs)
+        return self._design.iterate(view, origins, n_leads, coefs, held=held)
+
+    def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
+        """Response (n_leads,) [K] of the temperature after 1, 2 ... steps to a unit of an input over one step.
+
+        Parameters
+        ----------
+        role : str
+        coef : ndarray of shape (n_columns,)
+        n_leads : int
+        """
+        return self._design.input_response(role, coef, n_leads)
 
     def recursive(self, begin: int = 0) -> RecursiveARX | RecursiveMultiStep:
         """The regression, ready to be updated by later rows.

@@ -211,18 +211,40 @@ class ARXDesign:
         """(n_rows, n_lags) temperatures up to each row, newest first; row 0 stands for the rows before it."""
         return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
 
-    def iterate(self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray) -> np.ndarray:
-        """See :meth:`ARXRegressor.iterate`."""
+    def iterate(
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+    ) -> np.ndarray:
+        """See :meth:`ARXRegressor.iterate`; not ``held``: without the limits to what is forecast."""
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
             driven = (view.exogenous @ drive[0])[rows]
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
-        low, high = ((bound - self.T_mean) / self.T_scale for bound in self.T_range)
+        bounds = self.T_range if held else (-np.inf, np.inf)
+        low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
         begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
         each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
         return iterate_lags(begin, each, driven / self.T_scale, low, high) * self.T_scale + self.T_mean
+
+    def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
+        """(n_leads,) temperature [K] after 1, 2 ... steps of a unit of an input over one step, by coefficients (p,)."""
+        if role not in self.roles:
+            return np.zeros(n_leads)
+        lags, place = coef[: self.n_lags] / self.T_scale, self.roles.index(role)
+        each = coef[self.n_lags : self.n_lags + len(self.input_mean)] / self.input_scale
+        own = each[place * self.n_input_lags : (place + 1) * self.n_input_lags]
+        drive = np.zeros(max(n_leads, len(own)))
+        drive[: len(own)] = own
+        if self.daily is not None:
+            first = len(self.roles) * self.n_input_lags + place * len(self.daily.decay)
+            for weight, decay in zip(each[first:], self.daily.decay, strict=False):
+                drive[:n_leads] += weight * (1.0 - decay) * decay ** np.arange(n_leads)
+        # T[k+1] = T[k] + lags (T[k], T[k-1] ...) + drive[k]
+        recursion = -np.append(0.0, lags)
+        recursion[1] -= 1.0
+        recursion[0] = 1.0
+        return np.asarray(lfilter([1.0], recursion, drive[:n_leads]))
 
 
 class RecursiveARX:

@@ -18,7 +18,8 @@ _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
 
 def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
     """Local hour of day, with its fraction, (n,) float64."""
-    return ((time - time.normalize()) / _HOUR).to_numpy(dtype=np.float64)
+    hour = np.timedelta64(1, "h") // np.timedelta64(1, time.unit)
+    return (time.asi8 % (24 * hour)) / np.float64(hour)
 
 
 def rows_per_day(step: pd.Timedelta) -> int:
@@ -40,6 +41,14 @@ def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
 def day_type_hour(table: ZoneTable) -> np.ndarray:
     """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends and holidays, (n,) int."""
     return np.floor(hour_of_day(table.time)).astype(np.int64) + 24 * table.weekend
+
+
+def day_type_hours(table: ZoneTable, rows: np.ndarray) -> np.ndarray:
+    """:func:`day_type_hour` of rows (n,) counted from a table's last one, within it or not."""
+    stamps = table.index if isinstance(table.index, pd.DatetimeIndex) else table.time
+    time = stamps[-1] + pd.TimedeltaIndex(rows * table.step.to_timedelta64())
+    time = time if time.tz is None else time.tz_localize(None)
+    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * (table.holidays.day_of_week(time) >= 5)
 
 
 def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:

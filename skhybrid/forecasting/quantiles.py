@@ -124,6 +124,18 @@ class QuantileForecastMixin(RollingForecastMixin):
         weather: WeatherError | None = None,
     ) -> np.ndarray:
         """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history."""
+        paths, offsets = self._quantile_offsets(table, origins, n_leads, levels, weather)
+        return paths[..., None] + offsets
+
+    def _quantile_offsets(
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        levels: np.ndarray,
+        weather: WeatherError | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Forecasts (n_origins, n_leads), and what their quantiles have beyond them (n_origins, n_leads, n_levels)."""
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
@@ -139,9 +151,8 @@ class QuantileForecastMixin(RollingForecastMixin):
             now = origin * table.step_hours / 24.0
             recent = (errors[own], past_clock.rows(own))
             factor = intervals.factor_at(recent, now)
-            offsets = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further, factor)
-            out[i] = paths[i][:, None] + offsets
-        return out
+            out[i] = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further, factor)
+        return paths, out
 
     def _weather_spread(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, weather: WeatherError | None

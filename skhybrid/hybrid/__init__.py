@@ -1,8 +1,16 @@
 """Hybrid predictors: a thermal network joined to a forecast of its disturbance (design 6), and a drift monitor."""
 
+from ..control import AffineForecast, ControlModel
 from .drift import DriftMonitor
 from .predictor import HybridPredictor
 from .schedule_predictor import SchedulePredictor
 from .two_stage_predictor import TwoStagePredictor
 
-__all__ = ["DriftMonitor", "HybridPredictor", "SchedulePredictor", "TwoStagePredictor"]
+__all__ = [
+    "AffineForecast",
+    "ControlModel",
+    "DriftMonitor",
+    "HybridPredictor",
+    "SchedulePredictor",
+    "TwoStagePredictor",
+]

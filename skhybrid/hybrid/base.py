@@ -23,8 +23,8 @@ from .._table import (
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..thermal import RCNetwork
+from .affine_frames import AffineFramesMixin
 from .closed_loop import ClosedLoop
-from .frames_forecast import FramesForecastMixin
 from .preprocess import fit_preprocess, preprocessed
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
@@ -43,7 +43,7 @@ def _of_scheme(name: str, doc: str) -> Any:
     return property(read, doc=doc)
 
 
-class BaseHybrid(FramesForecastMixin, RegressorMixin, BaseEstimator):
+class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
     adapt: Adapt

@@ -42,6 +42,16 @@ class ClosedLoopPaths(NamedTuple):
     heat_bands: np.ndarray | None = None  # (O, L, n_levels) [kW]
     temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
 
+    def after(self, T_za: float) -> ClosedLoopPaths:
+        """With the temperature at the origin before those at the ends of its rows."""
+
+        def extended(T: np.ndarray) -> np.ndarray:
+            return np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
+
+        bands = None if self.temperature_bands is None else extended(self.temperature_bands)
+        paths = self.paths._replace(temperature=extended(self.paths.temperature))
+        return self._replace(paths=paths, temperature_bands=bands)
+
 
 class _Errors(NamedTuple):
     """Errors of the members from origins of a table."""

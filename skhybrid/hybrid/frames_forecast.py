@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
-from .._table import SETPOINT_ROLES, ZoneTable, append_tables
+from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths, is_plant
@@ -18,28 +19,24 @@ from ..control.setpoints import read_limits, read_setpoint
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .closed_loop import ClosedLoop, ClosedLoopPaths
+from .frames_reading import FramesReadingMixin
 from .scheme import Scheme
-from .scheme_intervals import HybridQuantilesMixin
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
-from .tables import join_frames, join_tables, refuse_absent, unmeasured
 
 
-class FramesForecastMixin(HybridQuantilesMixin):
+class FramesForecastMixin(FramesReadingMixin):
     """``forecast`` and ``predict_load`` of the hybrid predictors."""
 
-    preprocess_: Any
     _law: ClosedLoop | None
-
-    def _read_following(self, X: Any) -> ZoneTable:
-        raise NotImplementedError
 
     @one_blas_thread
     def forecast(
         self,
         history: pd.DataFrame | ZoneTable | None,
         future: pd.DataFrame | ZoneTable,
-        quantiles: Sequence[float] | None = None,
+        T_za: float | None = None,
         setpoint: Any = None,
+        quantiles: Sequence[float] | None = None,
         *,
         weather_error: Any = None,
     ) -> pd.DataFrame:
@@ -55,10 +52,13 @@ class FramesForecastMixin(HybridQuantilesMixin):
             that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
-        quantiles : sequence of float, optional
-            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
+        T_za : float, optional
+            Temperature measured at the first row of ``future``, which then is *now* [degC]: the forecast begins there,
+            and the heat of that row is still to be decided.  It is not added to the history.
         setpoint : float, array-like of shape (n_future,), pair or DataFrame of two columns, optional
             As in :meth:`predict_load`, of the rows of ``future``.
+        quantiles : sequence of float, optional
+            As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
             As in :meth:`predict_quantiles`; for given heat only.
 
@@ -73,68 +73,72 @@ class FramesForecastMixin(HybridQuantilesMixin):
         Raises
         ------
         ValueError
-            If the two do not join evenly or a column is missing; under a thermostat, if set-points are missing or
-            crossed, or if quantiles are wanted and the training had no set-points.
+            If the two do not join evenly or a column is missing, or ``T_za`` is no temperature; under a thermostat, if
+            set-points are missing or crossed, or if quantiles are wanted and the training had no set-points.
         """
         check_is_fitted(self)
-        for name, rows in (("history", history), ("future", future)):
-            if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
-                raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
-        if (history is not None and not len(history.index)) or not len(future.index):
-            raise ValueError("history and future need at least one row each.")
+        refuse_no_frames(history, future)
+        now = None if T_za is None else read_now(T_za, future.index)
         levels = None if quantiles is None else read_quantiles(quantiles)
         weather = read_weather_error(weather_error)
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
-            return self._under_heat(history, future, levels, weather)
+            return self._under_heat(history, future, now, levels, weather)
         if weather is not None:
             raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
-        return self._under_thermostat(history, future, levels, setpoint)
+        return self._under_thermostat(history, future, now, levels, setpoint)
 
     def _under_heat(
-        self, history: Any, future: Any, levels: np.ndarray | None, weather: WeatherError | None
+        self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
     ) -> pd.DataFrame:
-        """The forecast with the heat of ``future``."""
-        n_ahead, scheme = len(future.index), self._present_scheme()
+        """The forecast with the heat of ``future``; ``now`` is the temperature of its first row, where measured."""
+        n_leads, scheme = len(future.index) - (now is not None), self._present_scheme()
         if history is None:
             ahead = self._read_future(future)
-            paths = scheme.forecast_ahead(ahead)
+            paths = scheme.forecast_ahead(ahead, now)
         else:
-            table, origin = self._read_both(history, future)
-            paths = scheme.forecast(table, origin, n_ahead)
-        found = {"T_za": paths.temperature[0], "zeta": paths.zeta[0]}
+            table, origin = self._read_both(history, future, now)
+            paths = scheme.forecast(table, origin, n_leads)
+        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         if levels is not None:
             if history is None:
-                table, origin = self._after_known(ahead)
-            bands = self._quantile_paths(table, origin, n_ahead, levels, weather)[0]
+                table, origin = self._after_known(ahead, now)
+            bands = np.empty((0, len(levels)))
+            if n_leads:
+                bands = self._quantile_paths(table, origin, n_leads, levels, weather)[0]
+            bands = bands if now is None else np.vstack([np.full(len(levels), now), bands])
             found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
         return pd.DataFrame(found, index=future.index)
 
-    def _under_thermostat(self, history: Any, future: Any, levels: np.ndarray | None, setpoint: Any) -> pd.DataFrame:
+    def _under_thermostat(
+        self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, setpoint: Any
+    ) -> pd.DataFrame:
         """The forecast in which the plant answers to set-points."""
         n_ahead, scheme = len(future.index), self._present_scheme()
         idle = self._idle(future)
         table, origin = (
-            self._after_known(self._read_future(idle)) if history is None else self._read_both(history, idle)
+            self._after_known(self._read_future(idle), now) if history is None else self._read_both(history, idle, now)
         )
         table, moved = self._with_earlier(table)
         origin = origin + moved
-        ahead = table.rows(slice(int(origin[0]) + 1, None))
+        ahead = table.rows(slice(table.n_rows - n_ahead, None))
         if setpoint is None:
             self._refuse_unlearned()
             check_setpoints(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
         if self._law is None:
-            return self._ideal(scheme, table, int(origin[0]), levels).set_axis(future.index)
+            return self._ideal(scheme, table, int(origin[0]), levels).iloc[-n_ahead:].set_axis(future.index)
         # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
-        found = self._law.paths(scheme, table, origin, n_ahead + 1, levels)
+        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels)
+        if now is not None:
+            found = found.after(now)
         heat, temperature, zeta = found.paths
-        path = LoadPaths(heat[:, 1:], temperature[:, :-1], zeta[:, 1:])
+        path = LoadPaths(heat[:, -n_ahead:], temperature[:, :n_ahead], zeta[:, -n_ahead:])
         out = _delivered(scheme.heat_frame(future.index, path))
         if levels is None:
             return out
-        return out.assign(**_bands(levels, found, slice(None, -1), slice(1, None)))
+        return out.assign(**_bands(levels, found, slice(n_ahead), slice(-n_ahead, None)))
 
     def _with_earlier(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         """The table after all known rows that the law reads, and by how many rows origins move."""
@@ -152,7 +156,7 @@ class FramesForecastMixin(HybridQuantilesMixin):
             )
         free = self._plant_limits(table.n_rows - origin)
         band = Band(*(side[origin:] for side in band_of(table)))
-        return _delivered(scheme.required_heat(table, np.array([origin]), band, free).iloc[1:])
+        return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
 
     def _plant_limits(self, n_rows: int) -> Limits:
         """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
@@ -201,38 +205,6 @@ class FramesForecastMixin(HybridQuantilesMixin):
         off = {self._column_of(role): 0.0 for role in self._plant}
         given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
         return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
-
-    def _after_known(self, ahead: ZoneTable) -> tuple[ZoneTable, np.ndarray]:
-        """Rows ahead after the end of the known ones, and the row of the origin."""
-        table = append_tables(self._scheme.rows.end(), ahead)
-        return table, np.array([table.n_rows - ahead.n_rows - 1])
-
-    def _read_future(self, future: pd.DataFrame | ZoneTable) -> ZoneTable:
-        if isinstance(future, ZoneTable):
-            table = self._read_following(unmeasured(future, self._scheme.rows.training))
-        else:
-            refuse_absent(self._input_columns(future), future, "the training table")
-            table = self._read_following(future)
-        self._scheme.rows.refuse_unless_following(table)
-        return table
-
-    def _read_both(self, history: Any, future: Any) -> tuple[ZoneTable, np.ndarray]:
-        """History and future as one table, after the known rows where it follows them, and the row of the origin."""
-        if isinstance(history, ZoneTable):
-            whole: Any = join_tables(history, future, self._scheme.rows.training)
-        else:
-            whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
-        table, n_tail = self._with_history(whole)
-        return table, np.array([n_tail + len(history.index) - 1])
-
-    def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
-        """Columns of a frame that are read and known in advance."""
-        names = list(getattr(self, "feature_names_in_", frame.columns))
-        if self.preprocess_ is not None:
-            past = self._column_of("T_za")
-            return [name for name in getattr(self.preprocess_, "feature_names_in_", frame.columns) if name != past]
-        by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
-        return by_role if set(by_role) <= set(names) else names
 
     def predict_load(
         self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
 from .._warnings import warn_user
-from ..exceptions import GainWarning
+from ..exceptions import ExcitationWarning, GainWarning
 from ..schedule import LeadFit, step_gain_error
 from .blend import by_lead
 from .members import Member, ScheduleMember
@@ -79,4 +79,19 @@ def warn_of_gains(members: Sequence[Member], gains: pd.DataFrame, purpose: str) 
             f"the zone by {last[own]:.2g} K ({own}) or {last[worst]:.2g} K ({worst}), so do not plan with it; fit with "
             f"purpose='plan', or train on a log with {EXPERIMENT}.",
             GainWarning,
+        )
+
+
+def warn_of_undetermined(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
+    """Warn of plants of whose effect the training says next to nothing."""
+    capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
+    for role in fit.undetermined:
+        parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
+        free = parameter is not None and parameter not in known
+        remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
+        warn_user(
+            f"the training, in which {role} ran for {training.hours_run(role):.2g} h, does not determine its gain, so "
+            f"that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in which it goes on and "
+            f"off for a few hours{remedy}.",
+            ExcitationWarning,
         )

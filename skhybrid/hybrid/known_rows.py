@@ -7,12 +7,15 @@ from typing import Any, Self
 
 import pandas as pd
 
+from .._joining import in_zone_of
 from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
 from .._time import spell
 from .plausible_range import PlausibleRange
-from .tables import KEPT, in_zone_of
+from .tables import KEPT
 
 _JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
+
+_ALIKE = 12  # recent tables of one length that are joined
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class KnownRows:
     def appended(self, table: ZoneTable) -> KnownRows:
         """These rows and a table that follows them, in a time that does not depend on how many there are."""
         plausible = self.plausible.extended(table.history["T_za"])
-        longer = replace(self, recent=(*self.recent, _owned(table)), plausible=plausible)
+        longer = replace(self, recent=_fewer((*self.recent, _owned(table))), plausible=plausible)
         if longer._n_recent < _JOINED:
             return longer
         most = _most(table)
@@ -116,6 +119,14 @@ class KnownRows:
                 f"X begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one step "
                 f"of {spell(latest.step)} later."
             )
+
+
+def _fewer(recent: tuple[ZoneTable, ...]) -> tuple[ZoneTable, ...]:
+    """The same rows, the last tables joined where there are many of one length: each call goes through all of them."""
+    last = recent[-_ALIKE:]
+    if len(last) < _ALIKE or len({table.n_rows for table in last}) > 1:
+        return recent
+    return (*recent[:-_ALIKE], concatenate_tables(last))
 
 
 def _owned(table: ZoneTable) -> ZoneTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import cache
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -10,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from ..control import Plan, gain_of
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, step_gain
+from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain, step_gain
 from ..thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
 
@@ -44,11 +46,20 @@ class RollingMember(Protocol):
         From the first new row on, NaN where unknown; only with adaptation.
         """
 
+    def fork(self, first: int) -> Self:
+        """A copy that goes on by itself, and keeps the errors of forecasts from number ``first`` on."""
+
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
 
     def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
         """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none."""
+
+    def unlimited(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """As :meth:`forecast`, without limits of its own."""
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        """(k, H, H, m) gain of :meth:`unlimited` by a plan [K per kW or stage]."""
 
 
 class Member(Protocol):
@@ -123,6 +134,20 @@ class RollingSchedule(RollingNetwork):
         path, heat = super().forecast(view, n_leads)
         return path + self.fit.reference, heat
 
+    def unlimited(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.forecast(view, n_leads)
+
+    def path(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n_leads,) temperatures [degC] and unmeasured heat [kW] by the long memory."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
+        paths, heats = self.forecast(view, n_leads)
+        return paths[0], heats[0]
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        states = [self.forecast_state(memory) for memory in range(len(self.coefs()))]
+        return np.stack([plant_gain(self.fit, state, plan.inputs, plan.values) for state in states])
+
 
 class ARXMember:
     """ARX on all inputs and the last ``n_lags`` temperatures, fitted on errors of one step or at all leads."""
@@ -185,6 +210,11 @@ class _RollingErrors:
         """(n, L, 1) errors of forecasts of the history [K]."""
         return self._errors.values
 
+    def fork(self, first: int) -> Self:
+        made = copy(self)
+        made._errors = self._errors.fork(first)
+        return made
+
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``; where anything is adapted, learn and record the errors known since."""
         before, self._row = self._row, origin
@@ -193,8 +223,9 @@ class _RollingErrors:
         self._learn(view, origin)
         self._errors.extend((origin - self.begin) // self._every + 1)
         # forecasts that had not ended at the row before
-        place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), len(self.errors))
+        place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), self._errors.n)
         rows = self.begin + place * self._every
+        place -= self._errors.first
         ends, paths = rows[:, None] + self.leads, self._past_paths(view, rows)
         known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
@@ -216,6 +247,11 @@ class RollingARX(_RollingErrors):
         self._recursive = arx.recursive(begin)
         self._coefs: list[np.ndarray] = []  # of the days so far
 
+    def fork(self, first: int) -> Self:
+        made = super().fork(first)
+        made._recursive, made._coefs = copy(self._recursive), list(self._coefs)
+        return made
+
     def _learn(self, view: ARXData, origin: int) -> None:
         while (mark := self.begin + len(self._coefs) * self._per_day) <= origin:
             self._recursive.advance(view, mark)
@@ -228,8 +264,19 @@ class RollingARX(_RollingErrors):
         return self.arx.iterate(view, origins, int(self.leads[-1]), coefs)[:, self.leads - 1]
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        coef = self.arx.coef_ if self.adapt is None else self._recursive.coef()
-        return self.arx.iterate(view, np.array([self._row]), n_leads, coef[None, :]), None
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :]), None
+
+    @property
+    def _coef(self) -> np.ndarray:
+        """(n_columns,) as known at the last row."""
+        return self.arx.coef_ if self.adapt is None else self._recursive.coef()
+
+    def unlimited(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], held=False), None
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        responses = [self.arx.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
+        return gain_of(np.column_stack(responses))[None]
 
 
 class DailyProfileMember:
@@ -287,6 +334,11 @@ class RollingProfile(_RollingErrors):
         super().__init__(begin, leads, adapt, rule.every)
         self._rule, self._mean_day, self._row = rule, mean_day, begin - 1
 
+    def fork(self, first: int) -> Self:
+        made = super().fork(first)
+        made._mean_day = copy(self._mean_day)
+        return made
+
     def advance(self, view: ProfileRows, origin: int) -> None:
         self._mean_day.extend(view, self._row + 1, origin + 1)
         super().advance(view, origin)
@@ -297,3 +349,10 @@ class RollingProfile(_RollingErrors):
 
     def forecast(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
         return self._rule.paths(view, self._mean_day, np.array([self._row]), np.arange(1, n_leads + 1)), None
+
+    def unlimited(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
+        return self.forecast(view, n_leads)
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        (n, m) = plan.values.shape
+        return np.zeros((1, n, n, m))

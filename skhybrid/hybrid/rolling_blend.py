@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
+from ..control import Plan
 from ..filtering import ForecastSample
+from ..forecasting.intervals import DAYS_BACK
 from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
 from .plausible_range import PlausibleRange
+from .scheme import RecentErrors
 from .without_heat import RollingWithoutHeat
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
@@ -61,6 +65,16 @@ class RollingBlend:
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
         self.row = -1  # the last row that it went through
+        self._weighed: tuple[int, np.ndarray] | None = None  # a row, and the weights there
+        self._first = 0  # number of the first hourly forecast whose errors are kept
+
+    def fork(self) -> Self:
+        """A copy that goes on by itself, in a time that does not depend on how many rows there were."""
+        made, record = copy(self), self._record
+        reach = int(record.sample.leads[-1]) + (DAYS_BACK + 1) * record.rows_per_day
+        made._first = max(self._first, (self.row - reach - self._begin) // record.every)
+        made._rolling = [rolling.fork(made._first) for rolling in self._rolling]
+        return made
 
     def views(self, rows: NumberedTable) -> list[Any]:
         return [member.view(rows) for member in self._members]
@@ -69,7 +83,7 @@ class RollingBlend:
         """Go through the rows up to ``origin``, that one included."""
         for rolling, view in zip(self._rolling, views, strict=True):
             if isinstance(rolling, RollingWithoutHeat):
-                rolling.follow(self._rolling[0])
+                rolling.follow(self.network)
             rolling.advance(view, origin)
         before, self.row = max(self.row, self._begin), origin
         if self.adapt is not None and origin > before:
@@ -77,18 +91,74 @@ class RollingBlend:
 
     def forecast(self, views: list[Any], n_leads: int, plausible: PlausibleRange) -> tuple[np.ndarray, np.ndarray]:
         """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
         found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
-        record, heat = self._record, next(heats[0] for _, heats in found if heats is not None)
+        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
+        weights = by_lead(shares, self._record.n_leads, n_leads)
+        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
+        return plausible.clip(path + self._correction(shares, n_leads)), heat
+
+    def unlimited(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`forecast`, in which nothing is clipped."""
+        if not n_leads:
+            return np.empty(0), np.empty(0)
+        found = [rolling.unlimited(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
+        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
+        weights = by_lead(shares, self._record.n_leads, n_leads)
+        path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
+        return path + self._correction(shares, n_leads), heat
+
+    def gain(self, plan: Plan, first_lead: int) -> np.ndarray:
+        """(H, H, m) gain of :meth:`unlimited` by a plan, whose first row is that of lead ``first_lead``, 0 or 1."""
+        n = len(plan.values)
+        weights = np.zeros((n, len(self._record.member_of)))
+        weights[1 - first_lead :] = by_lead(self._shares(), self._record.n_leads, n - 1 + first_lead)
+        found = np.concatenate([rolling.gain(plan) for rolling in self._rolling])
+        return np.asarray(np.einsum("ik,kijm->ijm", weights, found))
+
+    def recent_errors(self) -> RecentErrors | None:
+        """Errors of the forecasts since the training that began whole days (up to an hour more) before the last row."""
+        record = self._record
+        if self.adapt is None or self.row < self._begin:
+            return None
+        errors, origins = self._history(self._first)
+        rows = self.row - record.rows_per_day * np.arange(1, DAYS_BACK + 1)
+        at = np.searchsorted(origins, rows[rows >= self._begin], side="right") - 1
+        missed = np.sum(errors[at] * self._shares()[record.groups], axis=-1)
+        known = origins[at][:, None] + record.sample.leads <= self.row
+        return RecentErrors(np.where(known, missed, np.nan), self.row - origins[at], record.sample.leads)
+
+    @property
+    def network(self) -> Any:
+        """The member that is a network."""
+        return self._rolling[0]
+
+    def _shares(self) -> np.ndarray:
+        """(n_groups, K) weights of the ways to forecast, as known at the last row."""
+        if self._weighed is None or self._weighed[0] != self.row:
+            self._weighed = self.row, self._weigh()
+        return self._weighed[1]
+
+    def _weigh(self) -> np.ndarray:
+        record = self._record
         products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
             n_more = (self.row + 1 - self._begin) / record.rows_per_day
-        shares = blend_weights(products, *record.caution(n_more))
-        weights = by_lead(shares, record.n_leads, n_leads)
-        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
-        if self.adapt is not None:
-            path += np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
-        return plausible.clip(path), heat
+        return blend_weights(products, *record.caution(n_more))
+
+    def _correction(self, shares: np.ndarray, n_leads: int) -> np.ndarray:
+        """(n_leads,) what the blend of these shares missed that may come back [K]."""
+        record = self._record
+        if self.adapt is None:
+            return np.zeros(n_leads)
+        return np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
+
+    def heat_now(self, views: list[Any]) -> float:
+        """Unmeasured heat over the step of the last row [kW]."""
+        given = zip(self._rolling, views, strict=True)
+        return next(rolling.heat_now(view) for rolling, view in given if hasattr(rolling, "heat_now"))
 
     def _share(self, row: Any, later: int) -> Any:
         """How much forecasts that ended at a row count at a later one."""
@@ -104,7 +174,8 @@ class RollingBlend:
 
     def _history(self, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Errors (O, L, K) of forecasts of the history from one on, and their origins."""
-        errors = np.concatenate([rolling.errors[first:] for rolling in self._rolling], axis=-1)
+        kept = first - self._first
+        errors = np.concatenate([rolling.errors[kept:] for rolling in self._rolling], axis=-1)
         origins = self._begin + self._record.every * np.arange(first, first + len(errors))
         return self._record.plausible.clip_errors(errors), origins
 

@@ -12,33 +12,33 @@ import pandas as pd
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
-from ..control import Band, Limits, LoadPaths
-from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
+from ..exceptions import ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
 from ..schedule import (
-    HeatResponse,
     NumberedSegment,
     OriginState,
     ScheduledNetwork,
+    bends_at,
     heat_frame,
+    linear_network,
     load_paths,
     loads,
     plant_heat,
 )
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
+from .blend_members import make_others, prior_shares
 from .drift import DriftMonitor
-from .gain_report import EXPERIMENT, gain_errors, gain_table, plant_of, warn_of_gains
+from .gain_report import gain_errors, gain_table, plant_of, warn_of_gains, warn_of_undetermined
 from .known_rows import KnownRows
-from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
+from .members import Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
-from .scheme import Paths, Scheme
-from .without_heat import WithoutHeat
+from .scheme import AffinePaths, Ahead, Paths, Scheme
 
-_LAGS = 24  # temperatures that the black box regresses on
 _RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
@@ -51,7 +51,6 @@ class ScheduleScheme(Scheme):
     """Schedules of gain and conductance through the network, and ARX, with given capacities ``known`` [kW]."""
 
     name = "schedule"
-    _ahead: RollingBlend | None = None  # as far as the last forecast from the last known row went
 
     def __init__(
         self,
@@ -63,13 +62,21 @@ class ScheduleScheme(Scheme):
         purpose: str = "forecast",
     ) -> None:
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
+        #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
+        self._running: dict[str | None, RollingBlend] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_ahead", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
+        made_anew = ("_running", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        # it shares what never changes, so that a copy goes on from where this one is
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__getstate__(), _running=dict(self._running))
+        return made
+
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        self.__dict__.update(state, _running={})
         self._physics.restore(self.rows.training)
 
     @property
@@ -80,7 +87,7 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured)
         self._warn_scale()
-        self._warn_undetermined()
+        warn_of_undetermined(self._physics.fit_, self.rows.training, self.known)
         if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
             warn_of_gains(self._members, self.gain_, self.purpose)
         return self
@@ -92,7 +99,7 @@ class ScheduleScheme(Scheme):
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = self._make_others(training)
+        self._others = make_others(fit, training, self.purpose)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
@@ -103,26 +110,16 @@ class ScheduleScheme(Scheme):
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         priors = np.array(
-            [_prior(self._members, share, first) for share, first in zip(_RULE_SHARES, (True, False), strict=True)]
+            [
+                prior_shares(self._members, share, first)
+                for share, first in zip(_RULE_SHARES, (True, False), strict=True)
+            ]
         )
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
-
-    def _make_others(self, training: ZoneTable) -> list[Member]:
-        """The members beside the network; the heat whose gain they are not to learn is taken out of them."""
-        plan = self.purpose == "plan"
-        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
-        multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
-        others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
-        plants = [role for role in training.inputs if role[:2] in ("u_", "Q_")]
-        roles = plants if plan else self._physics.fit_.undetermined
-        if not roles:
-            return others
-        response = HeatResponse.of(self._physics.fit_, roles, training)
-        return [WithoutHeat(member, response) for member in others]
 
     def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
         """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""
@@ -144,20 +141,6 @@ class ScheduleScheme(Scheme):
             "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
             ScaleNotIdentifiableWarning,
         )
-
-    def _warn_undetermined(self) -> None:
-        """Warn of plants of whose effect the training says next to nothing."""
-        capacity = {s.role: s.parameter for s in self.network.sources(self.rows.training.inputs)}
-        for role in self._physics.fit_.undetermined:
-            parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
-            free = parameter is not None and parameter not in self.known
-            remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
-            warn_user(
-                f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
-                f"its gain, so that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in "
-                f"which it goes on and off for a few hours{remedy}.",
-                ExcitationWarning,
-            )
 
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
@@ -217,12 +200,14 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        paths = Paths(np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads)))
+        size = len(origins), n_leads
+        paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
             plausible = PlausibleRange(lowest[i], highest[i])
             paths.temperature[i], paths.zeta[i] = blend.forecast(views, n_leads, plausible)
+            paths.zeta_now[i] = blend.heat_now(views)
         return paths
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
@@ -269,33 +254,87 @@ class ScheduleScheme(Scheme):
 
     def advanced(self, measured: ZoneTable) -> Self:
         """The scheme after new rows; what they teach is computed when a forecast is wanted."""
-        return self._with(rows=self.rows.appended(measured), _ahead=self.__dict__.pop("_ahead", None))
+        return self._with(rows=self.rows.appended(measured), _running=dict(self._running))
 
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
-        ahead = future.replace(history={"T_za": np.full(future.n_rows, np.nan)})
-        # a call in another thread finds no blend meanwhile, and begins at the first row
-        blend = self.__dict__.pop("_ahead", None)
-        if blend is None or blend.adapt != self.adapt:
+        blend, views = self._at_last(future, T_za)
+        n_leads, plausible = future.n_rows, self.rows.plausible
+        if T_za is not None:
+            n_leads, plausible = n_leads - 1, plausible.extended(np.array([T_za]))
+        path, heat = blend.forecast(views, n_leads, plausible)
+        return Paths(path[None], heat[None], np.array([blend.heat_now(views)]))
+
+    def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
+        ahead, blend = with_temperature(future, T_za), self._running.get(self.adapt)
+        if blend is None:
             rows = self._joined([*self.rows.tables, ahead])
             blend = RollingBlend(self._members, self._record, rows, self.adapt)
         else:
             back = int(self._record.sample.leads[-1]) + self._record.rows_per_day + _MORE_ROWS
             rows = self._last_rows(max(0, blend.row - back), ahead)
         views = blend.views(rows)
-        blend.advance(views, self.rows.n_rows - 1)
-        path, heat = blend.forecast(views, future.n_rows, self.rows.plausible)
-        self._ahead = blend
-        return Paths(path[None], heat[None])
+        if blend.row < self.rows.n_rows - 1:
+            blend = blend.fork()
+            blend.advance(views, self.rows.n_rows - 1)
+            self._running[self.adapt] = blend
+        if T_za is not None:  # a row that is not kept
+            blend = blend.fork()
+            blend.advance(views, self.rows.n_rows)
+        return blend, views
+
+    def _start(self, ahead: Ahead) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the origin of rows ahead, and the rows that it reads."""
+        if ahead.origin is None:
+            return self._at_last(ahead.table, ahead.T_za)
+        rows, moved = self._numbered(ahead.table)
+        blend = RollingBlend(self._members, self._record, rows, self.adapt)
+        views = blend.views(rows)
+        blend.advance(views, ahead.origin + moved)
+        return blend, views
+
+    def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
+        blend, views = self._start(ahead)
+        network = blend.network
+        if member == "blend":
+            temperature, zeta = blend.unlimited(views, ahead.n_leads)
+            gain = blend.gain(plan, ahead.n_leads - ahead.n_rows + 1)
+        else:
+            temperature, zeta = network.path(views[0], ahead.n_leads)
+            gain = network.gain(plan)[0]
+        if ahead.T_za is not None:
+            temperature, zeta = np.append(ahead.T_za, temperature), np.append(blend.heat_now(views), zeta)
+        bends = bends_at(network.fit, network.forecast_state(0), plan.inputs, plan.values)
+        bent = np.asarray(bends.slope.any(axis=0))
+        return AffinePaths(temperature, zeta, gain, bent, blend.recent_errors())
+
+    def stages(self) -> dict[str, float]:
+        return {role: max(1.0, most) for role, most in self._physics.fit_.plan.max_stages}
+
+    def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
+        blend, views = self._start(ahead)
+        segment, values = views[0].between(blend.row, blend.row + 1 + ahead.n_leads), plan.values
+        if ahead.T_za is None:
+            known = (
+                self.rows.latest.rows(slice(-1, None))
+                if ahead.origin is None
+                else ahead.table.rows(slice(ahead.origin, ahead.origin + 1))
+            )
+            values = np.vstack([[known.inputs[role][0] for role in plan.inputs], values])
+        state = blend.network.forecast_state(0)
+        network = linear_network(blend.network.fit, state, segment, plan.inputs, values)
+        return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """What is known from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
-        known = last_rows(self.rows.tables, n_known - first)
-        while not np.isfinite(known.history["T_za"][0]) and known.n_rows < n_known:
-            known = last_rows(self.rows.tables, 2 * known.n_rows)
-        n_before = min(int(_FILTERED / known.step), n_known - known.n_rows)
-        known = last_rows(self.rows.tables, n_before + known.n_rows)
+        n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
+        known = last_rows(self.rows.tables, n_rows + n_filtered)
+        while not np.isfinite(known.history["T_za"][-n_rows]) and n_rows < n_known:
+            n_rows = min(2 * n_rows, n_known)
+            known = last_rows(self.rows.tables, n_rows + n_filtered)
+        n_before = known.n_rows - n_rows
         longer = concatenate_tables([known, ahead])
         table, before = longer.rows(slice(n_before, None)), longer.rows(slice(n_before))
         begin, first = self.rows.training.n_rows, n_known - known.n_rows + n_before
@@ -329,25 +368,17 @@ class ScheduleScheme(Scheme):
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
         origins = _midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
-        forecast, _ = self._blend(rows, origins, per_day, adapt=None)
+        forecast = self._blend(rows, origins, per_day, adapt=None).temperature
         measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
 
 
-def _prior(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
-    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
-    learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
-    n_rules = sum(m.is_rule for m in members)
-    shares = [
-        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
-        for m, has in zip(members, learned, strict=True)
-    ]
-    return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
-
-
-def _has_trace(training: ZoneTable) -> bool:
-    """Whether a plant ran, but so little that the training does not tell what its heat does."""
-    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())
+def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
+    """Rows ahead of which nothing is measured, or the temperature of the first one."""
+    T = np.full(future.n_rows, np.nan)
+    if T_za is not None:
+        T[0] = T_za
+    return future.replace(history={"T_za": T})
 
 
 def _midnights(table: ZoneTable) -> np.ndarray:

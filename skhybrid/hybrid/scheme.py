@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from ..control import Band, Limits, LoadPaths
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
@@ -21,6 +21,44 @@ class Paths(NamedTuple):
 
     temperature: np.ndarray  # (n_origins, n_leads) at the stamp of each row [degC]
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
+    zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin
+
+    def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
+        """Temperature and zeta of the first path by the rows ahead, of which the first may be the measured origin."""
+        if T_za is None:
+            return self.temperature[0], self.zeta[0]
+        return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
+
+
+class Ahead(NamedTuple):
+    """Rows ahead of an origin."""
+
+    table: ZoneTable  # these alone, or with all rows before them
+    origin: int | None  # row of the table; None: the rows follow the known ones
+    T_za: float | None  # measured in the first row ahead, which then is the origin [degC]
+    n_rows: int
+
+    @property
+    def n_leads(self) -> int:
+        return self.n_rows - (self.T_za is not None)
+
+
+class RecentErrors(NamedTuple):
+    """Errors of forecasts that were made about whole days before an origin, as known there."""
+
+    values: np.ndarray  # (D, L) [K], NaN where unknown
+    back: np.ndarray  # (D,) rows from their origins to this one
+    leads: np.ndarray  # (L,) rows
+
+
+class AffinePaths(NamedTuple):
+    """A forecast under a plan (H, m) by the rows ahead, in which nothing is clipped, and its slope."""
+
+    temperature: np.ndarray  # (H,) [degC]
+    zeta: np.ndarray  # (H,) [kW, or K for an output disturbance]
+    gain: np.ndarray  # (H, H, m) [K per kW or stage]
+    bent: np.ndarray  # (m,) bool, inputs in which it is not affine
+    recent: RecentErrors | None = None  # None where nothing is recorded
 
 
 class Scheme(ABC):
@@ -68,8 +106,23 @@ class Scheme(ABC):
         """Forecast from each origin; anything at rows beyond the table."""
 
     @abstractmethod
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
-        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths."""
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
+        """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths.
+
+        With the measured temperature of its first row, which is not kept, that row is the origin.
+        """
+
+    @abstractmethod
+    def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
+        """The forecast of the rows ahead, by the whole model or its network, as a function of the plan."""
+
+    @abstractmethod
+    def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
+        """The network from the first row ahead on, whose inputs are those of the plan."""
+
+    @abstractmethod
+    def stages(self) -> dict[str, float]:
+        """Highest value of each stage."""
 
     @abstractmethod
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
@@ -159,6 +212,12 @@ class Scheme(ABC):
         made = object.__new__(type(self))
         made.__dict__.update(self.__dict__, **changes)
         return made
+
+
+def measured_now(future: ZoneTable, T_za: float) -> ZoneTable:
+    """The first row of a table as one that is known, with its measured temperature."""
+    now = future.rows(slice(0, 1))
+    return now.replace(history={**now.history, "T_za": np.array([T_za])})
 
 
 def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:

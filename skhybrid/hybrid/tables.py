@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ import pandas as pd
 
 from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
-from .._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
+from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
 
 _HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
@@ -32,48 +31,6 @@ def with_stamps(table: ZoneTable, start: pd.Timestamp) -> ZoneTable:
         return table
     index = pd.DatetimeIndex(start + (table.time - table.time[0]))
     return table.replace(index=index, time=index, utc=index.tz_localize("UTC"))
-
-
-def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
-    """The stamps of ``future`` in the time zone of ``history``; refused where only one of the two has a zone."""
-    if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
-        return future
-    if (future.tz is None) != (history.tz is None):
-        past, ahead = names
-        raise ValueError(f"{past} has the time zone {history.tz}, {ahead} {future.tz}; localize the one without.")
-    return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
-
-
-def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], past: Any) -> pd.DataFrame:
-    """History and future as one frame of the columns ``names`` and ``past``, which is missing in the future."""
-    stamps = in_zone_of(future.index, history.index)
-    refuse_absent([name for name in names if name in history.columns], future, "history")
-    whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
-    if past in whole:
-        whole[past] = whole[past].where(np.arange(len(whole)) < len(history))
-    return whole
-
-
-def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> ZoneTable:
-    """History and future, which must follow it, as one table in which nothing of the future is measured."""
-    if not future.follows(history):
-        raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; join them.")
-    return concatenate_tables([history, unmeasured(future, training)])
-
-
-def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
-    """Raise a ValueError if the future lacks one of the columns ``names``."""
-    absent = [name for name in names if name not in future.columns]
-    if absent:
-        raise ValueError(f"future has no column {absent[0]!r}, which {where} has.")
-
-
-def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
-    """The rows to forecast, of which nothing is measured; refused where an input of the training table is missing."""
-    absent = [role for role in training.inputs if role not in future.inputs]
-    if absent:
-        raise ValueError(f"future has no role {absent[0]!r}, which the training table has.")
-    return future.replace(history={k: v for k, v in future.history.items() if k in SETPOINT_ROLES})
 
 
 def utc_of(table: ZoneTable) -> pd.DatetimeIndex:

@@ -15,17 +15,18 @@ from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
-from ..control import Band, Limits, LoadPaths, load_frame
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
 from ..forecasting.features import rows_per_day
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
+from ..identification.plan_model import columns_of, linear_network, plan_gain
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
 from .drift import DriftMonitor
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
-from .scheme import Paths, Scheme
+from .scheme import AffinePaths, Ahead, Paths, Scheme, measured_now
 from .tables import (
     ELSEWHERE,
     KEPT,
@@ -128,7 +129,14 @@ class TwoStageScheme(Scheme):
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
         return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
 
-    def forecast_ahead(self, future: ZoneTable) -> Paths:
+    def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
+        if T_za is not None:
+            return self.advanced(measured_now(future, T_za)).forecast_ahead(future.rows(slice(1, None)))
+        zeta, temperature = self._ahead(future)
+        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:], zeta[:1])
+
+    def _ahead(self, future: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
+        """(n_rows + 1,) disturbance from the last known row on, and (n_rows,) temperatures."""
         rows = self._rows_of(future, np.full(future.n_rows, np.nan))
         steps = self._aggregation.extended(stamps_ns(future), rows, self._n_kept)
         known = steps.of_row[:1] - 1
@@ -136,8 +144,9 @@ class TwoStageScheme(Scheme):
         forecaster, _ = next(self._forecasters(steps, known, True))
         zeta = _path(forecaster, steps, known, int(wanted[-1]) + 1)[0, wanted]
         acting = zeta[:-1] if self.disturbance == "input" else zeta[1:]
-        temperature = drive_on(self.gray_box_, future, acting, self.disturbance)
-        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:])
+        if not future.n_rows:
+            return zeta, np.empty(0)
+        return zeta, drive_on(self.gray_box_, future, acting, self.disturbance)
 
     @property
     def _n_kept(self) -> int:
@@ -195,13 +204,60 @@ class TwoStageScheme(Scheme):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid)."""
+        zeta, temperature = self._driven(table, origins, n_leads)
+        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, 1:], zeta[:, 0])
+
+    def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
+        zeta, temperature = self._unclipped(ahead)
+        if ahead.T_za is None:
+            zeta = zeta[1:]
+        else:
+            temperature = np.append(ahead.T_za, temperature)
+        gain = plan_gain(self.gray_box_.filtered_network_, plan.inputs, ahead.n_rows)
+        return AffinePaths(temperature, zeta, gain, np.zeros(len(plan.inputs), dtype=bool))
+
+    def _unclipped(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
+        """(n_leads + 1,) disturbance from the origin on, and (n_leads,) temperatures."""
+        if ahead.origin is not None:
+            zeta, temperature = self._driven(ahead.table, np.array([ahead.origin]), ahead.n_leads)
+            return zeta[0], temperature[0]
+        if ahead.T_za is None:
+            return self._ahead(ahead.table)
+        return self.advanced(measured_now(ahead.table, ahead.T_za))._ahead(ahead.table.rows(slice(1, None)))
+
+    def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
+        zeta, nodes, rows = self._unclipped(ahead)[0][:, None], *self._origin(ahead)
+        known, nothing = self.gray_box_.filtered_network_, np.zeros_like(zeta)
+        heat, offset = (zeta, nothing) if self.disturbance == "input" else (nothing, zeta)
+        network = linear_network(known, plan.inputs, rows, nodes, heat, offset)
+        if ahead.T_za is not None:
+            return network.measured(np.array([ahead.T_za]))
+        return network.after(rows[0, columns_of(known, plan.inputs)])
+
+    def _origin(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) node temperatures at the origin (open loop for an output disturbance), and (N, p) inputs from there."""
+        if ahead.origin is not None:
+            here = _after_history(ahead.table)
+            return self.gray_box_.origin_state(here, ahead.origin - ahead.table.n_history, self.disturbance)
+        scheme, rest = self, ahead.table
+        if ahead.T_za is not None:
+            scheme, rest = self.advanced(measured_now(rest, ahead.T_za)), rest.rows(slice(1, None))
+        known = scheme.gray_box_.filtered_network_
+        rows = np.vstack([known.rolling.inputs, known.experiment(rest).inputs])
+        return (known.rolling.nodes if self.disturbance == "input" else known.rolling.open_nodes), rows
+
+    def stages(self) -> dict[str, float]:
+        return dict(self.gray_box_.plant.most)
+
+    def _driven(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """(n_origins, n_leads + 1) disturbance from each origin on, and (n_origins, n_leads) temperatures."""
         here = _after_history(table)
+        zeta = self._disturbance_paths(table, here, origins, n_leads + 1, 0)
         # heat of a row acts over its own step, so that of the origin's row is the first to act
-        shift = 1 if self.disturbance == "input" else 0
-        zeta = self._disturbance_paths(table, here, origins, n_leads + shift, 1 - shift)
-        acting = zeta[:, :n_leads]
-        temperature = self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
-        return Paths(self.plausible(table, origins).clip(temperature), zeta[:, shift:])
+        acting = zeta[:, :-1] if self.disturbance == "input" else zeta[:, 1:]
+        if not n_leads:
+            return zeta, np.empty((len(origins), 0))
+        return zeta, self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""

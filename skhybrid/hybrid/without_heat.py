@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from .._table import ZoneTable
+from ..control import Plan
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day
 from ..schedule import HeatResponse, RollingNetwork
@@ -15,7 +17,7 @@ from .members import Member, NumberedTable, RollingMember
 
 
 class RowsAndHeat(NamedTuple):
-    """Rows without the columns of the plants, and their heat less its mean in the training (n_rows,) [kW]."""
+    """Rows without the columns of the plants, and their heat less its mean in the training (n_rows, 2) [kW]."""
 
     rows: NumberedTable
     heat: np.ndarray
@@ -45,7 +47,7 @@ class WithoutHeat:
     def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
         if plant[0] not in self._response.roles:
             return self._member.step_gain(self._reduced(training), plant, n_leads)
-        return self._response.output(self._response.simulate(np.ones(n_leads)))[1:]
+        return self._response.output(self._response.simulate(np.tile([1.0, 0.0], (n_leads, 1))))[1:]
 
     def view(self, rows: NumberedTable) -> RowsAndHeat:
         response = self._response
@@ -66,8 +68,8 @@ class RollingWithoutHeat:
     ) -> None:
         self._response, self._view_of, self._rolling, self._per_week = response, view, rolling, per_week
         self._row = 0  # the last row that it went through
-        self._heat, self._past = np.empty(0), np.empty(0)  # heat [kW] of the rows before it, and the response [K]
-        self._states = np.zeros((1, len(response.A)))  # of the network from that row on
+        self._heat, self._past = np.empty((0, 2)), np.empty(0)  # heat [kW] of the rows before it, and the response [K]
+        self._states = response.simulate(self._heat)  # of the network from that row on
         self._shift = 0.0  # taken off a later network's response, so that its level stays [K]
         self._rows: RowsAndHeat | None = None  # as last seen
         self._view: Any = None
@@ -79,10 +81,10 @@ class RollingWithoutHeat:
 
     def follow(self, network: RollingNetwork) -> None:
         """Take the response of a network that was fitted again, from now on and for all rows so far."""
-        if np.array_equal(network.psi, self._response.psi):
+        if np.array_equal(network.psi, self._response.rest.psi):
             return
         self._settle()
-        self._response = self._response.at(network.fit, network.psi, network.coefs()[0])
+        self._response = self._response.at(network.psi, network.coefs()[0])
         states = self._response.simulate(self._heat)
         past, recent = self._response.output(states[:-1]), slice(-self._per_week, None)
         self._shift = float(np.mean(past[recent] - self._past[recent])) if len(past) else 0.0
@@ -93,7 +95,7 @@ class RollingWithoutHeat:
         n = self._row - self._first
         if n and self._rows is not None:
             begin = self._first - self._rows.rows.first
-            self._heat = np.append(self._heat, self._rows.heat[begin : begin + n])
+            self._heat = np.concatenate([self._heat, self._rows.heat[begin : begin + n]])
             self._past = np.append(self._past, self._output(self._states[:n]))
         self._states, self._first = self._states[n:], self._row
 
@@ -116,8 +118,24 @@ class RollingWithoutHeat:
 
     def forecast(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
         paths, zeta = self._rolling.forecast(self._take(view), n_leads)
-        ahead = self._states[self._row - self._first + 1 :][:n_leads]
-        if len(ahead) < n_leads:  # after the last row its heat is held
-            held = np.full(n_leads - len(ahead), view.heat[-1])
-            ahead = np.concatenate([ahead, self._response.simulate(held, self._states[-1])[1:]])
-        return paths + self._output(ahead), zeta
+        return paths + self._ahead(view, n_leads), zeta
+
+    def unlimited(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        paths, zeta = self._rolling.unlimited(self._take(view), n_leads)
+        return paths + self._ahead(view, n_leads), zeta
+
+    def _ahead(self, view: RowsAndHeat, n_leads: int) -> np.ndarray:
+        """(n_leads,) response after the last row [K]; after the last known heat it is held."""
+        states = self._states[self._row - self._first + 1 :][:n_leads]
+        if len(states) < n_leads:
+            held = np.tile(view.heat[-1], (n_leads - len(states), 1))
+            states = np.concatenate([states, self._response.simulate(held, self._states[-1])[1:]])
+        return self._output(states)
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        return self._rolling.gain(plan) + self._response.gain(plan.inputs, plan.values)
+
+    def fork(self, first: int) -> Self:
+        made = copy(self)  # its parts are replaced, never changed
+        made._rolling = self._rolling.fork(first)
+        return made

@@ -25,7 +25,7 @@ from .fitting.starts import Minimise, check_start, search
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
 from .network_model import NetworkModel
-from .state_space import StateSpace, state_space_of
+from .state_space import state_space_of
 from .uncertainty.identifiability import assess
 from .uncertainty.standard_errors import ParameterUncertainty, theta_covariance, theta_intervals
 
@@ -69,7 +69,6 @@ class NetworkIdentifier(NetworkModel):
     theta_std_: pd.Series
     noise_std_: float
     loss_: float
-    sampling_time_: pd.Timedelta
 
     def _make_problem(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
@@ -293,11 +292,6 @@ class NetworkIdentifier(NetworkModel):
         check_is_fitted(self)
         self.filtered_network_, states, beyond = self.filtered_network_.advanced(table)
         return states.gain, beyond
-
-    def to_state_space(self) -> StateSpace:
-        """The identified model as discrete state-space matrices, at the training's sampling time."""
-        check_is_fitted(self)
-        return self.state_space_
 
 
 def _smoothed_first(smooth: FilteredStates, number: int) -> np.ndarray:

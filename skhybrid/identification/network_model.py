@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
-from .._rolling import RollingForecastMixin, checked_origins
+from .._rolling import checked_origins
 from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from ..control import Plant, is_plant
@@ -18,11 +18,12 @@ from ..filtering import simulate_path
 from ..thermal import RCNetwork
 from .disturbance_models import checked_kind
 from .filtered_network import FilteredNetwork, ForecastStart
+from .forecast_ahead import ForecastAheadMixin
 from .loads import network_load
 from .one_step_errors import Innovations, innovations_table, kalman_innovations
 
 
-class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
+class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
     """Methods of an identified network; the hooks are those of its Kalman filter where a subclass gives no others."""
 
     network_: RCNetwork

@@ -48,6 +48,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     """
 
     rho_box: Any
+    _acts_on = "output"
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,

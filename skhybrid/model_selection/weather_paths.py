@@ -57,7 +57,7 @@ def paths_under(
             walker.update(table.rows(slice(begin, origin + 1)))
             begin = origin + 1
         ahead = seen.rows(slice(origin + 1, origin + 1 + there))
-        found = walker.forecast(None, ahead, quantiles, weather_error=weather)
+        found = walker.forecast(None, ahead, quantiles=quantiles, weather_error=weather)
         paths[i, :there] = found["T_za"]
         if bands is not None and quantiles is not None:
             bands[i, :there] = found[quantile_columns(quantiles)]

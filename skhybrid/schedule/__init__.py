@@ -10,6 +10,7 @@ from .fit import LeadFit, fit_leads
 from .gain_error import step_gain, step_gain_error
 from .heat_response import HeatResponse
 from .online_network import OriginState
+from .plant_model import bends_at, linear_network, plant_gain
 from .rolling_network import ErrorHistory, RollingNetwork
 from .schedule_loads import heat_frame, load_paths, loads, plant_heat
 from .scheduled_network import ScheduledNetwork
@@ -24,11 +25,14 @@ __all__ = [
     "RollingNetwork",
     "ScheduledNetwork",
     "Segment",
+    "bends_at",
     "fit_leads",
     "heat_frame",
+    "linear_network",
     "load_paths",
     "loads",
     "make_segment",
+    "plant_gain",
     "plant_heat",
     "step_gain",
     "step_gain_error",

@@ -157,11 +157,6 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     return heat
 
 
-def heat_of_plants(plan: ChannelPlan, coefs: Mapping[str, float], table: ZoneTable) -> np.ndarray:
-    """(N,) heat of all plants [kW] under coefficients by channel."""
-    return known_heat(plan, table) + sum(coefs[one.name] * one.series for one in equipment(plan, table))
-
-
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
     makers = (_solar_channels, equipment, _schedule_channels, _swapped_day_channels)
     names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
@@ -225,17 +220,17 @@ def _day_type(table: ZoneTable) -> np.ndarray:
 def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
     """Levels, hourly profiles and hourly day-type contrasts of gain and conductance."""
     drivers = _drivers(plan, table)
-    always = drivers["gain"]
-    yield Channel("gain", always, plan.zone, False, "free")
+    always, zone = drivers["gain"], plan.zone
+    yield Channel("gain", always, zone, False, "free")
     if "ua" in drivers:
-        yield Channel("ua", drivers["ua"], plan.zone, False, "free" if plan.free_level else "ua_hour")
+        yield Channel("ua", drivers["ua"], zone, False, "free" if plan.free_level else "ua_hour")
     if not plan.calendar:
         return
-    hour, day_type = table.time.hour.to_numpy(), _day_type(table)
+    at, day_type = table.time.hour.to_numpy() == np.arange(_HOURS)[:, None], _day_type(table)
     for kind, driver in drivers.items():
         for group, sign in ((f"{kind}_hour", always), (f"{kind}_day_type", day_type)):
-            for h in range(_HOURS):
-                yield Channel(f"{group}_{h}", (hour == h) * driver * sign, plan.zone, False, group)
+            for h, series in enumerate(at * driver * sign):
+                yield Channel(f"{group}_{h}", series, zone, False, group)
 
 
 def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -130,6 +131,13 @@ class OnlineNetwork:
             CoefficientMemory(self._fit.problem, products, self._begin, days * per_day) for days in HALF_LIVES
         ]
 
+    def fork(self) -> Self:
+        """A copy that goes on by itself; its parts replace what they hold, and modify nothing."""
+        made = copy(self)
+        made._filter, made._open = copy(self._filter), copy(self._open)
+        made._memories = [copy(memory) for memory in self._memories]
+        return made
+
     def respond(self, segment: Segment, origins: np.ndarray) -> Responses:
         """Simulate and filter the next rows; ``origins`` count from the first of them."""
         self._n_rows += segment.n_rows
@@ -155,6 +163,11 @@ class OnlineNetwork:
         output = emitter.output if emitter is not None and self._n_rows > 1 else 0.0
         nodes = self._filter.last_states @ np.append(coef, 1.0) + filtered[:-1]
         return OriginState(self.psi, self._filter.matrices, coef, nodes, filtered[-1], output)
+
+    @property
+    def emitted(self) -> float:
+        """Heat that the emitter gives off in the last row [kW]."""
+        return 0.0 if self._filter.emitter is None else self._filter.emitter.output
 
     def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J)."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
@@ -26,20 +28,30 @@ class ErrorHistory:
 
     def __init__(self, n_leads: int, n_kinds: int) -> None:
         self._buffer = np.empty((0, n_leads, n_kinds))
-        self._n = 0
+        self.first = 0  # number of the first forecast that is kept
+        self.n = 0  # forecasts so far
 
     @property
     def values(self) -> np.ndarray:
-        """(n, n_leads, n_kinds), to be read and written."""
-        return self._buffer[: self._n]
+        """(n - first, n_leads, n_kinds), to be read and written."""
+        return self._buffer[: self.n - self.first]
 
     def extend(self, n: int) -> None:
         """Make room for ``n`` forecasts in all."""
-        if n > len(self._buffer):
-            buffer = np.full((2 * n, *self._buffer.shape[1:]), np.nan)
-            buffer[: self._n] = self.values
+        kept = n - self.first
+        if kept > len(self._buffer):
+            buffer = np.full((2 * kept, *self._buffer.shape[1:]), np.nan)
+            buffer[: len(self.values)] = self.values
             self._buffer = buffer
-        self._n = max(n, self._n)
+        self.n = max(n, self.n)
+
+    def fork(self, first: int) -> Self:
+        """A copy that goes on by itself, and keeps the forecasts from one on."""
+        made = copy(self)
+        made.first = min(max(first, self.first), self.n)
+        made._buffer = np.full_like(self._buffer, np.nan)[: 2 * (self.n - made.first)]
+        made.values[:] = self.values[made.first - self.first :]
+        return made
 
 
 def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -> OnlineNetwork:
@@ -119,6 +131,14 @@ class RollingNetwork:
         """
         return self._errors.values
 
+    def fork(self, first: int) -> Self:
+        """A copy that goes on by itself, and keeps the errors of forecasts from number ``first`` on."""
+        made = copy(self)
+        made._errors, made._network = self._errors.fork(first), self._network.fork()
+        made._previous = None if self._previous is None else self._previous.fork()
+        made._morning_coefs = dict(self._morning_coefs)
+        return made
+
     def advance(self, rows: NumberedSegment, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
         while self.row <= origin:
@@ -145,7 +165,7 @@ class RollingNetwork:
         segment, first = rows.between(self.row, last + 1), self.row
         none = np.empty(0, dtype=np.int64)
         origins = none if self.adapt is None else _origins_between(first, last + 1, self.begin, self.every)
-        self._errors.extend(len(self.errors) + len(origins))
+        self._errors.extend(self._errors.n + len(origins))
         completed = self._network.advance(segment, first, origins, self.every)
         if self.adapt is not None:
             self._record_errors(completed, completed.origin >= self._since)
@@ -165,7 +185,8 @@ class RollingNetwork:
             of_day = own & (day == d)
             columns = completed.columns[of_day]
             e = (columns[:, [-1]] - columns[:, :-1] @ self._morning_coefs[d].T) / completed.root[of_day, None]
-            self.errors[(completed.origin[of_day] - self.begin) // self.every, completed.lead[of_day]] = e
+            place = (completed.origin[of_day] - self.begin) // self.every - self._errors.first
+            self.errors[place, completed.lead[of_day]] = e
 
     def coefs(self) -> np.ndarray:
         """(K, J) coefficients of each memory, as known at the last row."""
@@ -176,6 +197,15 @@ class RollingNetwork:
     def state(self, memory: int = 0) -> OriginState:
         """State at the last row, by one memory."""
         return self._network.state(self.coefs()[memory])
+
+    def forecast_state(self, memory: int) -> OriginState:
+        """The state from which a forecast by one memory starts."""
+        return self.state(memory)._replace(emitter=self._network.emitted)
+
+    def heat_now(self, rows: NumberedSegment) -> float:
+        """Unmeasured heat over the last row's step [kW]."""
+        state, last = self.state(), rows.between(self.row - 1, self.row)
+        return float(last.channels.scheduled_heat(state.coef)[0]) + state.gain
 
     def forecast(self, rows: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(K, n_leads) deviations from the reference [K] and unmeasured heat [kW] after the last row; inputs hold."""

@@ -12,10 +12,11 @@ from sklearn.isotonic import isotonic_regression
 from .._table import ZoneTable
 from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
-from .channels import ChannelPlan, deviation, heat_of_plants, knot_name
-from .filter_model import NOISE, Matrices
+from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
+from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
+from .plant_model import emitting
 from .segment import Segment
 
 _GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
@@ -81,7 +82,10 @@ def load_paths(
 
 def plant_heat(fit: LeadFit, table: ZoneTable) -> np.ndarray:
     """(N,) heat [kW] of the plant in the rows of a table, by its fitted capacities."""
-    return heat_of_plants(fit.plan, dict(zip(fit.channel_names, fit.coef, strict=False)), table)
+    channels = equipment(fit.plan, table)
+    return known_heat(fit.plan, table) + sum(
+        fit.coef[fit.channel_names.index(one.name)] * one.series for one in channels
+    )
 
 
 def heat_frame(fit: LeadFit, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
@@ -193,25 +197,11 @@ def _with_emitter(
     fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Network with the emitter's heat as one more state: transition, forcing without the plant, effect of 1 kW."""
+    A, effect = emitting(fit, state)
     M, coef, plan, channels = state.matrices, state.coef, segment.plan, segment.channels
     n, nb = len(M.A), segment.boundary.shape[1]
-    A, effect = with_lag(plan, M, state.psi, coef, fit.model.step)
     heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
     heat[:, plan.zone] += zeta
     forcing = np.zeros((segment.n_rows, n + 1))
     forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ M.B[:, nb:].T
     return A, forcing, effect
-
-
-def with_lag(
-    plan: ChannelPlan, M: Matrices, psi: np.ndarray, coef: np.ndarray, step: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Transition (n + 1, n + 1) of a network with the emitter's heat as one more state, and the effect of 1 kW."""
-    n = len(M.A)
-    unit = M.B[:, M.B.shape[1] - n + plan.heated]
-    delayed = coef[-1] if plan.emitter else 0.0  # share of the heat that the emitter delays
-    a = np.exp(-step / np.exp(psi[-1]))
-    A, effect = np.zeros((n + 1, n + 1)), np.empty(n + 1)
-    A[:n, :n], A[:n, n], A[n, n] = M.A, delayed * unit, a
-    effect[:n], effect[n] = (1.0 - delayed) * unit, 1.0 - a
-    return A, effect

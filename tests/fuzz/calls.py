@@ -145,7 +145,7 @@ class Call(_Shown):
         forecaster = (entry.estimator or entry.method).startswith(("DisturbanceForecaster", "fit_many"))
         arx = "ARX" in entry.name or "Pipeline" in entry.name or entry.name == "backtest"
         roles = ("T_oa", "q_sol")
-        if not forecaster and not arx and entry.method != "forecast":
+        if not forecaster and not arx and entry.method not in ("forecast", "affine_forecast", "to_state_space"):
             roles += ("T_za",)
         if self.table.lies(roles):
             return "a value, a type or a mask that T_oa, q_sol or T_za cannot have"

@@ -28,7 +28,7 @@ _SHARE |= {name: 1 for name in FUNCTIONS if "Display" in name or name == "skhybr
 #: public methods that take no table of a user: they take what another method has read, or no table at all
 NO_TABLE = {
     "left_out_paths", "view", "iterate", "refitted", "recursive", "take_rows", "published", "theta_interval",
-    "to_state_space", "get_feature_names_out", "set_params", "get_params", "summary",
+    "origin_state", "input_response", "get_feature_names_out", "set_params", "get_params", "summary",
 }  # fmt: skip
 #: methods that change the estimator
 CHANGING = ("fit", "partial_fit", "update")
@@ -132,6 +132,15 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
     "config": _constant(**{key: key for key in SETTINGS}),
     "settings": _constant(usual=Settings(columns={"T_za": "T_za", "T_oa": "T_oa"}, step="1h")),
     "y_ahead": _constant(none=None),
+    "T_za": _constant(
+        none=None, usual=21.3, degF=70.0, several=[21.0, 22.0], sentinel=-9999.0, flag=True, nan=np.nan, word="warm",
+        infinite=np.inf, complex=21j,
+    ),
+    "inputs": _constant(
+        heating=("u_heat",), both=("u_heat", "u_cool"), heat=("Q_hvac",), text="u_heat", twice=("u_heat", "u_heat"),
+        weather=("T_oa",), empty=(), none=None, number=3, numbers=(1, 2), nested=(("u_heat",),),
+    ),
+    "member": _constant(blend="blend", network="network", other="ARX", none=None, number=1),
 }  # fmt: skip
 #: parameters with a default that are left alone
 LEFT_ALONE = {"output", "values", "on_error", "verbose", "n_leads"}

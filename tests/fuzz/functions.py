@@ -195,7 +195,7 @@ _SAMPLES = "samples for seconds from the table of a search"
 #: public names that are neither estimators nor functions above
 NOT_CALLED = {
     **dict.fromkeys(("RegularizeReport", "RawLog", "ModelComparison", "Diagnostics", "ProfileLikelihood"), _MADE),
-    **dict.fromkeys(("Identifiability", "StudyData", "StudyModel"), _MADE),
+    **dict.fromkeys(("Identifiability", "StudyData", "StudyModel", "AffineForecast", "ControlModel"), _MADE),
     **dict.fromkeys(
         (
             "load_small_office",

@@ -21,6 +21,7 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import UndefinedMetricWarning
 
 import skhybrid
+from skhybrid.hybrid import AffineForecast, ControlModel
 
 ACCEPTED, REFUSED = "accepted", "refused"
 PLAUSIBLE = (-60.0, 100.0)  # forecasts of a room [degC]
@@ -134,6 +135,8 @@ def numbers_in(result: Any) -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(result, tuple):
         for part in result:
             yield from numbers_in(part)
+    elif isinstance(result, AffineForecast | ControlModel):
+        yield from numbers_in(tuple(vars(result).values()))
 
 
 def wrong_numbers(result: Any, *, missing: bool = False, temperature: tuple[str, ...] = ()) -> str | None:

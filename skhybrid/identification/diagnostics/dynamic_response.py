@@ -55,7 +55,7 @@ def as_state_space(model: Any) -> StateSpace:
     """A state-space model: given as such, or that of a fitted identification."""
     if isinstance(model, StateSpace):
         return model
-    if hasattr(model, "to_state_space"):
+    if hasattr(model, "simulate"):
         return model.to_state_space()
     raise ValueError(f"{type(model).__name__} is neither a StateSpace nor a fitted identification of a network.")
 

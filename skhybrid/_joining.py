@@ -1,0 +1,80 @@
+"""History and rows ahead of a forecast: joined to one table, with what is measured now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ._ranges import check_range
+from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
+
+
+def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
+    """The stamps of ``future`` in the time zone of ``history``; refused where only one of the two has a zone."""
+    if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
+        return future
+    if (future.tz is None) != (history.tz is None):
+        past, ahead = names
+        raise ValueError(f"{past} has the time zone {history.tz}, {ahead} {future.tz}; localize the one without.")
+    return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
+
+
+def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], *pasts: Any) -> pd.DataFrame:
+    """History and future as one frame of the columns ``names`` and ``pasts``, which are missing in the future."""
+    stamps = in_zone_of(future.index, history.index)
+    refuse_absent([name for name in names if name in history.columns], future, "history")
+    whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
+    for past in [name for name in pasts if name in whole]:
+        whole[past] = whole[past].where(np.arange(len(whole)) < len(history))
+    return whole
+
+
+def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> ZoneTable:
+    """History and future, which must follow it, as one table in which nothing of the future is measured."""
+    if not future.follows(history):
+        raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; join them.")
+    return concatenate_tables([history, unmeasured(future, training)])
+
+
+def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
+    """Raise a ValueError if the future lacks one of the columns ``names``."""
+    absent = [name for name in names if name not in future.columns]
+    if absent:
+        raise ValueError(f"future has no column {absent[0]!r}, which {where} has.")
+
+
+def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
+    """The rows to forecast, of which nothing is measured; refused where an input of the training table is missing."""
+    absent = [role for role in training.inputs if role not in future.inputs]
+    if absent:
+        raise ValueError(f"future has no role {absent[0]!r}, which the training table has.")
+    return future.replace(history={k: v for k, v in future.history.items() if k in SETPOINT_ROLES})
+
+
+def read_now(T_za: Any, index: pd.Index) -> float:
+    """The temperature that is measured now [degC], at the first of some rows ahead."""
+    if isinstance(T_za, bool | np.bool_) or not isinstance(T_za, Real) or not np.isfinite(float(T_za)):
+        raise ValueError(f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}.")
+    value = float(T_za)
+    check_range(np.array([value]), "T_za", "T_za", index[:1])
+    return value
+
+
+def refuse_no_frames(history: Any, future: Any) -> None:
+    """Refuse a history or rows ahead that are no tables, or have no rows."""
+    for name, rows in (("history", history), ("future", future)):
+        if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
+            raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
+    if (history is not None and not len(history.index)) or not len(future.index):
+        raise ValueError("history and future need at least one row each.")
+
+
+def with_measured(table: ZoneTable, row: int, T: float, role: str = "T_za") -> ZoneTable:
+    """A table in which the temperature of one row is measured."""
+    values = table.history.get(role, np.full(table.n_rows, np.nan)).copy()
+    values[row] = T
+    return table.replace(history={**table.history, role: values})

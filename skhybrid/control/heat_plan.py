@@ -1,0 +1,108 @@
+"""Plans of a controller: the inputs that it decides on, and how far training covered what is planned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import ZoneTable, listed
+from .._warnings import warn_user
+from ..exceptions import PlanWarning
+from .required_heat import is_plant
+
+_BEYOND = 0.05  # share of the range of training by which a plan may leave it without a warning
+_MEMBERS = ("blend", "network")
+
+
+class Plan(NamedTuple):
+    """What is decided for the rows ahead; 0 where nothing is planned."""
+
+    inputs: tuple[str, ...]  # roles
+    values: np.ndarray  # (H, m) [kW, or stages]
+
+    @classmethod
+    def of(cls, table: ZoneTable, inputs: Sequence[str], n_rows: int) -> Plan:
+        """The plan in the last rows of a table."""
+        values = [table.inputs[role][table.n_rows - n_rows :] for role in inputs]
+        return cls(tuple(inputs), np.column_stack(values) if values else np.empty((n_rows, 0)))
+
+
+def read_inputs(inputs: Any, trained: Sequence[str], column_of: Callable[[str], Any]) -> tuple[str, ...]:
+    """Roles of the inputs that a controller decides on, given by role or column; those of training's plant only."""
+    names = [inputs] if isinstance(inputs, str) else inputs
+    plant = [role for role in trained if is_plant(role)]
+    if not isinstance(names, list | tuple) or not names or len(set(map(str, names))) < len(names):
+        raise ValueError(f"inputs={inputs!r} must be a list of different names, such as {plant!r}.")
+    by_name = {**{column_of(role): role for role in plant}, **{role: role for role in plant}}
+    for name in names:
+        if not isinstance(name, str) or name not in by_name:
+            what = "is no heating or cooling" if name in trained else "was not in the training table"
+            raise ValueError(
+                f"inputs names {name!r}, which {what}; heating and cooling of training are {listed(plant)}."
+            )
+    return tuple(by_name[name] for name in names)
+
+
+def read_member(member: Any) -> str:
+    """The model whose forecast is wanted."""
+    if not isinstance(member, str) or member not in _MEMBERS:
+        raise ValueError(f"member={member!r} is neither 'blend' nor 'network'.")
+    return member
+
+
+def planned(future: Any, inputs: Sequence[str], column_of: Callable[[str], Any]) -> tuple[Any, list[str]]:
+    """Rows ahead in which every input has a value, 0 where there is none, and the inputs that had one."""
+    if isinstance(future, ZoneTable):
+        given = [role for role in inputs if role in future.inputs]
+        off = {role: np.zeros(future.n_rows) for role in inputs if role not in given}
+        return (future.replace(inputs={**future.inputs, **off}) if off else future), given
+    given = [role for role in inputs if column_of(role) in future]
+    return future.assign(**{column_of(role): 0.0 for role in inputs if role not in given}), given
+
+
+def covered_by(training: Mapping[str, np.ndarray], inputs: Sequence[str]) -> np.ndarray:
+    """(m, 2) least and most of each input in training, and 0."""
+    return np.array([[min(0.0, training[r].min()), max(0.0, training[r].max())] for r in inputs]).reshape(-1, 2)
+
+
+def warn_uncovered(plan: Plan, given: Sequence[str], covered: np.ndarray) -> None:
+    """Warn of a plan that leaves what training covered (m, 2), of the inputs that were given."""
+    for role, values, (low, high) in zip(plan.inputs, plan.values.T, covered, strict=True):
+        margin = _BEYOND * (high - low) + 1e-9
+        share = float(((values < low - margin) | (values > high + margin)).mean())
+        if role in given and share > 0:
+            warn_user(
+                f"the plan has {role} outside of {low:.4g} to {high:.4g}, which training covered, in {share:.0%} of "
+                "the rows ahead: what it does there is extrapolated.",
+                PlanWarning,
+            )
+
+
+def warn_bent(plan: Plan, bent: np.ndarray) -> None:
+    """Warn of inputs (m,) of which the forecast is not affine."""
+    for role in np.array(plan.inputs, dtype=object)[bent]:
+        warn_user(
+            f"the heat of {role} bends with its stage at part load, so that the forecast is not affine in it: the gain "
+            "is the tangent at the plan in future.",
+            PlanWarning,
+        )
+
+
+def limits_of(stages: Mapping[str, float], covered: np.ndarray, inputs: Sequence[str]) -> np.ndarray:
+    """(m, 2) least and most of each input: of a stage 0 and its highest value, of measured heat what is covered."""
+    own = zip(inputs, covered, strict=True)
+    return np.array([(0.0, stages[role]) if role in stages else ends for role, ends in own]).reshape(-1, 2)
+
+
+def as_plan(q: Any, shape: tuple[int, int], index: pd.Index) -> np.ndarray:
+    """A plan (H, m) of the rows of a forecast."""
+    values = np.asarray(q, dtype=np.float64)
+    if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
+        raise ValueError(
+            f"the plan has shape {values.shape}, but there are {shape[0]} rows from {index[0]} to {index[-1]} and "
+            f"{shape[1]} inputs; give a value per row and input, and more rows in future for a longer horizon."
+        )
+    return values.reshape(shape)

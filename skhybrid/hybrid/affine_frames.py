@@ -1,0 +1,174 @@
+"""Forecasts for optimisers from frames: affine in a plan's heat, and a network as a discrete model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from .._joining import read_now, refuse_no_frames, with_measured
+from .._table import ZoneTable
+from .._threads import one_blas_thread
+from ..control import (
+    AffineForecast,
+    ControlModel,
+    Plan,
+    covered_by,
+    is_plant,
+    limits_of,
+    planned,
+    read_inputs,
+    read_member,
+    warn_bent,
+    warn_uncovered,
+)
+from ..forecasting.features import day_type_hours
+from ..forecasting.intervals import PathClock
+from ..forecasting.quantiles import path_clock, read_quantiles
+from .frames_forecast import FramesForecastMixin
+from .scheme import Ahead, RecentErrors
+
+
+class AffineFramesMixin(FramesForecastMixin):
+    """``affine_forecast`` and ``to_state_space`` of the hybrid predictors."""
+
+    @one_blas_thread
+    def affine_forecast(
+        self,
+        history: Any,
+        future: Any,
+        inputs: Sequence[str] = ("Q_hvac",),
+        T_za: float | None = None,
+        member: str = "blend",
+        quantiles: Sequence[float] | None = None,
+    ) -> AffineForecast:
+        """Forecast as an affine function of the heat that is planned: ``T = free + gain @ q``.
+
+        It is exactly what :meth:`forecast` gives under a plan, but that nothing is clipped: :meth:`forecast` keeps to
+        temperatures that the log makes plausible (the known range and as much again on either side, at least 10 K).
+
+        Parameters
+        ----------
+        history : DataFrame or None
+            As in :meth:`forecast`.
+        future : DataFrame
+            As in :meth:`forecast`.  Columns of the ``inputs`` may be absent; what they hold is a first plan, at which
+            the tangent is taken where a stage's heat bends at part load.
+        inputs : sequence of str, default=("Q_hvac",)
+            What is decided: heating and cooling of the training table, kW or stages; what is not named is read from
+            ``future``.
+        T_za : float, optional
+            As in :meth:`forecast`: the first row of ``future`` is *now* [degC].
+        member : {"blend", "network"}, default="blend"
+            The whole model, or the forecast of its network alone, which the two-stage scheme is.
+        quantiles : sequence of float, optional
+            As in :meth:`predict_quantiles`.
+
+        Returns
+        -------
+        AffineForecast
+            ``free`` (H,) [degC], ``gain`` (H, H, m) [K per kW or stage], ``zeta`` (H,) [kW or K], ``offsets``
+            (H, n_quantiles) [K] and ``index``, by the rows of ``future``; row i of the gain is 0 from column i on, as
+            heat acts over the step that begins at its stamp.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`forecast` does, and if an input was not in training.
+
+        Warns
+        -----
+        PlanWarning
+            If the plan in ``future`` leaves what training covered, or the forecast is not affine in an input.
+        """
+        check_is_fitted(self)
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        roles = read_inputs(inputs, list(self._scheme.rows.training.inputs), self._column_of)
+        ahead, plan = self._planned(history, future, roles, T_za)
+        found = self._present_scheme().affine(ahead, plan, read_member(member))
+        warn_bent(plan, found.bent)
+        free = found.temperature - np.tensordot(found.gain, plan.values, axes=2)
+        offsets = None if levels is None else self._offsets_ahead(ahead, levels, found.recent)
+        return AffineForecast(free, found.gain, found.zeta, future.index, roles, offsets)
+
+    @one_blas_thread
+    def to_state_space(self, history: Any, future: Any, T_za: float | None = None) -> ControlModel:
+        """The network over the rows ahead as a discrete state-space model, whose inputs are heating and cooling.
+
+        ``x[k+1] = A x[k] + B u[k] + forcing[k]`` with ``T[k] = C x[k]`` is the forecast of
+        ``affine_forecast(member="network")``, in plain arrays with which python-control, CasADi and do-mpc can work.
+
+        Parameters
+        ----------
+        history, future, T_za
+            As in :meth:`affine_forecast`; what a stage's heat at part load has beyond its share of the capacity stands
+            in ``forcing``, for the plan in ``future``.
+
+        Returns
+        -------
+        ControlModel
+            ``A`` (n, n), ``B`` (n, m), ``C`` (1, n), ``x0`` (n,), ``forcing`` (H, n), ``inputs``, ``limits`` (m, 2).
+
+        Raises
+        ------
+        ValueError
+            As :meth:`forecast` does, and if training had neither heating nor cooling.
+        """
+        check_is_fitted(self)
+        training = self._scheme.rows.training
+        roles = tuple(role for role in training.inputs if is_plant(role))
+        if not roles:
+            raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+        ahead, plan = self._planned(history, future, roles, T_za)
+        scheme = self._present_scheme()
+        network = scheme.linear_network(ahead, plan)
+        limits = limits_of(scheme.stages(), covered_by(training.inputs, roles), roles)
+        arrays = network.A, network.B, network.C, network.state, network.forcing
+        return ControlModel(*arrays, roles, limits, network.states, future.index, self.sampling_time_)
+
+    def _planned(self, history: Any, future: Any, roles: tuple[str, ...], T_za: Any) -> tuple[Ahead, Plan]:
+        """The rows ahead, and the plan that they hold."""
+        refuse_no_frames(history, future)
+        now, n_rows = None if T_za is None else read_now(T_za, future.index), len(future.index)
+        filled, given = planned(future, roles, self._column_of)
+        if history is None:
+            ahead = Ahead(self._read_future(filled), None, now, n_rows)
+        else:
+            table, origin = self._read_both(history, filled, now)
+            ahead = Ahead(table, int(origin[0]), now, n_rows)
+        plan = Plan.of(ahead.table, roles, n_rows)
+        warn_uncovered(plan, given, covered_by(self._scheme.rows.training.inputs, roles))
+        return ahead, plan
+
+    def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None) -> np.ndarray:
+        """(H, n_levels) what quantiles have beyond a forecast of the rows ahead [K]."""
+        out, n_leads = np.zeros((ahead.n_rows, len(levels))), ahead.n_leads
+        if not n_leads:
+            return out
+        if ahead.origin is not None:
+            table, origin = ahead.table, np.array([ahead.origin])
+        elif recent is not None and ahead.T_za is not None:
+            table, origin = with_measured(ahead.table, 0, ahead.T_za), np.array([0])
+        else:
+            table, origin = self._after_known(ahead.table, ahead.T_za)
+        if recent is None:
+            found = self._quantile_offsets(table, origin, n_leads, levels)[1][0]
+        else:
+            found = self._recent_offsets(path_clock(table, origin, n_leads), table, recent, levels)
+        out[ahead.n_rows - n_leads :] = found
+        return out
+
+    def _recent_offsets(
+        self, clock: PathClock, table: ZoneTable, recent: RecentErrors, levels: np.ndarray
+    ) -> np.ndarray:
+        """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors."""
+        intervals, hours = self.intervals_, table.step_hours
+        ends = recent.leads - recent.back[:, None]  # rows from the origin
+        since_last = ends - clock.lead.shape[1]
+        slots = day_type_hours(table, since_last.ravel()).reshape(ends.shape)
+        lead = np.broadcast_to(recent.leads * hours, ends.shape)
+        errors = recent.values, PathClock(lead, slots, ends * hours / 24.0)
+        factor = intervals.factor_at(errors, 0.0)
+        return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, None, factor)

@@ -1,0 +1,109 @@
+"""The schedule model as a discrete system whose inputs are the roles of the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..control import LinearNetwork, gain_of, impulse_response
+from .channels import deviation, knot_name
+from .fit import LeadFit
+from .online_network import OriginState
+from .segment import Segment
+
+
+class Bends(NamedTuple):
+    """Part-load curves of stages: what a plan gives beyond heat in proportion to the stage."""
+
+    heat: np.ndarray  # (N, m) [kW]
+    slope: np.ndarray  # (N, m) [kW per unit of the stage]
+
+
+def emitting(fit: LeadFit, state: OriginState) -> tuple[np.ndarray, np.ndarray]:
+    """Transition (n + 1, n + 1) with the emitter's heat as one more state, and the effect (n + 1,) of 1 kW."""
+    n, direct = len(state.matrices.A), into_heated(fit, state)
+    delayed = state.coef[-1] if fit.plan.emitter else 0.0  # share of the heat that the emitter delays
+    a = np.exp(-fit.model.step / np.exp(state.psi[-1]))
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[:, n], A[n, n] = state.matrices.A, delayed * direct, a
+    effect = (1.0 - delayed) * direct
+    effect[n] = 1.0 - a
+    return A, effect
+
+
+def into_heated(fit: LeadFit, state: OriginState) -> np.ndarray:
+    """(n + 1,) effect of 1 kW that reaches the heated node at once."""
+    M = state.matrices
+    n = len(M.A)
+    return np.append(M.B[:, M.B.shape[1] - n + fit.plan.heated], 0.0)
+
+
+def plant_inputs(fit: LeadFit, state: OriginState, roles: Sequence[str]) -> np.ndarray:
+    """(n + 1, m) effect of a unit of each role over a step, in proportion."""
+    _, effect = emitting(fit, state)
+    direct, known, stages = into_heated(fit, state), dict(fit.plan.known), dict(fit.plan.stages)
+    columns = [
+        known[role] * effect if role in known else stages[role] * _coef(fit, state, role) * direct for role in roles
+    ]
+    return np.column_stack(columns) if columns else np.empty((len(effect), 0))
+
+
+def bends_at(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.ndarray) -> Bends:
+    """The bends of a plan (N, m)."""
+    out, largest = Bends(np.zeros(plan.shape), np.zeros(plan.shape)), dict(fit.plan.max_stages)
+    for role, knot, capacity in fit.plan.knots:
+        if role in roles:
+            j, most = list(roles).index(role), largest[role]
+            stage, size = plan[:, j], _coef(fit, state, knot_name(role, knot)) * capacity
+            out.heat[:, j] += size * deviation(stage, knot, most)
+            out.slope[:, j] += size * ((stage < knot) - (stage < most) * knot / most)
+    return out
+
+
+def plant_gain(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.ndarray) -> np.ndarray:
+    """(N, N, m) gain of the temperature by a plan (N, m), its tangent where stages have bends."""
+    (A, _), C = emitting(fit, state), _output(fit, state)
+    gain = gain_of(impulse_response(A, plant_inputs(fit, state, roles), C, len(plan))[..., 0])
+    slope = bends_at(fit, state, roles, plan).slope
+    if slope.any():
+        direct = impulse_response(A, into_heated(fit, state)[:, None], C, len(plan))[..., 0]
+        gain = gain + gain_of(direct) * slope
+    return gain
+
+
+def linear_network(
+    fit: LeadFit, state: OriginState, segment: Segment, roles: Sequence[str], plan: np.ndarray
+) -> LinearNetwork:
+    """The network from an origin on, whose row is the segment's first one, in degC.
+
+    The segment's own plant is left out but for the bends of the ``plan`` (N, m), which stand in the forcing.
+    """
+    A, _ = emitting(fit, state)
+    M, channels = state.matrices, segment.channels
+    n, nb = len(M.A), segment.boundary.shape[1]
+    unmeasured = channels.solar | channels.scheduled
+    heat = channels.heat(np.where(unmeasured, state.coef[: len(unmeasured)], 0.0), n)
+    heat[:, fit.plan.zone] += state.gain * M.F[-1, -1] ** np.arange(segment.n_rows)
+    heat[:, fit.plan.heated] += bends_at(fit, state, roles, plan).heat.sum(axis=1)
+    forcing = np.zeros((segment.n_rows, n + 1))
+    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ M.B[:, nb:].T
+    reference = np.append(np.full(n, fit.reference), 0.0)
+    return LinearNetwork(
+        A,
+        plant_inputs(fit, state, roles),
+        _output(fit, state),
+        np.append(state.nodes, state.emitter) + reference,
+        forcing + reference - A @ reference,
+        (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
+    )
+
+
+def _output(fit: LeadFit, state: OriginState) -> np.ndarray:
+    """(1, n + 1) row of the measured node."""
+    return np.eye(len(state.matrices.A) + 1)[[fit.model.zone]]
+
+
+def _coef(fit: LeadFit, state: OriginState, name: str) -> float:
+    return float(state.coef[fit.channel_names.index(name)])

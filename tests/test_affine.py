@@ -1,0 +1,368 @@
+"""Forecasts for optimisers: exact, fast to renew, and what they refuse."""
+
+from __future__ import annotations
+
+from copy import copy, deepcopy
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import (
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+)
+from skhybrid.control import LinearNetwork
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import PlanWarning
+from skhybrid.hybrid import ControlModel
+from skhybrid.hybrid.schedule_scheme import ScheduleScheme
+from skhybrid.identification import StateSpace
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+
+DAY = 48  # rows, at 30 min
+N_TRAIN, NOW = 10 * DAY, 11 * DAY + 5
+QUICK = {"n_starts": 1, "random_state": 0}
+KNOWN = {"Q_h": 6.0}
+
+
+@pytest.fixture(scope="module")
+def office():
+    return make_office(n_days=14, sampling_time="30min", random_state=4)
+
+
+@pytest.fixture(scope="module")
+def tables(office):
+    """The same rows with stages, and with the heat measured as one column or as two."""
+    stages = office.X
+    rest = stages.drop(columns=["u_heat", "u_cool"])
+    Q_h, Q_c = 6.0 * stages["u_heat"], -5.0 * stages["u_cool"]
+    return {
+        "stages": stages,
+        "heat": rest.assign(Q_hvac=Q_h + Q_c),
+        "two": rest.assign(Q_h=Q_h, Q_c=Q_c),
+    }
+
+
+def _two_stage(gray_box, forecaster=None, **settings):
+    return TwoStagePredictor(gray_box, forecaster or DisturbanceForecaster("profile"), random_state=0, **settings)
+
+
+#: name -> estimator, its table, inputs of a plan
+CASES = {
+    "schedule": (lambda: SchedulePredictor(), "heat", ("Q_hvac",)),
+    "schedule, two heats": (lambda: HybridPredictor(), "two", ("Q_c", "Q_h")),
+    "schedule, some": (lambda: HybridPredictor(adapt="linear"), "two", ("Q_h",)),
+    "two-stage": (lambda: _two_stage(InputDisturbanceID(known=KNOWN, **QUICK)), "stages", ("u_heat", "u_cool")),
+    "two-stage, output": (lambda: _two_stage(OutputDisturbanceID(**QUICK), disturbance="output"), "heat", ("Q_hvac",)),
+    "conventional": (lambda: GrayBoxRC(**QUICK), "two", ("Q_h", "Q_c")),
+    "input": (lambda: InputDisturbanceID(known=KNOWN, **QUICK), "stages", ("u_cool",)),
+    "output": (lambda: OutputDisturbanceID(**QUICK), "heat", ("Q_hvac",)),
+    "periodic": (lambda: PeriodicDisturbanceID(known=KNOWN, **QUICK), "stages", ("u_heat", "u_cool")),
+}
+
+
+@pytest.fixture(scope="module")
+def fitted(tables, office):
+    made = {}
+
+    def get(name):
+        if name not in made:
+            make, table, _ = CASES[name]
+            made[name] = make().fit(tables[table][:N_TRAIN], office.y[:N_TRAIN])
+        return deepcopy(made[name])
+
+    return get
+
+
+@pytest.fixture(scope="module")
+def bent(tables, office):
+    """A default whose stage of known capacity has a part-load curve, after an update."""
+    model = HybridPredictor(known=KNOWN).fit(tables["stages"][:N_TRAIN], office.y[:N_TRAIN])
+    return model.update(tables["stages"][N_TRAIN:NOW])
+
+
+def _rows(tables, name):
+    X = tables[CASES[name][1]]
+    return X, X[NOW : NOW + DAY].drop(columns="T_za"), float(X["T_za"].iloc[NOW])
+
+
+def _plans(X, future, inputs, n=2):
+    """Random plans within the range of training."""
+    rng, names = np.random.default_rng(0), list(inputs)
+    ends = X[names][:N_TRAIN].to_numpy()
+    for _ in range(n):
+        q = rng.uniform(ends.min(axis=0), ends.max(axis=0), (len(future), len(names)))
+        yield q, future.assign(**dict(zip(names, q.T, strict=True)))
+
+
+# ---------------------------------------------------------------------------------------------------------- exactness
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("name", CASES)
+def test_the_forecast_is_affine_in_the_plan(name, known, measured, fitted, tables):
+    """From known rows or a history, with and without the present temperature; the blend and the network."""
+    model, (X, future, T), inputs = fitted(name), _rows(tables, name), CASES[name][2]
+    history, now = None if known else X[N_TRAIN:NOW], T if measured else None
+    if known:
+        model.update(X[N_TRAIN:NOW])
+    found = model.affine_forecast(history, future.drop(columns=list(inputs)), inputs, T_za=now)
+    assert found.gain.shape == (DAY, DAY, len(inputs))
+    assert found.inputs == inputs
+    assert found.index.equals(future.index)
+    assert not np.triu(np.moveaxis(found.gain, 2, 0)).any()
+    network = model.affine_forecast(history, future, inputs, T_za=now, member="network")
+    for q, planned in _plans(X, future, inputs):
+        forecast = model.forecast(history, planned, T_za=now)
+        np.testing.assert_allclose(found.temperature(q), forecast["T_za"], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.zeta, forecast["zeta"], rtol=0, atol=1e-9)
+        space = model.to_state_space(history, planned, T_za=now)
+        path = space.simulate(planned[list(space.inputs)].to_numpy())
+        np.testing.assert_allclose(path[:-1, 0], network.temperature(q), rtol=0, atol=1e-9)
+    if now is not None:
+        assert forecast["T_za"].iloc[0] == now == space.C[0] @ space.x0
+
+
+def test_the_state_space_is_plain_arrays(fitted, tables):
+    X, future, T = _rows(tables, "two-stage")
+    space = fitted("two-stage").update(X[N_TRAIN:NOW]).to_state_space(None, future, T_za=T)
+    n, m = space.B.shape
+    assert (space.A.shape, space.C.shape, space.x0.shape, space.forcing.shape) == ((n, n), (1, n), (n,), (DAY, n))
+    assert all(type(a) is np.ndarray and a.dtype == np.float64 for a in (space.A, space.B, space.C, space.limits))
+    assert set(space.inputs) == {"u_heat", "u_cool"}
+    np.testing.assert_array_equal(space.limits, [[0.0, 1.0]] * m)
+    assert len(space.states) == n
+    assert np.abs(np.linalg.eigvals(space.A)).max() < 1.0
+
+
+def test_measured_heat_is_limited_by_what_training_covered(fitted, tables):
+    X, future, _ = _rows(tables, "schedule")
+    space = fitted("schedule").to_state_space(X[N_TRAIN:NOW], future)
+    heat = X["Q_hvac"][:N_TRAIN]
+    np.testing.assert_allclose(space.limits, [[heat.min(), heat.max()]])
+
+
+def test_a_bend_gives_the_tangent_and_says_so(bent, tables):
+    """Exact between the knots of the part-load curve, and at the plan for the state space."""
+    X = tables["stages"]
+    future = X[NOW : NOW + DAY].drop(columns="T_za").assign(u_heat=0.3)
+    with pytest.warns(PlanWarning, match="u_heat bends"):
+        found = bent.affine_forecast(None, future, ("u_heat", "u_cool"))
+    for stage in (0.21, 0.3, 0.44):  # knots are at 0.2 and 0.45
+        planned = future.assign(u_heat=stage)
+        T = bent.forecast(None, planned)["T_za"]
+        np.testing.assert_allclose(found.temperature(planned[["u_heat", "u_cool"]]), T, rtol=0, atol=1e-9)
+    beyond = future.assign(u_heat=0.9)
+    off = found.temperature(beyond[["u_heat", "u_cool"]]) - bent.forecast(None, beyond)["T_za"]
+    assert np.abs(off).max() > 1e-3
+    network = bent.affine_forecast(None, future, ("u_heat",), member="network")
+    space = bent.to_state_space(None, future)
+    path = space.simulate(future[list(space.inputs)].to_numpy())[:-1, 0]
+    np.testing.assert_allclose(path, network.temperature(future["u_heat"]), rtol=0, atol=1e-9)
+
+
+def test_a_forecast_that_would_be_clipped_is_not(fitted, tables):
+    X, future, _ = _rows(tables, "schedule")
+    model = fitted("schedule").update(X[N_TRAIN:NOW])
+    q = np.full(DAY, 20.0)
+    affine, clipped = (
+        model.affine_forecast(None, future).temperature(q),
+        model.forecast(None, future.assign(Q_hvac=q))["T_za"],
+    )
+    assert affine[-1] > clipped.iloc[-1] + 1.0
+    np.testing.assert_allclose(affine[:2], clipped[:2], rtol=0, atol=1e-9)
+
+
+# ------------------------------------------------------------------------------------------------- measured at present
+@pytest.mark.parametrize("name", ["schedule", "two-stage", "two-stage, output", "input", "conventional"])
+def test_the_present_temperature_is_not_added_to_the_history(name, fitted, tables):
+    X, future, T = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
+    before = model.forecast(None, future)
+    found = model.forecast(None, future, T_za=T)
+    pd.testing.assert_frame_equal(model.forecast(None, future), before)
+    later = deepcopy(model).update(X[NOW : NOW + 1])
+    tolerance = {"rtol": 0, "atol": 1e-9}
+    np.testing.assert_allclose(found.iloc[1:], later.forecast(None, future.iloc[1:]), **tolerance)
+    model.forecast(None, future, T_za=T + 3.0)  # a wrong one leaves no trace
+    now = model.update(X[NOW : NOW + 1])
+    np.testing.assert_allclose(now.forecast(None, future.iloc[1:]), later.forecast(None, future.iloc[1:]), **tolerance)
+
+
+@pytest.mark.parametrize("name", ["schedule", "two-stage", "input"])
+def test_one_row_ahead(name, fitted, tables):
+    X, future, T = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
+    assert model.forecast(None, future[:1], T_za=T)["T_za"].to_list() == [T]
+    found = model.affine_forecast(None, future[:1], CASES[name][2], T_za=T)
+    np.testing.assert_allclose(found.temperature(np.ones(len(CASES[name][2]))[None]), [T], rtol=0, atol=1e-12)
+    assert model.to_state_space(None, future[:1], T_za=T).forcing.shape[0] == 1
+
+
+def test_a_thermostat_begins_at_the_present_temperature(tables, fitted):
+    X, future, T = _rows(tables, "schedule")
+    model = fitted("schedule").update(X[N_TRAIN:NOW])
+    found = model.forecast(None, future, T_za=T, setpoint=(20.0, 24.0))
+    assert found["T_za"].iloc[0] == T
+    later = model.update(X[NOW : NOW + 1]).forecast(None, future.iloc[1:], setpoint=(20.0, 24.0))
+    assert len(found) == len(later) + 1
+
+
+# -------------------------------------------------------------------------------------------------------- quantiles
+def test_offsets_are_near_those_of_the_forecast(fitted, tables):
+    """They come from recorded errors, so that they take milliseconds."""
+    X, future, T = _rows(tables, "schedule")
+    model, levels = fitted("schedule").update(X[N_TRAIN:NOW]), (0.1, 0.5, 0.9)
+    found = model.affine_forecast(None, future, T_za=T, quantiles=levels)
+    forecast = model.forecast(None, future, T_za=T, quantiles=levels)
+    beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
+    assert found.offsets.shape == (DAY, 3)
+    assert not found.offsets[0].any()
+    assert (np.diff(found.offsets[1:], axis=1) > 0).all()
+    assert np.abs(found.offsets - beyond).mean() < 0.35 * np.ptp(beyond[1:], axis=1).mean()
+    frozen = model.set_params(adapt=None)  # records nothing
+    offsets = frozen.affine_forecast(None, future, T_za=T, quantiles=levels).offsets
+    forecast = frozen.forecast(None, future, T_za=T, quantiles=levels)
+    beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
+    np.testing.assert_allclose(offsets, beyond, rtol=0, atol=1e-9)
+
+
+def test_offsets_from_a_history_and_of_two_stages(fitted, tables):
+    X, future, T = _rows(tables, "two-stage")
+    model, inputs = fitted("two-stage"), ("u_heat", "u_cool")
+    for now in (None, T):
+        found = model.affine_forecast(X[N_TRAIN:NOW], future, inputs, T_za=now, quantiles=[0.1, 0.9])
+        forecast = model.forecast(X[N_TRAIN:NOW], future, T_za=now, quantiles=[0.1, 0.9])
+        beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
+        np.testing.assert_allclose(found.offsets, beyond, rtol=0, atol=1e-9)
+
+
+# ----------------------------------------------------------------------------------------------------- running state
+def test_copies_and_another_adapt_go_on_from_the_running_state(fitted, tables, monkeypatch):
+    """Nothing goes through the training rows again."""
+    X, future, _ = _rows(tables, "schedule")
+    model = fitted("schedule").update(X[N_TRAIN:NOW])
+    for adapt in ("linear", None, "full"):
+        model.set_params(adapt=adapt).forecast(None, future)
+    monkeypatch.setattr(ScheduleScheme, "_joined", lambda *given: pytest.fail("went through all rows again"))
+    for made in (model, copy(model), deepcopy(model)):
+        now = made.update(X[NOW : NOW + 1])
+        for adapt in ("full", "linear", None):
+            now.set_params(adapt=adapt).forecast(None, future.iloc[1:])
+
+
+def test_copies_do_not_change_each_other(fitted, tables):
+    X, future, T = _rows(tables, "schedule")
+    model = fitted("schedule").update(X[N_TRAIN:NOW])
+    before = model.forecast(None, future)
+    for other in (copy(model), deepcopy(model)):
+        other.update(X[NOW : NOW + 3].assign(T_za=T + 5.0)).forecast(None, X[NOW + 3 : NOW + DAY])
+    pd.testing.assert_frame_equal(model.forecast(None, future), before)
+    along = fitted("schedule").forecast(X[N_TRAIN:NOW], future)
+    np.testing.assert_allclose(before, along, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["conventional", "input", "periodic"])
+def test_a_gray_box_follows_new_rows(name, fitted, tables):
+    """Row by row and in blocks, with nothing measured for a while."""
+    X, future, _ = _rows(tables, name)
+    X = X.copy()
+    X.iloc[N_TRAIN + 20 : N_TRAIN + 27, X.columns.get_loc("T_za")] = np.nan
+    model, whole = fitted(name), fitted(name)
+    for begin, end in ((0, 1), (1, 2), (2, 30), (30, NOW - N_TRAIN)):
+        assert model.update(X[N_TRAIN + begin : N_TRAIN + end]) is model
+    along = whole.forecast(X[N_TRAIN:NOW], future)
+    np.testing.assert_allclose(model.forecast(None, future), along, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(model.predict(future.assign(T_za=np.nan)), along["T_za"], rtol=0, atol=1e-8)
+
+
+# ----------------------------------------------------------------------------------------------------------- refused
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"inputs": ("Q_x",)}, "'Q_x', which was not in the training table"),
+        ({"inputs": ("u_heat",)}, "'u_heat', which was not in the training table; .* are 'Q_hvac'"),
+        ({"inputs": ("T_oa",)}, "'T_oa', which is no heating or cooling"),
+        ({"inputs": ()}, r"inputs=\(\) must be a list of different names"),
+        ({"inputs": ("Q_hvac", "Q_hvac")}, "list of different names"),
+        ({"inputs": 3}, "list of different names"),
+        ({"T_za": "warm"}, "T_za='warm' is not a number"),
+        ({"T_za": np.nan}, "T_za=nan is not a number"),
+        ({"T_za": [21.0]}, "is not (a number|one temperature)"),
+        ({"T_za": -9999.0}, "T_za holds -9999"),
+        ({"member": "ARX"}, "member='ARX' is neither"),
+        ({"quantiles": (0.9, 0.1)}, "in increasing order|learns no intervals"),
+        ({"future": slice(0, 0)}, "at least one row each"),
+    ],
+)
+@pytest.mark.parametrize("name", ["schedule", "two-stage, output", "output"])
+def test_what_cannot_be_is_refused(name, given, message, fitted, tables):
+    X, future, _ = _rows(tables, name)
+    model, given = fitted(name).update(X[N_TRAIN:NOW]), dict(given)
+    future = future.iloc[given.pop("future", slice(None))]
+    with pytest.raises(ValueError, match=message):
+        model.affine_forecast(None, future, **given)
+
+
+@pytest.mark.parametrize("name", ["schedule", "output"])
+def test_bad_rows_ahead_are_refused(name, fitted, tables):
+    X, future, T = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
+    missing = future.copy()
+    missing.iloc[3, missing.columns.get_loc("T_oa")] = np.nan
+    for call in (model.affine_forecast, model.to_state_space, model.forecast):
+        with pytest.raises(ValueError, match=r"T_oa.*NaN"):
+            call(None, missing)
+        with pytest.raises(ValueError, match="begins at"):
+            call(None, future.iloc[2:], T_za=T)
+        with pytest.raises(ValueError, match="T_oa"):
+            call(None, future.drop(columns="T_oa"))
+    found = model.affine_forecast(None, future)
+    with pytest.raises(ValueError, match=f"there are {DAY} rows .* more rows in future for a longer horizon"):
+        found.temperature(np.zeros(DAY + 1))
+
+
+@pytest.mark.parametrize("name", ["schedule", "output"])
+def test_a_plan_beyond_training_is_warned_of(name, fitted, tables, recwarn):
+    X, future, _ = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
+    model.affine_forecast(None, future)
+    model.affine_forecast(None, future.drop(columns="Q_hvac"))
+    assert not [w for w in recwarn if issubclass(w.category, PlanWarning)]
+    wild = future.copy()
+    wild.iloc[: DAY // 4, wild.columns.get_loc("Q_hvac")] = 40.0
+    for call in (model.affine_forecast, model.to_state_space):
+        with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25% of the rows ahead"):
+            call(None, wild)
+
+
+def test_a_gray_box_says_what_its_new_methods_need(fitted, tables):
+    X, future, T = _rows(tables, "output")
+    model = fitted("output")
+    assert isinstance(model.to_state_space(), StateSpace)
+    assert isinstance(model.to_state_space(X[N_TRAIN:NOW], future), ControlModel)
+    with pytest.raises(ValueError, match="need rows ahead"):
+        model.to_state_space(T_za=T)
+    with pytest.raises(ValueError, match="learns no intervals"):
+        model.affine_forecast(X[N_TRAIN:NOW], future, quantiles=[0.5])
+    with pytest.raises(ValueError, match="has no column 'T_za'"):
+        model.update(X[N_TRAIN:NOW].drop(columns="T_za"))
+    with pytest.raises(ValueError, match="the last known row is"):
+        model.update(X[N_TRAIN + 1 : NOW])
+
+
+def test_a_measured_state_changes_nothing_after_it():
+    rng = np.random.default_rng(0)
+    A, B = rng.uniform(-0.4, 0.4, (3, 3)), rng.normal(size=(3, 1))
+    network = LinearNetwork(A, B, np.eye(3)[[1]], rng.normal(size=3), rng.normal(size=(4, 3)), ("a", "b", "c"))
+    measured = network.measured(np.array([7.0]))
+    assert measured.state[1] == 7.0
+    u = np.array([0.5])
+    np.testing.assert_allclose(measured.after(u).state, network.after(u).state, rtol=0, atol=1e-12)
