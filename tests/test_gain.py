@@ -289,6 +289,8 @@ def test_what_has_no_gain_says_so(log):
     model = SchedulePredictor(purpose="plan", intervals=False).fit(idle, idle["T_za"])
     with pytest.raises(AttributeError, match="no plant"):
         model.gain_  # noqa: B018
+    with pytest.raises(AttributeError, match="no plant"):
+        model.gain_std_  # noqa: B018
     with pytest.raises(ValueError, match="purpose='plan' does nothing with the two-stage scheme"):
         HybridPredictor(disturbance="output", purpose="plan").fit(X, X["T_za"])
     with pytest.raises(ValueError, match="purpose='control' is neither 'forecast' nor 'plan'"):

@@ -50,10 +50,11 @@ def gain_table(
     return pd.DataFrame(gains, index, names).assign(blend=blend)
 
 
-def gain_errors(fit: LeadFit, gains: pd.DataFrame, step: pd.Timedelta, purpose: str) -> pd.Series:
+def gain_errors(fit: LeadFit, record: BlendRecord, step: pd.Timedelta, purpose: str) -> pd.Series:
     """Relative standard error of the network's gain, by lead."""
-    error = step_gain_error(fit, np.asarray(gains.index // step))
-    return pd.Series(np.hypot(error, BEYOND_DATA[purpose]), gains.index, name="gain_std")
+    rows = rows_of_leads(record, step)
+    error = np.hypot(step_gain_error(fit, rows), BEYOND_DATA[purpose])
+    return pd.Series(error, pd.Index(rows * step, name="lead"), name="gain_std")
 
 
 def warn_of_gains(members: Sequence[Member], gains: pd.DataFrame, purpose: str) -> None:

@@ -24,6 +24,7 @@ class HybridPredictor(BaseTwoStage):
         Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box``.
     known : dict of str to float, optional
         Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.
+    %(purpose)s
     %(disturbance)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
@@ -45,7 +46,8 @@ class HybridPredictor(BaseTwoStage):
         The identified network and the fitted forecaster of its disturbance; of the schedule model both are one
         :class:`~skhybrid.schedule.ScheduledNetwork`.
     weights_ : DataFrame
-        Shares of the blend's members by group of leads (schedule model only).
+        Shares of the blend's members by group of leads; as the next two, of the schedule model only.
+    %(gain)s
     %(fitted)s
 
     Examples

@@ -23,7 +23,9 @@ class SchedulePredictor(BaseHybrid):
 
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
     forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
-    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`) and takes a network of the usual size.  Every
+    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets
+    no other member of the blend say what that plant does.  Where members disagree on that, or a plan rests on a gain
+    that the training does not tell, ``fit`` gives a :class:`~skhybrid.exceptions.GainWarning`.  Every
     forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
     Parameters
@@ -33,6 +35,7 @@ class SchedulePredictor(BaseHybrid):
     known : dict of str to float, optional
         Given capacities [kW], such as ``{"Q_h": 6.0}``.  Without one or measured heat, all heat is relative: the first
         stage that runs is taken to have 6 kW.
+    %(purpose)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also linear
@@ -55,6 +58,7 @@ class SchedulePredictor(BaseHybrid):
         The same: its schedules forecast the disturbance.
     weights_ : DataFrame
         Shares of network, both ARX and the daily profile by group of leads, as the training has them.
+    %(gain)s
     %(fitted)s
 
     Examples

@@ -170,7 +170,9 @@ class ScheduleScheme(Scheme):
     @cached_property
     def gain_std_(self) -> pd.Series:
         """Relative standard error of the network's gain, by lead."""
-        return gain_errors(self._physics.fit_, self.gain_, self.rows.training.step, self.purpose)
+        if self._plant is None:
+            raise AttributeError("the training has no plant, so that there is no gain_std_.")
+        return gain_errors(self._physics.fit_, self._record, self.rows.training.step, self.purpose)
 
     @cached_property
     def zeta_(self) -> pd.Series:
