@@ -88,7 +88,9 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
     forecasts = [ScoredForecasts(window, ForecastSample(origins, leads), weight)]
     if not rows.joined:
         forecasts.append(_every_second(fit))
-    pull = None if fit.problem.pull is None else GainPull.of(window, fit.model.step)
+    pull = fit.problem.pull
+    if pull is not None and (seen := GainPull.of(window, fit.model.step)).observed:
+        pull = seen
     return minimise(replace(fit.problem, forecasts=tuple(forecasts), pull=pull), psi, max_steps=_STEPS).psi
 
 

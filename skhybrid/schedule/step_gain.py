@@ -92,14 +92,19 @@ def _by_lead(gains: tuple[ObservedGain, ...]) -> tuple[ObservedGain, ...] | None
     return tuple(known[lead] for lead in JUMP_LEADS) if known.keys() >= set(JUMP_LEADS) else None
 
 
-def is_usual(gains: tuple[ObservedGain, ...]) -> bool:
+def _usual(hours: np.ndarray) -> np.ndarray:
+    """Logarithm of the usual step response, relative to that at 15 min."""
+    return np.log(np.maximum(1.0 + _PER_LOG * np.log(hours / _HOURS[0]), _PER_LOG))
+
+
+def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool:
     """Whether jumps say that the response begins as is usual in rooms whose air is heated."""
     found = _by_lead(gains)
     if found is None:
         return False
     first, second = found
     error = float(np.hypot(first.error / first.gain, second.error / second.gain))
-    usual = np.log1p(_PER_LOG * np.log(second.lead / first.lead))
+    usual = float(np.diff(_usual(step * np.array(JUMP_LEADS)))[0])
     return bool(abs(np.log(second.gain / first.gain) - usual) < _UNUSUAL + 2.0 * error)
 
 
@@ -149,7 +154,7 @@ class GainPull(NamedTuple):
     def of(cls, segment: Segment, step: float) -> Self:
         """Pull toward what the jumps in these rows say."""
         observed = observed_gains(segment)
-        return cls(observed, is_usual(observed), step)
+        return cls(observed, is_usual(observed, step), step)
 
     @property
     def n_rows(self) -> int:
@@ -201,6 +206,6 @@ class GainPull(NamedTuple):
         """Weighted errors of the shape, and their derivatives by psi."""
         rows = self._rows
         gain, slope = at.gain[rows - 1], at.slope[rows - 1] / at.gain[rows - 1, None]
-        usual = np.log1p(_PER_LOG * np.log(rows * self.step / _HOURS[0]))
+        usual = _usual(rows * self.step)
         error = usual - usual[0] - np.log(gain / gain[0])
         return error[1:] / _SHAPE_SPREAD, (slope[0] - slope[1:]) / _SHAPE_SPREAD
