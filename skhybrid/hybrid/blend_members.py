@@ -20,7 +20,10 @@ def make_others(fit: LeadFit, training: ZoneTable, purpose: str) -> list[Member]
     # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
     multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
     others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
-    roles = [role for role in training.inputs if role[:2] in ("u_", "Q_")] if plan else fit.undetermined
+    if plan:
+        roles: Sequence[str] = [role for role in training.inputs if role[:2] in ("u_", "Q_")]
+    else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
+        roles = fit.undetermined if fit.blocks.any() else ()
     if not roles:
         return others
     response = HeatResponse.of(fit, roles, training)
