@@ -48,7 +48,7 @@ def log():
 @pytest.fixture(scope="module")
 def plan(log):
     X, _ = log
-    return HybridPredictor(purpose="plan").fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    return HybridPredictor(purpose="plan", intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +228,7 @@ def test_a_model_for_planning_is_cloned_and_saved_whole(plan, log, tmp_path):
 # ------------------------------------------------------------------------------------------------ error and warnings
 def test_the_stated_error_covers_the_truth():
     inside = []
-    for seed, climate in ((0, "oakland"), (1, "chicago"), (2, "oakland")):
+    for seed, climate in ((0, "oakland"), (1, "chicago")):
         X, truth = office_of(seed, climate, n_days=14)
         model = SchedulePredictor(purpose="plan", adapt=None, intervals=False).fit(X, X["T_za"])
         rows = np.asarray(model.gain_.index // pd.Timedelta("30min"))
