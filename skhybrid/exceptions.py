@@ -6,6 +6,7 @@ from sklearn.exceptions import NotFittedError
 
 __all__ = [
     "ExcitationWarning",
+    "GainWarning",
     "ModelFileError",
     "PlanWarning",
     "RoleWarning",
@@ -34,6 +35,10 @@ class ScaleNotIdentifiableWarning(SkhybridWarning):
 
 class ExcitationWarning(SkhybridWarning):
     """The data do not excite a parameter, so the fit cannot determine it."""
+
+
+class GainWarning(SkhybridWarning):
+    """The response of a forecast to a kW is not to be relied on."""
 
 
 class PlanWarning(SkhybridWarning):

@@ -16,10 +16,11 @@ from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain
+from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain, step_gain
 from ..thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
 
+_SMALL = 1e-3  # step by which a linear model is tried [kW], so small that nothing is clipped
 _RETURN = pd.Timedelta("12h")  # after which 1/e of the deviation from the mean day is left
 
 
@@ -74,6 +75,9 @@ class Member(Protocol):
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         """(O, L) errors [K] of training forecasts, each by a fit without its block of days, alike in all the ways."""
 
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        """(n_leads,) temperature after a step of 1 kW of a plant, given with its capacity [kW] [K/kW]."""
+
     def view(self, rows: NumberedTable) -> Any:
         """Rows as the member takes them."""
 
@@ -82,17 +86,21 @@ class Member(Protocol):
 
 
 class ScheduleMember:
-    """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW."""
+    """A network with schedules, fitted on the errors of forecasts at all leads; ``known`` capacities in kW.
+
+    With the ``purpose`` "plan" its response to a kW is pulled toward what jumps of the heat say of it.
+    """
 
     names: tuple[str, ...] = ("network", "network, short memory")
     is_rule, needs_days = False, True
     fit_: LeadFit
 
-    def __init__(self, network: RCNetwork, known: dict[str, float]) -> None:
-        self.network, self.known = network, known
+    def __init__(self, network: RCNetwork, known: dict[str, float], purpose: str = "forecast") -> None:
+        self.network, self.known, self.purpose = network, known, purpose
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        self.fit_ = fit_leads(self.network, training, training.history["T_za"], n_leads, self.known, calendar=True)
+        T = training.history["T_za"]
+        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, calendar=True, purpose=self.purpose)
         return self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -105,6 +113,9 @@ class ScheduleMember:
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         return self.fit_.left_out
+
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        return step_gain(self.fit_, n_leads)
 
     def view(self, rows: NumberedTable) -> NumberedSegment:
         segment, whole = self.fit_.make_segment(rows.table, rows.T), rows.whole
@@ -160,6 +171,18 @@ class ARXMember:
         T, n_leads = training.history["T_za"], int(sample.leads[-1])
         paths = self.arx_.left_out_paths(training, T, sample.origins, n_leads, blocks)
         return _errors(T, sample, paths[:, sample.leads - 1])
+
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        role, capacity = plant
+        rows = training.rows(slice(-(n_leads + 2 * self.n_lags), None))
+        origin, T = max(rows.n_rows - n_leads, 0), rows.history["T_za"]
+        step = _SMALL / capacity * (np.arange(rows.n_rows) >= origin)
+        more = rows.replace(inputs={**rows.inputs, role: rows.inputs[role] + step})
+        before, after = (
+            self.arx_.iterate(self.arx_.view(table, T), np.array([origin]), n_leads, self.arx_.coef_[None])[0]
+            for table in (rows, more)
+        )
+        return (after - before) / _SMALL
 
     def view(self, rows: NumberedTable) -> ARXData:
         return self.arx_.view(rows.table, rows.T, rows.first, rows.before)
@@ -281,6 +304,9 @@ class DailyProfileMember:
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         rows, mean_day = self._after(training)
         return _errors(rows.T, sample, self.paths(rows, mean_day, sample.origins, sample.leads))
+
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        return np.zeros(n_leads)
 
     def view(self, rows: NumberedTable) -> ProfileRows:
         return ProfileRows.of(rows.table, rows.T, rows.first)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from .base import Adapt
 from .parameter_docs import shared_docs
-from .schedule_predictor import make_schedule_scheme
+from .schedule_predictor import Purpose, make_schedule_scheme
 from .scheme import Scheme
 from .two_stage_predictor import BaseTwoStage
 
@@ -23,6 +24,7 @@ class HybridPredictor(BaseTwoStage):
         Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box``.
     known : dict of str to float, optional
         Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.
+    %(purpose)s
     %(disturbance)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
@@ -44,7 +46,8 @@ class HybridPredictor(BaseTwoStage):
         The identified network and the fitted forecaster of its disturbance; of the schedule model both are one
         :class:`~skhybrid.schedule.ScheduledNetwork`.
     weights_ : DataFrame
-        Shares of the blend's members by group of leads (schedule model only).
+        Shares of the blend's members by group of leads; as the next two, of the schedule model only.
+    %(gain)s
     %(fitted)s
 
     Examples
@@ -60,8 +63,58 @@ class HybridPredictor(BaseTwoStage):
     (96,)
     """
 
+    def __init__(
+        self,
+        gray_box=None,
+        forecaster=None,
+        *,
+        network=None,
+        known=None,
+        purpose: Purpose = "forecast",
+        disturbance="input",
+        horizon="1D",
+        adapt: Adapt = "full",
+        intervals=True,
+        preprocess=None,
+        memory=None,
+        columns=None,
+        sampling_time=None,
+        holidays=None,
+        n_jobs=None,
+        random_state=None,
+        verbose=0,
+        origin_step=None,
+        max_missing=0.5,
+    ):
+        super().__init__(
+            gray_box,
+            forecaster,
+            network=network,
+            known=known,
+            disturbance=disturbance,
+            horizon=horizon,
+            adapt=adapt,
+            intervals=intervals,
+            preprocess=preprocess,
+            memory=memory,
+            columns=columns,
+            sampling_time=sampling_time,
+            holidays=holidays,
+            n_jobs=n_jobs,
+            random_state=random_state,
+            verbose=verbose,
+            origin_step=origin_step,
+            max_missing=max_missing,
+        )
+        self.purpose = purpose
+
     def _make_scheme(self) -> Scheme:
         if self._takes_two_stages() or self.disturbance != "input":
+            if self.purpose != "forecast":
+                raise ValueError(
+                    f"purpose={self.purpose!r} does nothing with the two-stage scheme, whose gain is that of the "
+                    "identified network for any purpose; leave it out."
+                )
             return super()._make_scheme()
         for name, reason in (("memory", "identifies nothing"), ("n_jobs", "runs on one core")):
             if getattr(self, name) is not None:
@@ -69,7 +122,7 @@ class HybridPredictor(BaseTwoStage):
                     f"{name}={getattr(self, name)!r} does nothing with the schedule model, which {reason}; leave it "
                     "out, or give a gray_box or a forecaster for the two-stage scheme."
                 )
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt)
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose)
 
     def _takes_two_stages(self) -> bool:
         return self.gray_box is not None or self.forecaster is not None or self.disturbance == "output"

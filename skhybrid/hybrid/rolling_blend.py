@@ -16,6 +16,7 @@ from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member, NumberedTable
 from .plausible_range import PlausibleRange
 from .scheme import RecentErrors
+from .without_heat import RollingWithoutHeat
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
@@ -81,6 +82,8 @@ class RollingBlend:
     def advance(self, views: list[Any], origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
         for rolling, view in zip(self._rolling, views, strict=True):
+            if isinstance(rolling, RollingWithoutHeat):
+                rolling.follow(self.network)
             rolling.advance(view, origin)
         before, self.row = max(self.row, self._begin), origin
         if self.adapt is not None and origin > before:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
 
 DEFAULT_NETWORK = "4R3C"  # network of the schedule model
+#: what the forecasts are for
+Purpose = Literal["forecast", "plan"]
 
 
 @shared_docs
@@ -21,7 +23,9 @@ class SchedulePredictor(BaseHybrid):
 
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
     forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
-    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`) and takes a network of the usual size.  Every
+    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets
+    no other member of the blend say what that plant does.  Where members disagree on that, or a plan rests on a gain
+    that the training does not tell, ``fit`` gives a :class:`~skhybrid.exceptions.GainWarning`.  Every
     forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
     Parameters
@@ -31,6 +35,7 @@ class SchedulePredictor(BaseHybrid):
     known : dict of str to float, optional
         Given capacities [kW], such as ``{"Q_h": 6.0}``.  Without one or measured heat, all heat is relative: the first
         stage that runs is taken to have 6 kW.
+    %(purpose)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also linear
@@ -53,6 +58,7 @@ class SchedulePredictor(BaseHybrid):
         The same: its schedules forecast the disturbance.
     weights_ : DataFrame
         Shares of network, both ARX and the daily profile by group of leads, as the training has them.
+    %(gain)s
     %(fitted)s
 
     Examples
@@ -70,6 +76,7 @@ class SchedulePredictor(BaseHybrid):
         network="4R3C",
         *,
         known=None,
+        purpose: Purpose = "forecast",
         horizon="1D",
         adapt: Adapt = "full",
         intervals=True,
@@ -82,6 +89,7 @@ class SchedulePredictor(BaseHybrid):
     ):
         self.network = network
         self.known = known
+        self.purpose = purpose
         self.horizon = horizon
         self.adapt = adapt
         self.intervals = intervals
@@ -93,15 +101,17 @@ class SchedulePredictor(BaseHybrid):
         self.max_missing = max_missing
 
     def _make_scheme(self) -> ScheduleScheme:
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt)
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose)
 
 
 def make_schedule_scheme(
-    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None
+    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None, purpose: str
 ) -> ScheduleScheme:
     """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
+    if purpose not in get_args(Purpose):
+        raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
     found = get_network(DEFAULT_NETWORK if network is None else network)
-    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt)
+    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt, purpose=purpose)
 
 
 def _capacities(known: dict[str, float]) -> dict[str, float]:

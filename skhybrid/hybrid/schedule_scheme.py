@@ -13,7 +13,7 @@ from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
-from ..exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from ..exceptions import ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
@@ -30,14 +30,15 @@ from ..schedule import (
 )
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
+from .blend_members import make_others, prior_shares
 from .drift import DriftMonitor
+from .gain_report import gain_errors, gain_table, plant_of, warn_of_gains, warn_of_undetermined
 from .known_rows import KnownRows
-from .members import ARXMember, DailyProfileMember, Member, NumberedTable, ScheduleMember
+from .members import Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
 
-_LAGS = 24  # temperatures that the black box regresses on
 _RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
@@ -51,13 +52,21 @@ class ScheduleScheme(Scheme):
 
     name = "schedule"
 
-    def __init__(self, network: RCNetwork, *, known: dict[str, float], horizon: Any, adapt: str | None) -> None:
-        self.network, self.known, self.horizon, self.adapt = network, known, horizon, adapt
+    def __init__(
+        self,
+        network: RCNetwork,
+        *,
+        known: dict[str, float],
+        horizon: Any,
+        adapt: str | None,
+        purpose: str = "forecast",
+    ) -> None:
+        self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
         #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
         self._running: dict[str | None, RollingBlend] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_running", "gray_box_", "forecaster_", "weights_", "zeta_")
+        made_anew = ("_running", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
@@ -78,7 +87,9 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured)
         self._warn_scale()
-        self._warn_undetermined()
+        warn_of_undetermined(self._physics.fit_, self.rows.training, self.known)
+        if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
+            warn_of_gains(self._members, self.gain_, self.purpose)
         return self
 
     def _learn(self, measured: ZoneTable) -> None:
@@ -86,13 +97,11 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        self._physics = ScheduleMember(self.network, self.known)
-        # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
-        multi_step = [] if _has_trace(training) else [ARXMember(_LAGS, multi_step=True)]
-        self._others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
-        for member in self._members:
-            member.fit(training, n_leads)
+        self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
         fit = self._physics.fit_
+        self._others = make_others(fit, training, self.purpose)
+        for member in self._others:
+            member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         left_out = np.stack([m.left_out(training, sample, fit.blocks) for m in self._members], axis=-1)
         left_out = self._of_clipped(left_out, sample)
@@ -101,7 +110,10 @@ class ScheduleScheme(Scheme):
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         priors = np.array(
-            [_prior(self._members, share, first) for share, first in zip(_RULE_SHARES, (True, False), strict=True)]
+            [
+                prior_shares(self._members, share, first)
+                for share, first in zip(_RULE_SHARES, (True, False), strict=True)
+            ]
         )
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
@@ -130,20 +142,6 @@ class ScheduleScheme(Scheme):
             ScaleNotIdentifiableWarning,
         )
 
-    def _warn_undetermined(self) -> None:
-        """Warn of plants of whose effect the training says next to nothing."""
-        capacity = {s.role: s.parameter for s in self.network.sources(self.rows.training.inputs)}
-        for role in self._physics.fit_.undetermined:
-            parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
-            free = parameter is not None and parameter not in self.known
-            remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
-            warn_user(
-                f"the training, in which {role} ran for {self.rows.training.hours_run(role):.2g} h, does not determine "
-                "its gain, so that forecasts with it are a guess; train on a log in which it goes on and off for a "
-                f"few hours{remedy}.",
-                ExcitationWarning,
-            )
-
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
         return ScheduledNetwork.of(self._physics.fit_)
@@ -157,6 +155,24 @@ class ScheduleScheme(Scheme):
         """Share of each way to forecast by group of leads, as the training has it."""
         names = [name for member in self._members for name in member.names]
         return pd.DataFrame(self._record.weights(), list(GROUP_NAMES), names)
+
+    @property
+    def _plant(self) -> tuple[str, float] | None:
+        return plant_of(self._physics.fit_, self.rows.training)
+
+    @cached_property
+    def gain_(self) -> pd.DataFrame:
+        """Temperature after a step of 1 kW, by lead and member [K/kW]."""
+        if self._plant is None:
+            raise AttributeError("the training has no plant, so that there is no gain_.")
+        return gain_table(self._members, self._record, self.rows.training, self._plant)
+
+    @cached_property
+    def gain_std_(self) -> pd.Series:
+        """Relative standard error of the network's gain, by lead."""
+        if self._plant is None:
+            raise AttributeError("the training has no plant, so that there is no gain_std_.")
+        return gain_errors(self._physics.fit_, self._record, self.rows.training.step, self.purpose)
 
     @cached_property
     def zeta_(self) -> pd.Series:
@@ -333,7 +349,9 @@ class ScheduleScheme(Scheme):
         rows = self.rows if measured is None else self.rows.appended(measured)
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
-        learned = type(self)(self.network, known=self.known, horizon=self.horizon, adapt=self.adapt)
+        learned = type(self)(
+            self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose
+        )
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)
         return learned
@@ -363,22 +381,6 @@ def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
     if T_za is not None:
         T[0] = T_za
     return future.replace(history={"T_za": T})
-
-
-def _prior(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
-    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
-    learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
-    n_rules = sum(m.is_rule for m in members)
-    shares = [
-        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
-        for m, has in zip(members, learned, strict=True)
-    ]
-    return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
-
-
-def _has_trace(training: ZoneTable) -> bool:
-    """Whether a plant ran, but so little that the training does not tell what its heat does."""
-    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())
 
 
 def _midnights(table: ZoneTable) -> np.ndarray:

@@ -87,6 +87,16 @@ class Scheme(ABC):
         """Shares of the members of a blend."""
         raise AttributeError(f"the {self.name} scheme blends nothing, so that it has no weights_.")
 
+    @property
+    def gain_(self) -> pd.DataFrame:
+        """Temperature after a step of 1 kW."""
+        raise AttributeError(f"the {self.name} scheme has no gain_; take the step response of its gray_box_.")
+
+    @property
+    def gain_std_(self) -> pd.Series:
+        """Relative standard error of the gain."""
+        raise AttributeError(f"the {self.name} scheme has no gain_std_; take theta_cov_ of its gray_box_.")
+
     @abstractmethod
     def fit(self, measured: ZoneTable) -> Self:
         """Learn from a training table."""

@@ -7,6 +7,8 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
+from .gain_error import step_gain, step_gain_error
+from .heat_response import HeatResponse
 from .online_network import OriginState
 from .plant_model import bends_at, linear_network, plant_gain
 from .rolling_network import ErrorHistory, RollingNetwork
@@ -16,6 +18,7 @@ from .segment import NumberedSegment, Segment, make_segment
 
 __all__ = [
     "ErrorHistory",
+    "HeatResponse",
     "LeadFit",
     "NumberedSegment",
     "OriginState",
@@ -31,4 +34,6 @@ __all__ = [
     "make_segment",
     "plant_gain",
     "plant_heat",
+    "step_gain",
+    "step_gain_error",
 ]

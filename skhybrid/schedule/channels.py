@@ -40,11 +40,13 @@ class ChannelPlan(NamedTuple):
     noon: float  # hour (UTC where known) at which the sun is highest
     calendar: bool  # whether there are schedules
     contrast: tuple[tuple[float, ...], ...] = ()  # (2, 24) fitted day-type contrast [kW]: gain, and ua per unit
+    free_level: bool = False  # whether the level of the conductance schedule is not shrunk, unlike its hours
+    lags: bool = True  # whether known heat may be delayed
 
     @property
     def emitter(self) -> bool:
         """Whether there is known heat, which an emitter may delay."""
-        return bool(self.known)
+        return self.lags and bool(self.known)
 
     @property
     def zone(self) -> int:
@@ -221,7 +223,7 @@ def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]
     always, zone = drivers["gain"], plan.zone
     yield Channel("gain", always, zone, False, "free")
     if "ua" in drivers:
-        yield Channel("ua", drivers["ua"], zone, False, "ua_hour")
+        yield Channel("ua", drivers["ua"], zone, False, "free" if plan.free_level else "ua_hour")
     if not plan.calendar:
         return
     at, day_type = table.time.hour.to_numpy() == np.arange(_HOURS)[:, None], _day_type(table)

@@ -17,6 +17,7 @@ from .constrained_ridge import Solution, gram, solve_coefficients
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
+from .step_gain import GainPull, is_delayed
 
 _COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
@@ -96,11 +97,13 @@ def fit_leads(
     n_leads: int,
     known: dict[str, float] | None = None,
     calendar: bool = True,
+    purpose: str = "forecast",
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
-    the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.
+    the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
+    purpose "plan" the response to a kW is pulled toward what jumps of the heat say of it.
     """
     step = table.step / pd.Timedelta("1h")
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
@@ -111,17 +114,28 @@ def fit_leads(
         )
     plan = make_plan(network, table, known or {}, calendar)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
+    pull = None
+    if purpose == "plan":
+        plan, pull = _plan_and_pull(plan, table, T, reference)
     scored = ScoredForecasts(make_segment(plan, table, T, reference), sample)
     heat = scored.segment.heat
     # a plant that hardly ran does not make the building small
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
-    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES)
+    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES, pull)
     undetermined = _undetermined(fit, loss, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
-        fit, _ = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,))
+        fit, _ = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,), pull)
     return replace(fit, undetermined=undetermined)
+
+
+def _plan_and_pull(
+    plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float
+) -> tuple[ChannelPlan, GainPull]:
+    """Channels and pull of a network whose gain is to be right."""
+    pull = GainPull.of(make_segment(plan, table, T, reference), table.step_hours)
+    return plan._replace(free_level=True, lags=is_delayed(pull.observed)), pull
 
 
 def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
@@ -143,10 +157,11 @@ def _fit_at_scale(
     reference: float,
     heat_scale: float,
     scales: Sequence[float],
+    pull: GainPull | None,
 ) -> tuple[LeadFit, float]:
     """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]; its loss."""
     step = table.step / pd.Timedelta("1h")
-    problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales)
+    problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales, pull)
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(scored.sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
@@ -158,11 +173,13 @@ def _fit_at_scale(
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
 
 
-def _initial_problem(model: FilterModel, scored: ScoredForecasts, scales: Sequence[float]) -> LeadProblem:
+def _initial_problem(
+    model: FilterModel, scored: ScoredForecasts, scales: Sequence[float], pull: GainPull | None
+) -> LeadProblem:
     """Problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
     spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(scored.sample.leads)
-    start = _best_of_grid(model, scored, spread, scales).psi
-    problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads))
+    start = _best_of_grid(model, scored, spread, scales, pull).psi
+    problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull)
     at = problem.evaluate(start)
     errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
     known = np.isfinite(errors).sum(axis=0)
@@ -171,7 +188,7 @@ def _initial_problem(model: FilterModel, scored: ScoredForecasts, scales: Sequen
 
 
 def _best_of_grid(
-    model: FilterModel, scored: ScoredForecasts, spread: np.ndarray, scales: Sequence[float]
+    model: FilterModel, scored: ScoredForecasts, spread: np.ndarray, scales: Sequence[float], pull: GainPull | None
 ) -> Evaluation:
     """The point of a coarse grid with the least loss of a few forecasts."""
     leads = scored.sample.leads
@@ -180,7 +197,7 @@ def _best_of_grid(
 
     def evaluate(scale: float, pace: float) -> Evaluation:
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
-        return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(coarse.leads))).evaluate(psi)
+        return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(coarse.leads)), pull).evaluate(psi)
 
     return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss)
 

@@ -15,6 +15,7 @@ from .constrained_ridge import Solution, gram, solve_coefficients
 from .filter_model import FilterModel
 from .responses import Responses, error_columns, error_sensitivities, simulate_responses
 from .segment import Segment
+from .step_gain import GainPull
 
 _OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
@@ -64,6 +65,7 @@ class LeadProblem:
     spread: np.ndarray  # (p,)
     shrinkage: Shrinkage
     precision: np.ndarray  # (L,) inverse variance of the errors at each lead [1/K2]
+    pull: GainPull | None = None  # of the gain, toward what jumps of the heat say
 
     @property
     def plan(self) -> ChannelPlan:
@@ -103,10 +105,14 @@ class LeadProblem:
             responses = simulate_responses(self.model, psi, scored.segment, scored.sample.origins)
         return error_columns(self.model, responses, scored.sample, self.root_weights(scored))
 
+    def pull_gram(self, psi: np.ndarray) -> np.ndarray | float:
+        """(J + 1, J + 1) of the pull of the gain; 0 without one."""
+        return 0.0 if self.pull is None else gram(self.pull.design(self.model, psi, self.forecasts[0].segment))
+
     def evaluate(self, psi: np.ndarray) -> Evaluation:
         """Solve the coefficients at ``psi``."""
         designs = tuple(self.design(psi, scored) for scored in self.forecasts)
-        products = np.sum([gram(E) for E in designs], axis=0)
+        products = np.sum([gram(E) for E in designs], axis=0) + self.pull_gram(psi)
         solution = solve_coefficients(products, self.penalty, self.positive)
         prior = 0.5 * np.sum(((psi - self.centre) / self.spread) ** 2)
         return Evaluation(psi, solution.loss + float(prior), solution, products, designs)
@@ -123,6 +129,14 @@ class LeadProblem:
             J = (root[..., None] * de).reshape(-1, len(g))
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()
+            cross += (E.T @ J)[free]
+        if self.pull is not None:
+            segment, coef = self.forecasts[0].segment, at.solution.coef
+            E, J = (
+                self.pull.design(self.model, at.psi, segment),
+                self.pull.sensitivities(self.model, at.psi, coef, segment),
+            )
+            H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
         return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
 

@@ -14,6 +14,7 @@ from .fit import LeadFit
 from .lead_problem import ScoredForecasts, minimise
 from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
+from .step_gain import GainPull
 
 _REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
@@ -61,7 +62,7 @@ def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: in
     if rows.joined:  # the training rows are the first of these rows
         first = fit.segment.n_rows
         training = network.respond(rows.between(0, first), half.sample.origins)
-    network.start_memories(gram(fit.problem.design(network.psi, half, training)))
+    network.start_memories(gram(fit.problem.design(network.psi, half, training)) + fit.problem.pull_gram(network.psi))
     per_day, spacing = round(_DAY / fit.model.step), _ORIGIN_HOURS * max(1, round(1.0 / fit.model.step))
     for piece in range(first, end, _PIECE_DAYS * per_day):
         until = min(piece + _PIECE_DAYS * per_day, end)
@@ -83,10 +84,14 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
     warmup = per_day if rows.joined or first else 0  # from a day on, as in training
     origins = np.arange(warmup, end - 1 - first, max(1, round(_ORIGIN_HOURS / fit.model.step)))
     weight = np.where(origins + first >= rows.begin, HISTORY_WEIGHT, 1.0)
-    forecasts = [ScoredForecasts(rows.between(first, end), ForecastSample(origins, leads), weight)]
+    window = rows.between(first, end)
+    forecasts = [ScoredForecasts(window, ForecastSample(origins, leads), weight)]
     if not rows.joined:
         forecasts.append(_every_second(fit))
-    return minimise(replace(fit.problem, forecasts=tuple(forecasts)), psi, max_steps=_STEPS).psi
+    pull = fit.problem.pull
+    if pull is not None and (seen := GainPull.of(window, fit.model.step)).observed:
+        pull = seen
+    return minimise(replace(fit.problem, forecasts=tuple(forecasts), pull=pull), psi, max_steps=_STEPS).psi
 
 
 def _every_second(fit: LeadFit) -> ScoredForecasts:
@@ -114,6 +119,11 @@ class RollingNetwork:
         self._previous: OnlineNetwork | None = None
         self._previous_since = begin
         self._morning_coefs: dict[int, np.ndarray] = {}  # day -> (K, J)
+
+    @property
+    def psi(self) -> np.ndarray:
+        """(p,) as last fitted."""
+        return self._network.psi
 
     @property
     def errors(self) -> np.ndarray:

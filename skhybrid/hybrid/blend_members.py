@@ -1,0 +1,46 @@
+"""The members of the default's blend beside its network, and their shares where nothing is known of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._table import ZoneTable
+from ..schedule import HeatResponse, LeadFit
+from .members import ARXMember, DailyProfileMember, Member
+from .without_heat import WithoutHeat
+
+_LAGS = 24  # temperatures that the black box regresses on
+
+
+def make_others(fit: LeadFit, training: ZoneTable, purpose: str) -> list[Member]:
+    """The members beside the network; the heat whose gain they are not to learn is taken out of them."""
+    plan = purpose == "plan"
+    # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
+    multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
+    others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
+    if plan:
+        roles: Sequence[str] = [role for role in training.inputs if role[:2] in ("u_", "Q_")]
+    else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
+        roles = fit.undetermined if fit.blocks.any() else ()
+    if not roles:
+        return others
+    response = HeatResponse.of(fit, roles, training)
+    return [WithoutHeat(member, response) for member in others]
+
+
+def prior_shares(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
+    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
+    learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
+    n_rules = sum(m.is_rule for m in members)
+    shares = [
+        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
+        for m, has in zip(members, learned, strict=True)
+    ]
+    return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
+
+
+def _has_trace(training: ZoneTable) -> bool:
+    """Whether a plant ran, but so little that the training does not tell what its heat does."""
+    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())

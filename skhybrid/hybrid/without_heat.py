@@ -1,0 +1,141 @@
+"""A member that learns from temperatures without the network's response to the plants, which is added back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from .._table import ZoneTable
+from ..control import Plan
+from ..filtering import ForecastSample
+from ..forecasting.features import rows_per_day
+from ..schedule import HeatResponse, RollingNetwork
+from .members import Member, NumberedTable, RollingMember
+
+
+class RowsAndHeat(NamedTuple):
+    """Rows without the columns of the plants, and their heat less its mean in the training (n_rows, 2) [kW]."""
+
+    rows: NumberedTable
+    heat: np.ndarray
+
+
+class WithoutHeat:
+    """A member whose response to the heat of the plants is that of the fitted network."""
+
+    def __init__(self, member: Member, response: HeatResponse) -> None:
+        self._member, self._response = member, response
+        self.names, self.is_rule, self.needs_days = member.names, member.is_rule, member.needs_days
+
+    def fit(self, training: ZoneTable, n_leads: int) -> Self:
+        self._member.fit(self._reduced(training), n_leads)
+        return self
+
+    def _reduced(self, training: ZoneTable) -> ZoneTable:
+        """The training as the member knows it."""
+        response = self._response
+        s = response.output(response.simulate(response.heat(training)))[:-1]
+        T = training.history["T_za"] - s
+        return response.without_plants(training).replace(history={"T_za": T})
+
+    def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
+        return self._member.left_out(self._reduced(training), sample, blocks)
+
+    def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
+        if plant[0] not in self._response.roles:
+            return self._member.step_gain(self._reduced(training), plant, n_leads)
+        return self._response.output(self._response.simulate(np.tile([1.0, 0.0], (n_leads, 1))))[1:]
+
+    def view(self, rows: NumberedTable) -> RowsAndHeat:
+        response = self._response
+        before = None if rows.before is None else response.without_plants(rows.before)
+        without = rows._replace(table=response.without_plants(rows.table), before=before, whole=None)
+        return RowsAndHeat(without, response.heat(rows.table))
+
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingWithoutHeat:
+        rolling, per_week = self._member.start(rows, sample, adapt), 7 * rows_per_day(rows.table.step)
+        return RollingWithoutHeat(self._response, self._member.view, rolling, per_week)
+
+
+class RollingWithoutHeat:
+    """The member as it goes through rows from row 0 on."""
+
+    def __init__(
+        self, response: HeatResponse, view: Callable[[NumberedTable], Any], rolling: RollingMember, per_week: int
+    ) -> None:
+        self._response, self._view_of, self._rolling, self._per_week = response, view, rolling, per_week
+        self._row = 0  # the last row that it went through
+        self._heat, self._past = np.empty((0, 2)), np.empty(0)  # heat [kW] of the rows before it, and the response [K]
+        self._states = response.simulate(self._heat)  # of the network from that row on
+        self._shift = 0.0  # taken off a later network's response, so that its level stays [K]
+        self._rows: RowsAndHeat | None = None  # as last seen
+        self._view: Any = None
+        self._first = 0  # row of the first state
+
+    @property
+    def errors(self) -> np.ndarray:
+        return self._rolling.errors
+
+    def follow(self, network: RollingNetwork) -> None:
+        """Take the response of a network that was fitted again, from now on and for all rows so far."""
+        if np.array_equal(network.psi, self._response.rest.psi):
+            return
+        self._settle()
+        self._response = self._response.at(network.psi, network.coefs()[0])
+        states = self._response.simulate(self._heat)
+        past, recent = self._response.output(states[:-1]), slice(-self._per_week, None)
+        self._shift = float(np.mean(past[recent] - self._past[recent])) if len(past) else 0.0
+        self._past, self._states, self._rows = past - self._shift, states[-1:], None
+
+    def _settle(self) -> None:
+        """Keep what is known of the rows before the last one."""
+        n = self._row - self._first
+        if n and self._rows is not None:
+            begin = self._first - self._rows.rows.first
+            self._heat = np.concatenate([self._heat, self._rows.heat[begin : begin + n]])
+            self._past = np.append(self._past, self._output(self._states[:n]))
+        self._states, self._first = self._states[n:], self._row
+
+    def _output(self, states: np.ndarray) -> np.ndarray:
+        return self._response.output(states) - self._shift
+
+    def _take(self, rows: RowsAndHeat) -> Any:
+        """The rows as the member takes them; those after the last one may differ from those seen before."""
+        if rows is not self._rows:
+            self._settle()
+            first = rows.rows.first
+            self._states = self._response.simulate(rows.heat[self._row - first :], self._states[0])
+            response = np.append(self._past, self._output(self._states[:-1]))[first:]
+            self._rows, self._view = rows, self._view_of(rows.rows._replace(T=rows.rows.T - response))
+        return self._view
+
+    def advance(self, view: RowsAndHeat, origin: int) -> None:
+        self._rolling.advance(self._take(view), origin)
+        self._row = origin
+
+    def forecast(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        paths, zeta = self._rolling.forecast(self._take(view), n_leads)
+        return paths + self._ahead(view, n_leads), zeta
+
+    def unlimited(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
+        paths, zeta = self._rolling.unlimited(self._take(view), n_leads)
+        return paths + self._ahead(view, n_leads), zeta
+
+    def _ahead(self, view: RowsAndHeat, n_leads: int) -> np.ndarray:
+        """(n_leads,) response after the last row [K]; after the last known heat it is held."""
+        states = self._states[self._row - self._first + 1 :][:n_leads]
+        if len(states) < n_leads:
+            held = np.tile(view.heat[-1], (n_leads - len(states), 1))
+            states = np.concatenate([states, self._response.simulate(held, self._states[-1])[1:]])
+        return self._output(states)
+
+    def gain(self, plan: Plan) -> np.ndarray:
+        return self._rolling.gain(plan) + self._response.gain(plan.inputs, plan.values)
+
+    def fork(self, first: int) -> Self:
+        made = copy(self)  # its parts are replaced, never changed
+        made._rolling = self._rolling.fork(first)
+        return made

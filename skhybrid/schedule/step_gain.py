@@ -1,0 +1,211 @@
+"""Step gains: a network's response to a kW, what jumps of the heat say of it, and the pull that joins the two.
+
+A thermostat answers every disturbance with heat, so that a fit on forecast errors is rewarded for too small a gain.
+Jumps of the heat come from changes of the set-points and tell the gain of the first rows almost without feedback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from .filter_model import FilterModel, Matrices
+from .segment import Segment
+
+JUMP_LEADS = (1, 2)  # rows after a jump at which the gain is observed
+_LEAST_JUMP = 0.3  # share of the largest heat; smaller ones answer disturbances
+_LITTLE_CHANGE = 0.2  # share of a jump by which the heat may change in the rows after it, or other plants with it
+_LEAST_JUMPS = 8
+#: share of the slope before a jump that lasts: 1 gives gains 5 % too large, least squares gains 9 % too small, in the
+#: mean of 14 step tests in EnergyPlus and of the office of :func:`~skhybrid.datasets.make_office`
+_LASTING = 0.75
+_SPREAD = 0.03  # relative standard error to which a gain is believed, beside that of the jumps
+_MOST_ERROR = 0.5  # relative standard error from which jumps tell nothing
+KNOWN_HEAT = -1  # in place of the index of a channel
+#: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 14 step
+#: tests in seven zones of three buildings; hours at which it is read, and the spread of its logarithm
+_HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 4.0, 12.0, 24.0]), 0.24, 0.15
+_UNUSUAL = 0.2  # difference of logarithms from which jumps say that a response is another one
+
+
+class ObservedGain(NamedTuple):
+    """Response of the temperature some rows after a step of one source."""
+
+    source: int  # index of the channel whose coefficient is its capacity, KNOWN_HEAT for the known heat
+    lead: int  # rows
+    gain: float  # [K per unit of the source]
+    error: float  # standard error of the gain
+    n_jumps: int
+
+
+def observed_gains(segment: Segment, shares: np.ndarray | None = None) -> tuple[ObservedGain, ...]:
+    """Gains at the first rows after jumps of the known heat and of each stage; rows count by ``shares`` (N,)."""
+    sources = _sources(segment)
+    found = (_observed(segment, source, sources, lead, shares) for source in sources for lead in JUMP_LEADS)
+    return tuple(gain for gain in found if gain is not None)
+
+
+def _sources(segment: Segment) -> dict[int, np.ndarray]:
+    """Heat [kW] or stage (N,) of each source that ran, by its channel."""
+    stages, channels = dict(segment.plan.stages), segment.channels
+    found = {i: channels.series[:, i] for i, name in enumerate(channels.names) if name in stages}
+    return {source: v for source, v in {KNOWN_HEAT: segment.heat, **found}.items() if np.any(v)}
+
+
+def _observed(
+    segment: Segment, source: int, sources: Mapping[int, np.ndarray], lead: int, shares: np.ndarray | None
+) -> ObservedGain | None:
+    """Least squares of the bend of the temperature by the jump at the same row."""
+    k, y, seen = np.arange(1, segment.n_rows - lead), segment.y, segment.seen
+    jump, use = _jumps(source, sources, k, lead)
+    use &= seen[k - 1] & seen[k] & seen[k + lead]
+    weight = use if shares is None else use * shares[k]
+    n_jumps = int(np.count_nonzero(weight))
+    if n_jumps < _LEAST_JUMPS:
+        return None
+    bend = y[k + lead] - y[k] - _LASTING * lead * (y[k] - y[k - 1])
+    squares = float(np.sum(weight * jump**2))
+    gain = float(np.sum(weight * jump * bend)) / squares
+    error = float(np.sqrt(np.sum(weight * (jump * (bend - gain * jump)) ** 2))) / squares
+    return ObservedGain(source, lead, gain, error, n_jumps) if error < _MOST_ERROR * gain else None
+
+
+def _jumps(source: int, sources: Mapping[int, np.ndarray], k: np.ndarray, lead: int) -> tuple[np.ndarray, np.ndarray]:
+    """Change of a source at rows ``k``, and where it is a jump after which no source changes much."""
+    size = {i: float(np.abs(v).max()) for i, v in sources.items()}
+    jump = sources[source][k] - sources[source][k - 1]
+    use = np.abs(jump) > _LEAST_JUMP * size[source]
+    for i, series in sources.items():
+        most = _LITTLE_CHANGE * np.abs(jump) * size[i] / size[source]
+        if i != source:
+            use &= np.abs(series[k] - series[k - 1]) < most
+        for row in range(1, lead):
+            use &= np.abs(series[k + row] - series[k]) < most
+    return jump, use
+
+
+def _by_lead(gains: tuple[ObservedGain, ...]) -> tuple[ObservedGain, ...] | None:
+    """Gains of the known heat at the leads of jumps; None where one of them is not known."""
+    known = {g.lead: g for g in gains if g.source == KNOWN_HEAT}
+    return tuple(known[lead] for lead in JUMP_LEADS) if known.keys() >= set(JUMP_LEADS) else None
+
+
+def _usual(hours: np.ndarray) -> np.ndarray:
+    """Logarithm of the usual step response, relative to that at 15 min."""
+    return np.log(np.maximum(1.0 + _PER_LOG * np.log(hours / _HOURS[0]), _PER_LOG))
+
+
+def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool:
+    """Whether jumps say that the response begins as is usual in rooms whose air is heated."""
+    found = _by_lead(gains)
+    if found is None:
+        return False
+    first, second = found
+    error = float(np.hypot(first.error / first.gain, second.error / second.gain))
+    usual = float(np.diff(_usual(step * np.array(JUMP_LEADS)))[0])
+    return bool(abs(np.log(second.gain / first.gain) - usual) < _UNUSUAL + 2.0 * error)
+
+
+def is_delayed(gains: tuple[ObservedGain, ...]) -> bool:
+    """Whether jumps say that the response accelerates, which that of air that is heated directly never does."""
+    found = _by_lead(gains)
+    if found is None:
+        return False
+    first, second = found
+    return second.gain - 2.0 * first.gain > 2.0 * float(np.hypot(second.error, 2.0 * first.error))
+
+
+class StepResponse(NamedTuple):
+    """Temperature of the zone after a step of 1 kW into the heated node, rows 1 to L after its begin."""
+
+    gain: np.ndarray  # (L,) [K/kW]
+    slope: np.ndarray  # (L, p) by psi
+    lagging: np.ndarray  # (L,) the same of the emitter's series, per unit of its coefficient
+    dlagging: np.ndarray  # (L, p)
+
+
+def step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int, n_leads: int) -> StepResponse:
+    """Response with its exact derivatives by psi."""
+    n, p, nb = len(M.A), len(psi), M.B.shape[1] - len(M.A)
+    rate = model.step / np.exp(psi[-1])
+    a, b, db = np.exp(-rate), M.B[:, nb + heated], M.dB[:, nb + heated]
+    out = StepResponse(np.empty(n_leads), np.empty((n_leads, p)), np.empty(n_leads), np.empty((n_leads, p)))
+    x, dx, z, dz = np.zeros(n), np.zeros((n, p)), np.zeros(n), np.zeros((n, p))
+    for row in range(n_leads):
+        lag = -(a**row)  # what the emitter gives off less what it is given
+        dx, x = M.A @ dx + np.tensordot(M.dA, x, axes=(1, 0)) + db, M.A @ x + b
+        dz, z = M.A @ dz + np.tensordot(M.dA, z, axes=(1, 0)) + lag * db, M.A @ z + lag * b
+        dz[:, -1] += row * rate * lag * b
+        out.gain[row], out.slope[row] = x[model.zone], dx[model.zone]
+        out.lagging[row], out.dlagging[row] = z[model.zone], dz[model.zone]
+    return out
+
+
+class GainPull(NamedTuple):
+    """Rows of a least-squares problem that pull the gains of a network toward observed ones."""
+
+    observed: tuple[ObservedGain, ...]
+    usual: bool  # whether the response is also pulled toward the usual shape
+    step: float  # [h]
+
+    @classmethod
+    def of(cls, segment: Segment, step: float) -> Self:
+        """Pull toward what the jumps in these rows say."""
+        observed = observed_gains(segment)
+        return cls(observed, is_usual(observed, step), step)
+
+    @property
+    def n_rows(self) -> int:
+        """Number of the rows."""
+        return len(self.observed) + len(self._rows) - 1
+
+    @property
+    def root(self) -> np.ndarray:
+        """(r,) root weights of the observed gains."""
+        return np.array([1.0 / np.hypot(_SPREAD * g.gain, g.error) for g in self.observed])
+
+    def design(self, model: FilterModel, psi: np.ndarray, segment: Segment) -> np.ndarray:
+        """(r, J + 1) weighted columns and target."""
+        plan, n_channels = segment.plan, len(segment.channels.names)
+        at = self._response(model, psi, plan.heated)
+        E = np.zeros((len(self.observed), n_channels + plan.emitter + 1))
+        for row, g in zip(E, self.observed, strict=True):
+            row[-1] = g.gain
+            if g.source == KNOWN_HEAT:
+                row[-1] -= at.gain[g.lead - 1]
+                if plan.emitter:
+                    row[n_channels] = at.lagging[g.lead - 1]
+            else:
+                row[g.source] = at.gain[g.lead - 1]
+        shape = np.zeros((len(self._rows) - 1, E.shape[1]))
+        shape[:, -1], _ = self._shape_errors(at)
+        return np.vstack([self.root[:, None] * E, shape])
+
+    def sensitivities(self, model: FilterModel, psi: np.ndarray, coef: np.ndarray, segment: Segment) -> np.ndarray:
+        """(r, p) derivatives by psi of the weighted errors at fixed coefficients."""
+        plan = segment.plan
+        at, de = self._response(model, psi, plan.heated), np.empty((len(self.observed), len(psi)))
+        for row, g in zip(de, self.observed, strict=True):
+            row[:] = -at.slope[g.lead - 1] * (1.0 if g.source == KNOWN_HEAT else coef[g.source])
+            if g.source == KNOWN_HEAT and plan.emitter:
+                row -= coef[-1] * at.dlagging[g.lead - 1]
+        return np.vstack([self.root[:, None] * de, self._shape_errors(at)[1]])
+
+    @property
+    def _rows(self) -> np.ndarray:
+        """Rows at which the shape is read, the first of them its unit."""
+        rows = np.maximum(np.round(_HOURS / self.step).astype(int), 1)
+        return np.unique(rows) if self.usual else rows[:1]
+
+    def _response(self, model: FilterModel, psi: np.ndarray, heated: int) -> StepResponse:
+        return step_response(model, model.matrices(psi), psi, heated, max(*JUMP_LEADS, *self._rows))
+
+    def _shape_errors(self, at: StepResponse) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted errors of the shape, and their derivatives by psi."""
+        rows = self._rows
+        gain, slope = at.gain[rows - 1], at.slope[rows - 1] / at.gain[rows - 1, None]
+        usual = _usual(rows * self.step)
+        error = usual - usual[0] - np.log(gain / gain[0])
+        return error[1:] / _SHAPE_SPREAD, (slope[0] - slope[1:]) / _SHAPE_SPREAD

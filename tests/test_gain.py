@@ -1,0 +1,298 @@
+"""The response of a forecast to a kW: what jumps say of it, the pull, the blend made for planning, and its error."""
+
+from __future__ import annotations
+
+import warnings
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.linalg import expm
+from sklearn.base import clone
+
+from skhybrid import HybridPredictor, SchedulePredictor
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import ExcitationWarning, GainWarning
+from skhybrid.hybrid.gain_report import warn_of_gains
+from skhybrid.persistence import load_model, save_model
+from skhybrid.schedule import step_gain
+from skhybrid.schedule.lead_problem import LeadProblem
+from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, is_delayed, is_usual, observed_gains
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+
+DAY = 48  # rows, at 30 min
+N_TRAIN = 12 * DAY
+#: relative errors of a normal variable lie within two standard errors in 95 of 100 cases
+COVERED = 0.95
+
+
+def office_of(seed, climate="oakland", n_days=26):
+    """A log with the heat measured, and the response of the office to a kW [K/kW] by row."""
+    office = make_office(n_days, climate, sampling_time="30min", random_state=seed)
+    theta = office.theta
+    X = office.X.assign(Q_hvac=theta["Q_h"] * office.X["u_heat"] + theta["Q_c"] * office.X["u_cool"])
+    C, inside, outside = np.array([theta["C_w"], theta["C_za"]]), 1.0 / theta["R_zw"], 1.0 / theta["R_zo"]
+    A = np.array([[-inside, inside], [inside, -inside - outside]]) / C[:, None]
+    steps = [np.linalg.solve(A, (expm(A * 0.5 * k) - np.eye(2)) @ [0.0, 1.0 / C[1]])[1] for k in range(1, DAY + 1)]
+    return X.drop(columns=["u_heat", "u_cool"]), np.array(steps)
+
+
+@pytest.fixture(scope="module")
+def log():
+    return office_of(4)
+
+
+@pytest.fixture(scope="module")
+def plan(log):
+    X, _ = log
+    return HybridPredictor(purpose="plan", intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+
+
+@pytest.fixture(scope="module")
+def stages():
+    """A fit for planning in which heating has a known capacity and cooling has not."""
+    office = make_office(20, "oakland", start="2023-06-05", sampling_time="30min", random_state=2)
+    return SchedulePredictor(known={"Q_h": 6.0}, purpose="plan", intervals=False).fit(office.X, office.y)
+
+
+def network(model):
+    return model._scheme._physics.fit_
+
+
+# ------------------------------------------------------------------------------------------------- what jumps say
+def stepped(model, heat, seed=0):
+    """The training rows of a fit under other heat and the temperature of a room that answers it, with a little noise.
+
+    A kW more warms it by 1 K in the first row and by half as much again in every later one, up to 3 K.
+    """
+    segment = network(model).segment
+    shape = np.minimum(1.0 + 0.5 * np.arange(5), 3.0)
+    impulse = np.append(shape[0], np.diff(shape))
+    T = np.convolve(heat, impulse)[: len(heat) - 1]
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, len(heat))
+    n = len(heat)
+    return segment.between(0, n)._replace(heat=heat, y=np.append(0.0, T) + noise, seen=np.ones(n, dtype=bool))
+
+
+def test_gains_are_read_from_jumps_of_the_heat(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    gains = {g.lead: g for g in observed_gains(stepped(plan, heat)) if g.source == KNOWN_HEAT}
+    assert gains[1].gain == pytest.approx(1.0, abs=0.02)
+    assert gains[2].gain == pytest.approx(1.5, abs=0.02)
+    assert gains[1].n_jumps == 39
+    assert 0.0 < gains[1].error < 0.01
+
+
+@pytest.mark.parametrize("heat", [np.zeros(480), np.repeat(np.tile([0.0, 2.0], 3), 80), np.tile([0.0, 2.0, 1.0], 160)])
+def test_no_heat_or_few_jumps_tell_nothing(plan, heat):
+    assert not [g for g in observed_gains(stepped(plan, heat)) if g.lead == 2]
+
+
+def test_rows_that_are_left_out_do_not_count(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    segment = stepped(plan, heat)
+    segment.y[240:] *= 5.0
+    first = observed_gains(segment, (np.arange(480) < 238) * 1.0)
+    assert first[0].gain == pytest.approx(1.0, abs=0.02)
+    assert first[0].n_jumps == 19
+
+
+def test_the_first_two_gains_tell_a_radiator_from_heated_air(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    first, second = (g for g in observed_gains(stepped(plan, heat)) if g.source == KNOWN_HEAT)
+    for ratio, usual, delayed in ((1.17, True, False), (1.9, False, False), (2.5, False, True)):
+        pair = first, second._replace(gain=ratio * first.gain)
+        assert (is_usual(pair, 0.25), is_delayed(pair)) == (usual, delayed)
+    assert not is_usual((first,), 0.25)
+    assert not is_delayed((first,))
+
+
+# --------------------------------------------------------------------------------------------------------- the pull
+def problem_of(model, *, lags, usual=True):
+    """The problem of a fit with a pull on every kind of row, and a point off its minimum."""
+    fit = network(model)
+    plan_ = fit.plan._replace(lags=lags)
+    scored = fit.problem.forecasts[0]
+    sample = scored.sample._replace(origins=scored.sample.origins[::8])
+    scored = scored._replace(segment=scored.segment._replace(plan=plan_), sample=sample)
+    pull = GainPull(fit.problem.pull.observed, usual, fit.model.step)
+    psi = fit.psi + np.random.default_rng(0).normal(0.0, 0.1, len(fit.psi))
+    return LeadProblem(
+        fit.model, (scored,), fit.psi, fit.problem.spread, fit.problem.shrinkage, fit.problem.precision, pull
+    ), psi
+
+
+@pytest.mark.parametrize("lags", [False, True])
+def test_the_slopes_of_the_pull_are_exact(stages, lags):
+    problem, psi = problem_of(stages, lags=lags)
+    segment, pull = problem.forecasts[0].segment, problem.pull
+    assert {g.source for g in pull.observed} > {KNOWN_HEAT}  # of the cooling stage, too
+    coef = np.linspace(0.2, 1.0, len(problem.positive))
+    found = pull.sensitivities(problem.model, psi, coef, segment)
+    assert found.shape == (pull.n_rows, len(psi))
+    for i, unit in enumerate(np.eye(len(psi))):
+        after, before = (
+            pull.design(problem.model, psi + h * unit, segment) @ np.append(-coef, 1.0) for h in (1e-6, -1e-6)
+        )
+        np.testing.assert_allclose(found[:, i], (after - before) / 2e-6, rtol=1e-5, atol=1e-5)
+
+
+def test_the_gradient_of_the_loss_has_the_pull(stages):
+    problem, psi = problem_of(stages, lags=True)
+    gradient, _ = problem.slopes(problem.evaluate(psi))
+    without, _ = replace(problem, pull=None).slopes(replace(problem, pull=None).evaluate(psi))
+    difference = [
+        (problem.evaluate(psi + h).loss - problem.evaluate(psi - h).loss) / 2e-5 for h in 1e-5 * np.eye(len(psi))
+    ]
+    np.testing.assert_allclose(gradient, difference, rtol=1e-4, atol=1e-3)
+    assert np.abs(gradient - without).max() > 1.0
+
+
+def test_the_network_takes_the_gain_that_jumps_show(plan, log):
+    _, truth = log
+    observed = next(g for g in network(plan).problem.pull.observed if g.source == KNOWN_HEAT and g.lead == 1)
+    assert step_gain(network(plan), 1)[0] == pytest.approx(observed.gain, rel=0.05)
+    assert observed.gain == pytest.approx(truth[0], rel=0.1)
+    assert not network(plan).plan.emitter  # the air of this office is heated
+    np.testing.assert_allclose(step_gain(network(plan), DAY)[[1, 7, 23]], truth[[1, 7, 23]], rtol=0.25)
+
+
+# -------------------------------------------------------------------------------------------------------- the blend
+def response(model, X, rows):
+    """Response [K/kW] of the forecast of rows to a kW in all of them."""
+    model = deepcopy(model)
+    if rows.start > N_TRAIN:
+        model.update(X[N_TRAIN : rows.start])
+    ahead = X[rows].drop(columns="T_za")
+    warm = model.forecast(None, ahead.assign(Q_hvac=ahead["Q_hvac"] + 0.1))
+    return (warm["T_za"] - model.forecast(None, ahead)["T_za"]).to_numpy()[1:] / 0.1
+
+
+@pytest.mark.parametrize("adapt", [None, "linear"])
+def test_the_blend_answers_to_a_kw_as_the_network_does(plan, log, adapt):
+    X, _ = log
+    model = deepcopy(plan).set_params(adapt=adapt)
+    found = response(model, X, slice(N_TRAIN, N_TRAIN + DAY))
+    np.testing.assert_allclose(found, step_gain(network(plan), DAY - 1), atol=1e-8)
+    assert (np.ptp(plan.gain_.to_numpy(), axis=1) < 1e-9).all()
+
+
+def test_an_optimiser_gets_the_gain_of_the_network(plan, log):
+    X, _ = log
+    ahead = X[N_TRAIN : N_TRAIN + DAY].drop(columns="T_za")
+    affine, alone = (plan.affine_forecast(None, ahead, member=member) for member in ("blend", "network"))
+    np.testing.assert_allclose(affine.gain, alone.gain, atol=1e-10)
+    np.testing.assert_allclose(affine.gain.sum(axis=(1, 2))[1:], step_gain(network(plan), DAY - 1), atol=1e-8)
+    found = affine.temperature(ahead["Q_hvac"].to_numpy())
+    np.testing.assert_allclose(found, plan.forecast(None, ahead)["T_za"], atol=1e-9)
+
+
+def test_the_blend_follows_a_network_that_was_fitted_again(plan, log):
+    X, _ = log
+    later = slice(N_TRAIN + 11 * DAY, N_TRAIN + 12 * DAY)
+    found, before = response(plan, X, later), step_gain(network(plan), DAY - 1)
+    scheme = deepcopy(plan).update(X[N_TRAIN : later.start])._scheme
+    scheme.forecast_ahead(scheme.rows.latest.replace(index=scheme.rows.latest.index))
+    assert np.abs(found - before).max() > 1e-4
+    psi = scheme._running["full"].network.psi
+    np.testing.assert_allclose(found, step_gain(replace(network(plan), psi=psi), DAY - 1), atol=1e-8)
+
+
+def test_rows_taken_in_one_by_one_forecast_as_rows_of_a_history(plan, log):
+    X, _ = log
+    end = N_TRAIN + 2 * DAY
+    ahead = X[end : end + DAY].drop(columns="T_za")
+    expected = plan.forecast(X[N_TRAIN:end], ahead)["T_za"]
+    model = deepcopy(plan)
+    for first in range(N_TRAIN, end, 7):
+        model.update(X[first : min(first + 7, end)])
+        found = model.forecast(None, ahead if first + 7 >= end else X[first + 7 : first + 9].drop(columns="T_za"))
+    np.testing.assert_allclose(found["T_za"], expected, atol=1e-9)
+
+
+def test_a_model_for_planning_is_cloned_and_saved_whole(plan, log, tmp_path):
+    X, _ = log
+    assert clone(plan).get_params() == plan.get_params()
+    assert clone(plan).purpose == "plan"
+    save_model(plan, tmp_path / "plan.skops")
+    loaded = load_model(tmp_path / "plan.skops")
+    ahead = X[N_TRAIN : N_TRAIN + DAY].drop(columns="T_za")
+    pd.testing.assert_frame_equal(loaded.forecast(None, ahead), plan.forecast(None, ahead))
+    pd.testing.assert_frame_equal(loaded.gain_, plan.gain_)
+    pd.testing.assert_series_equal(loaded.gain_std_, plan.gain_std_)
+
+
+# ------------------------------------------------------------------------------------------------ error and warnings
+def test_the_stated_error_covers_the_truth():
+    inside = []
+    for seed, climate in ((0, "oakland"), (1, "chicago")):
+        X, truth = office_of(seed, climate, n_days=14)
+        model = SchedulePredictor(purpose="plan", adapt=None, intervals=False).fit(X, X["T_za"])
+        rows = np.asarray(model.gain_.index // pd.Timedelta("30min"))
+        ratio = np.log(model.gain_["network"].to_numpy() / truth[rows - 1])
+        inside.append(np.abs(ratio) < 2.0 * model.gain_std_.to_numpy())
+        assert (model.gain_std_ < 0.6).all()  # it tells something
+    assert np.mean(inside) >= COVERED
+
+
+def heated(heat, n_days=20):
+    """A zone that answers heat, given by hour and row, as the office does, and that response [K/kW]."""
+    X, truth = office_of(1, n_days=n_days)
+    Q = heat(X.index.hour.to_numpy(), np.arange(len(X)))
+    impulse = np.append(truth[0], np.diff(np.append(truth, np.full(400, truth[-1]))))
+    T = 21.0 + 0.2 * (X["T_oa"] - X["T_oa"].mean()) + np.append(0.0, np.convolve(Q, impulse)[: len(Q) - 1])
+    return X.assign(Q_hvac=Q, T_za=T + np.random.default_rng(0).normal(0.0, 0.05, len(T))), truth
+
+
+def trace(hour, row):
+    """0.03 kW in the evenings, and 2 kW each morning after the training."""
+    morning = (row >= N_TRAIN) & (hour >= 6) & (hour < 10)
+    return np.where(morning, 2.0, np.where((hour >= 18) & (hour < 20), 0.03, 0.0))
+
+
+@pytest.mark.parametrize("purpose", ["forecast", "plan"])
+def test_a_trace_of_heat_is_not_extrapolated(purpose):
+    X, truth = heated(trace)
+    train, later = X[:N_TRAIN], X[N_TRAIN:]
+    with pytest.warns(ExcitationWarning, match=r"14 days of random set-points .*plan_experiment"):
+        model = SchedulePredictor(purpose=purpose, intervals=False).fit(train, train["T_za"])
+    # the gain of every member is that of a network of the usual size
+    assert (np.ptp(model.gain_.to_numpy(), axis=1) < 1e-9).all()
+    assert 0.05 < model.gain_["network"].iloc[-1] / truth[-1] < 20.0
+    assert model.gain_std_.iloc[-1] > 0.5
+    assert np.abs(model.predict(later) - later["T_za"]).max() < 8.0
+
+
+def test_members_that_disagree_are_named(log):
+    X, _ = log
+    model = SchedulePredictor(intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    members = model._scheme._members
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GainWarning)
+        warn_of_gains(members, model.gain_, "forecast")
+    gains = model.gain_.assign(ARX=0.4 * model.gain_["network"])
+    with pytest.warns(GainWarning, match=r"after 24 h a kW warms the zone by .* \(network\) or .* \(ARX\)"):
+        warn_of_gains(members, gains, "forecast")
+
+
+def test_a_plan_without_jumps_is_warned_of():
+    X, _ = heated(lambda hour, row: 1.0 + np.sin(row / 8.0), n_days=8)
+    with pytest.warns(GainWarning, match=r"hardly jumped .* 14 days of random set-points"):
+        SchedulePredictor(purpose="plan", intervals=False).fit(X, X["T_za"])
+
+
+def test_what_has_no_gain_says_so(log):
+    X, _ = log
+    idle = X.drop(columns="Q_hvac")[: 4 * DAY]
+    model = SchedulePredictor(purpose="plan", intervals=False).fit(idle, idle["T_za"])
+    with pytest.raises(AttributeError, match="no plant"):
+        model.gain_  # noqa: B018
+    with pytest.raises(AttributeError, match="no plant"):
+        model.gain_std_  # noqa: B018
+    with pytest.raises(ValueError, match="purpose='plan' does nothing with the two-stage scheme"):
+        HybridPredictor(disturbance="output", purpose="plan").fit(X, X["T_za"])
+    with pytest.raises(ValueError, match="purpose='control' is neither 'forecast' nor 'plan'"):
+        SchedulePredictor(purpose="control").fit(X, X["T_za"])
