@@ -16,7 +16,7 @@ from .members import Member, ScheduleMember
 from .rolling_blend import BlendRecord
 
 _LEADS = ("1h", "4h", "12h", "24h")  # beside that of one row
-#: relative error beside what the data tell, in 22 step tests of EnergyPlus rooms by the network that is fitted for it
+#: relative error beside what the data tell, in 11 step tests of EnergyPlus rooms by the network that is fitted for it
 BEYOND_DATA = {"forecast": 0.5, "plan": 0.25}
 _DISAGREE = 2.0  # ratio of two members' gains
 #: random set-points that brought the default's gain at 24 h from .54 to 1.0 of that of a room in EnergyPlus [days]
