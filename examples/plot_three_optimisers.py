@@ -56,9 +56,9 @@ n = len(future)
 
 def plan_by_cvxpy(ahead):
     """Plan (n,) [kW] with cvxpy and HiGHS."""
-    q, T, cold = cp.Variable(n, nonneg=True), cp.Variable(n), cp.Variable(n, nonneg=True)
+    q, room, cold = cp.Variable(n, nonneg=True), cp.Variable(n), cp.Variable(n, nonneg=True)
     cost = hours * (price @ q + discomfort * cp.sum(cold))
-    constraints = [T == ahead.free + ahead.gain[:, :, 0] @ q, T + cold >= lowest, q <= most]
+    constraints = [room == ahead.free + ahead.gain[:, :, 0] @ q, room + cold >= lowest, q <= most]
     cp.Problem(cp.Minimize(cost), constraints).solve(solver=cp.HIGHS)
     return q.value
 

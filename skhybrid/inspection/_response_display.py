@@ -144,7 +144,7 @@ class BodeDisplay(_ResponseDisplay):
         names = _inputs_of(self.responses, inputs)
         n_each = 2 if phase else 1
         n_cols = 2 if phase or len(names) == 4 else 3
-        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4))
+        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
         for number, name in enumerate(names):
             self._draw_magnitude(axes[n_each * number], name, decibel)
             if phase:
@@ -227,7 +227,7 @@ class StepResponseDisplay(_ResponseDisplay):
         """
         names = _inputs_of(self.responses, inputs)
         n_cols = 2 if len(names) == 4 else 3
-        axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4))
+        axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
         hours = {label: pd.TimedeltaIndex(frame.index) / pd.Timedelta("1h") for label, frame in self.responses.items()}
         longest = max(time.max() for time in hours.values())
         for panel, name in zip(axes, names, strict=True):
