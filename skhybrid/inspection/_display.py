@@ -63,6 +63,10 @@ _BLOCKS = {
         True model, drawn as a broad line below the others with the label "true"; see
         :func:`skhybrid.identification.make_state_space`.
     """,
+    "by_origin": """
+    by_origin : mapping of label to list of DataFrame, optional
+        Responses at several origins, drawn as a band from the least to the most of them.
+    """,
     "origins": """
     origin_step : timedelta-like, default="6h"
         Time between the origins at which the response of a hybrid is taken.

@@ -82,6 +82,7 @@ class BodeDisplay(_ResponseDisplay):
     ----------
     responses : mapping of label to DataFrame of complex
         Frequency responses, as returned by :func:`skhybrid.identification.frequency_response`.
+    %(by_origin)s
 
     %(attributes)s
     """
@@ -182,6 +183,7 @@ class StepResponseDisplay(_ResponseDisplay):
     ----------
     responses : mapping of label to DataFrame
         Step responses, as returned by :func:`skhybrid.identification.step_response`.
+    %(by_origin)s
 
     %(attributes)s
     """
