@@ -101,7 +101,7 @@ def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Ite
     reference = read_schedules(document, building.climate, tuple(sorted(set().union(*names.values()))))
     kinds = {kind: names[kind] for kind in GAINS}
     gains = occupy(building, kinds, reference)
-    volumes = dict.fromkeys(building.zones, 1.0) if len(building.zones) == 1 else _volumes(document, building.zones)
+    volumes = dict.fromkeys(building.zones, 1.0) if len(building.zones) == 1 else floor_areas(document, building.zones)
     for control in controls:
         setpoints: dict[str, np.ndarray] = {}
         if control == "shifted":
@@ -114,7 +114,7 @@ def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Ite
             run = simulate(document, building.climate, building.zones, others | setpoints)
             heat = {zone: _two_of_three(run[f"heating:{zone}"] - run[f"cooling:{zone}"]) for zone in building.zones}
         run = simulate(document, building.climate, building.zones, gains | setpoints, replay=heat)
-        yield control, _table(run, building, volumes, heat)
+        yield control, table_of(run, building, volumes, heat)
 
 
 def _two_of_three(values: pd.Series) -> np.ndarray:
@@ -122,8 +122,8 @@ def _two_of_three(values: pd.Series) -> np.ndarray:
     return np.where(np.arange(N_STEPS) // DAY % 3 > 0, values.to_numpy(), np.nan)
 
 
-def _volumes(document: dict, zones: tuple[str, ...]) -> dict[str, float]:
-    """Share of each zone in the mean: the area of its floor (zones of one mean are of one height)."""
+def floor_areas(document: dict, zones: tuple[str, ...]) -> dict[str, float]:
+    """Area of the floor of each zone [m2], which is its share in a mean (zones of one mean are of one height)."""
     area = dict.fromkeys(zones, 0.0)
     for surface in document["BuildingSurface:Detailed"].values():
         if surface["zone_name"] in area and surface["surface_type"] == "Floor":
@@ -137,7 +137,7 @@ def _volumes(document: dict, zones: tuple[str, ...]) -> dict[str, float]:
     return area
 
 
-def _table(
+def table_of(
     run: pd.DataFrame, building: Building, volumes: dict[str, float], heat: dict[str, np.ndarray] | None
 ) -> pd.DataFrame:
     """Columns and units of the shared tables; with replayed heat [W], and whether it was."""

@@ -200,8 +200,9 @@ def simulate(
     overrides: dict[str, np.ndarray] | None = None,
     schedules: tuple[str, ...] = (),
     replay: dict[str, np.ndarray] | None = None,
+    days: tuple[str, str] | None = None,
 ) -> pd.DataFrame:
-    """Run the year, with ``overrides`` (schedule name -> (N_STEPS,) values) in the place of schedules.
+    """Run the year, or its days (first, last), with ``overrides`` (schedule name -> (N_STEPS,)) in place of schedules.
 
     Sizing sees the schedules of the model, so that two runs which differ in overrides have the same plant.
     ``replay`` (zone -> (N_STEPS,) [W]) is heat into the air of zones, whose air loops are off then; where it is NaN,
@@ -210,6 +211,11 @@ def simulate(
     """
     from pyenergyplus.dataset import weather_files
 
+    if days is not None:
+        begin, end = (pd.Timestamp(day) for day in days)
+        span = {"begin_month": begin.month, "begin_day_of_month": begin.day}
+        span |= {"end_month": end.month, "end_day_of_month": end.day}
+        document = document | {"RunPeriod": {"year": document["RunPeriod"]["year"] | span}}
     if replay is not None:
         always = {"replay": {"hourly_value": 1.0}}
         sources = {f"replay {zone}": _SOURCE | {_SPACE: zone} for zone in replay}
@@ -222,7 +228,7 @@ def simulate(
         path.write_text(json.dumps(document), encoding="utf-8")
         recorder = _Recorder(document, zones, overrides or {}, schedules, replay)
         _engine(folder, path, weather_files[weather], [], recorder)
-    return recorder.frame()
+    return recorder.frame(days)
 
 
 def _engine(folder, model, weather, options, recorder=None) -> None:
@@ -349,10 +355,13 @@ class _Recorder:
         self.means[row] += [hours * read(state, handle) for handle in self.handles[1]]
         self.hours[row] += hours
 
-    def frame(self) -> pd.DataFrame:
-        if not np.allclose(self.hours, 1.0 / STEPS_PER_HOUR):
-            raise RuntimeError("EnergyPlus left out steps of the year")
+    def frame(self, days: tuple[str, str] | None = None) -> pd.DataFrame:
         index = pd.date_range(f"{YEAR}-01-01 00:15", periods=N_STEPS, freq="15min", name="timestamp")
-        table = pd.DataFrame(self.values, index, columns=list(self.held))
-        table[list(self.averaged)] = self.means / self.hours[:, None]
+        day = 24 * STEPS_PER_HOUR
+        begin, end = (pd.Timestamp(d).day_of_year for d in days) if days is not None else (1, N_STEPS // day)
+        rows = slice((begin - 1) * day, end * day)
+        if not np.allclose(self.hours[rows], 1.0 / STEPS_PER_HOUR):
+            raise RuntimeError("EnergyPlus left out steps of the year")
+        table = pd.DataFrame(self.values[rows], index[rows], columns=list(self.held))
+        table[list(self.averaged)] = self.means[rows] / self.hours[rows, None]
         return table

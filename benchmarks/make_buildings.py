@@ -27,7 +27,7 @@ GROUPS = {
 }
 
 
-def _write(table: pd.DataFrame, path: Path, index: bool = True) -> None:
+def write(table: pd.DataFrame, path: Path, index: bool = True) -> None:
     part = path.with_suffix(".part")
     if index:
         table = table.set_axis(table.index.map(pd.Timestamp.isoformat).rename("timestamp"))
@@ -41,7 +41,7 @@ def _make(building: Building, folder: Path, controls: tuple[str, ...] = CONTROLS
         return
     begin = time.perf_counter()
     for control, table in make_tables(building, missing):
-        _write(table, _path(folder, building, control))
+        write(table, _path(folder, building, control))
         print(f"{building.name}, {control}: {time.perf_counter() - begin:.0f} s since its start", flush=True)
 
 
@@ -49,7 +49,7 @@ def _path(folder: Path, building: Building, control: str) -> Path:
     return folder / f"{building.name}_{control}.csv"
 
 
-def _meta(buildings: list[Building]) -> pd.DataFrame:
+def meta_of(buildings: list[Building]) -> pd.DataFrame:
     rows = []
     for building in buildings:
         for season in building.seasons:
@@ -85,7 +85,7 @@ def main() -> None:
                 _make(building, folder, controls)
         made = [b for b in members if all(_path(folder, b, c).is_file() for c in controls)]
         if made:
-            _write(_meta(made), folder / "meta.csv", index=False)
+            write(meta_of(made), folder / "meta.csv", index=False)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from .exceptions import UnitWarning
 
 
 class PhysicalRange(NamedTuple):
-    """What a quantity can be, and what it usually is, in its unit."""
+    """Possible and usual values of a quantity, in its unit."""
 
     unit: str
     lowest: float

@@ -18,7 +18,7 @@ from ._time import spell
 
 @dataclass(frozen=True)
 class TrainingRecord:
-    """What an estimator was fitted on, and by which versions.
+    """Training span of an estimator, and versions of the fit.
 
     Attributes
     ----------
@@ -41,12 +41,16 @@ class TrainingRecord:
     def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
         """Of a table, or of all even rows from its first to the last of ``latest``."""
         versions = {"skhybrid": __version__, "scikit-learn": sklearn.__version__, "numpy": np.__version__}
+        parts = [table] if latest is None else [table, latest]
+        ranges = {
+            role: (min(float(p.inputs[role].min()) for p in parts), max(float(p.inputs[role].max()) for p in parts))
+            for role in table.inputs
+        }
         if latest is None:
-            ranges = {role: (float(v.min()), float(v.max())) for role, v in table.inputs.items()}
             return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions, ranges)
         first, last = (part.time if part.utc is None else part.utc for part in (table, latest))
         n_rows = round((last[-1] - first[0]) / table.step) + 1
-        return cls(table.index[0], latest.index[-1], n_rows, table.step, versions)
+        return cls(table.index[0], latest.index[-1], n_rows, table.step, versions, ranges)
 
     def facts(self) -> dict[str, str]:
         """Span and versions as text."""

@@ -107,7 +107,7 @@ def _looks_like_time(index: pd.Index) -> bool:
 
 
 def _how_to_stamp(X: pd.DataFrame) -> str:
-    """How to give time stamps to a frame, by its column that holds them where there is one."""
+    """A remedy for a frame without time stamps, by its column that holds them where there is one."""
     for column in X:
         values = X[column].dropna()
         text = values.dtype == object or isinstance(values.dtype, pd.StringDtype)

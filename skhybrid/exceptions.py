@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from sklearn.exceptions import NotFittedError
+
 __all__ = [
     "ExcitationWarning",
     "ModelFileError",
+    "PlanWarning",
     "RoleWarning",
     "ScaleNotIdentifiableWarning",
     "SkhybridWarning",
+    "TooFewDaysError",
     "UnitWarning",
 ]
 
@@ -38,3 +42,7 @@ class PlanWarning(SkhybridWarning):
 
 class ModelFileError(ValueError):
     """A model file is truncated, altered, from another version, or not a model file at all."""
+
+
+class TooFewDaysError(NotFittedError):
+    """The training was too short to learn the errors that intervals and the drift monitor need."""

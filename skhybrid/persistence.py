@@ -126,7 +126,7 @@ def load_metadata(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str, str]]:
-    """What :func:`load_model` and :func:`load_metadata` return, from one reading of the file.
+    """Return what :func:`load_model` and :func:`load_metadata` do, from one reading of the file.
 
     Parameters
     ----------

@@ -206,9 +206,10 @@ def test_one_row_ahead(name, fitted, tables):
     assert model.to_state_space(None, future[:1], T_za=T).forcing.shape[0] == 1
 
 
-def test_a_thermostat_begins_at_the_present_temperature(tables, fitted):
-    X, future, T = _rows(tables, "schedule")
-    model = fitted("schedule").update(X[N_TRAIN:NOW])
+@pytest.mark.parametrize("name", ["schedule", "two-stage"])
+def test_a_thermostat_begins_at_the_present_temperature(name, tables, fitted):
+    X, future, T = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
     found = model.forecast(None, future, T_za=T, setpoint=(20.0, 24.0))
     assert found["T_za"].iloc[0] == T
     later = model.update(X[NOW : NOW + 1]).forecast(None, future.iloc[1:], setpoint=(20.0, 24.0))

@@ -131,7 +131,7 @@ def test_area_of_floors(makers):
         ],
     }
     surfaces = {"1": floor, "2": {**floor, "zone_name": "B"}, "3": {**floor, "surface_type": "Wall"}}
-    area = makers[0]._volumes({"BuildingSurface:Detailed": surfaces}, ("A",))
+    area = makers[0].floor_areas({"BuildingSurface:Detailed": surfaces}, ("A",))
     assert area == {"A": pytest.approx(12.0)}
 
 

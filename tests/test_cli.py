@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -114,8 +115,8 @@ def test_a_log_is_run_end_to_end(files, capsys):
     metrics = json.loads((files / "out" / "metrics.json").read_text())
     assert set(metrics["models"]) >= {
         "hybrid",
-        "OD alone",
-        "OD, no disturbance",
+        "building model alone",
+        "building model, no disturbance",
         "ARX",
         "ARX, multi-step, re-fitted",
         "boosting on ARX",
@@ -223,9 +224,9 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     expected = FacadeIrradiance(52.4, 4.9).fit_transform(data.train[["q_sol"]])
     pd.testing.assert_frame_equal(data.train[sorted(facades)], expected[sorted(facades)])
     models = {one.label: one.estimator for one in make_models(settings)}
-    fitted = {name: models[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "CONV alone")}
+    fitted = {name: models[name].fit(data.train, data.train["T_za"]) for name in ("hybrid", "simple building model")}
     assert "q_sol_south->za" in fitted["hybrid"].gray_box_.coef_
-    assert [name for name in fitted["CONV alone"].theta_.index if name.startswith("A_win")] == ["A_win"]
+    assert [name for name in fitted["simple building model"].theta_.index if name.startswith("A_win")] == ["A_win"]
 
 
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
@@ -242,11 +243,16 @@ def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
     out, _ = capsys.readouterr()
     assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
-    gray_boxes = ("OD alone", "OD, no disturbance", "CONV alone")
+    gray_boxes = ("building model alone", "building model, no disturbance", "simple building model")
     for row in ("hybrid", *gray_boxes, "ARX", "hybrid, two-stage (ridge)", "hybrid, two-stage (profile)"):
         assert row in out
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
+    assert out.startswith("temperature: ")
+    page = re.sub(r'<img src="[^"]*"', "", (tmp_path / "demo" / "report.html").read_text(encoding="utf-8"))
+    assert "heat loss" in page
+    for text in (page, out):  # words of the paper that a reader of a report need not know
+        assert not re.search(r"\b(CONV|OD)\b", text)
 
 
 def test_the_module_runs_and_tells_its_version():

@@ -12,8 +12,8 @@ from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, Periodi
 from skhybrid.datasets import make_office
 from skhybrid.identification import make_state_space
 from skhybrid.model_selection import RollingOriginSplit, compare_models
-from skhybrid.model_selection.assessment import hold_out, log_density
-from skhybrid.model_selection.recommendation import likelihood_ratio, nesting
+from skhybrid.model_selection.assessment import Assessment, hold_out, log_density
+from skhybrid.model_selection.recommendation import _as_good, likelihood_ratio, nesting, recommend
 from skhybrid.model_selection.splitters import default_split
 
 SMALL = {"C_w": 6.0, "C_za": 1.0, "R_zw": 1.5, "R_zo": 6.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
@@ -201,6 +201,28 @@ def test_the_law_at_the_edge_is_a_mixture():
     z = np.maximum(np.random.default_rng(0).normal(size=(200_000, 2)), 0.0)
     simulated = np.mean((z**2).sum(axis=1) > 3.0)
     assert likelihood_ratio(gain, 2, 0)[2] == pytest.approx(simulated, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("p_value", "white", "doubted"), [(0.01, False, True), (0.01, True, False), (0.4, False, False)]
+)
+def test_a_test_on_errors_that_are_not_white_is_doubted(p_value, white, doubted):
+    table = pd.DataFrame({"n_parameters": [4, 5], "whiteness_p": 0.5, "flat": "", "at_bound": ""}, ["small", "large"])
+    table = table.assign(cv_rmse=0.5, cv_log_score=[1.0, 2.0], bic=0.0)
+    test = {"smaller": "small", "larger": "large", "extra": "R_wo", "p_value": p_value, "white": white}
+    name, reason = recommend(dict.fromkeys(table.index, Assessment()), table, pd.DataFrame([test]), "parameters", 0.05)
+    assert name == ("large" if p_value < 0.05 else "small")
+    assert ("overstated since their errors are not white" in reason) == doubted
+
+
+def test_as_good_is_within_a_standard_error_of_the_days():
+    index = pd.date_range("2024-01-01", periods=4 * 24, freq="1h")
+    by_day = np.repeat([0.3, -0.1, 0.2, 0.0], 24)  # mean 0.1, standard error 0.0913
+    best = Assessment(held_out=pd.Series(0.0, index))
+    assert not _as_good(Assessment(held_out=pd.Series(-by_day, index)), best, "cv_log_score")
+    assert _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "cv_log_score")
+    assert not _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "bic")
+    assert not _as_good(Assessment(), best, "cv_log_score")
 
 
 def test_log_density_adds_what_was_measured():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,8 @@ from skhybrid.study.plant import Performance
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.day_ahead import _remarks
+from skhybrid.zone.tomorrow import rows_ahead
 
 COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
 
@@ -32,6 +35,7 @@ def test_a_schedule_by_the_clock():
     assert band["T_cool_set"].iloc[24:].isna().all()
     assert Schedule.of_text("6:00=21,22:00=17;26").heat == {360: 21.0, 1320: 17.0}
     assert Schedule.of_text("21").cool == {}
+    assert list(Schedule.of_text("21").band(index, free)) == ["T_heat_set"]
 
 
 @pytest.mark.parametrize(
@@ -222,6 +226,9 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
     assert found.summary["cost of electricity [EUR]"] == pytest.approx(
         0.3 * found.summary["electricity [kWh]"], abs=0.01
     )
+    hours = pd.Timedelta("15min") / pd.Timedelta("1h")
+    assert found.summary["electricity [kWh]"] == pytest.approx(found.frame["electricity_kW"].sum() * hours, abs=0.01)
+    assert found.frame.index[0] == frame.index[-1] + pd.Timedelta("15min")
     assert any("ideal one" in text for text in found.remarks)
 
 
@@ -246,3 +253,33 @@ def test_a_back_test_begins_with_a_verdict(folder, tmp_path, capsys):
     assert text.startswith("temperature: ")
     assert "yesterday's temperature" in text
     assert {"origin", "lead", "y_true", "y_pred"} <= set(pd.read_csv(out))
+
+
+def test_rows_ahead_by_a_plan_or_by_the_clock():
+    settings = settings_from({"step": "15min", "horizon": "2h", "columns": COLUMNS})
+    origin, hours = pd.Timestamp("2024-01-05 12:00"), pd.date_range("2024-01-05 10:00", periods=6, freq="1h")
+    weather = pd.DataFrame({"T_oa": np.arange(6.0), "q_sol": 0.1}, hours)
+    inputs = ["T_oa", "q_sol", "q_sol_south", "Q_hvac"]
+    found = rows_ahead(settings, origin, inputs, weather=weather, schedule=Schedule.of_text("21"))
+    assert not found.planned
+    assert set(found.frame) == {"T_oa", "q_sol", "T_heat_set"}
+    assert found.frame.index.equals(pd.date_range("2024-01-05 12:15", periods=8, freq="15min"))
+    np.testing.assert_allclose(found.frame["T_oa"], 2.0 + np.arange(1, 9) / 4)
+    plan = pd.DataFrame({"Q_hvac": 3.0}, found.frame.index)
+    planned = rows_ahead(settings, origin, inputs, weather=weather, plan=plan)
+    assert planned.planned
+    assert (planned.frame["Q_hvac"] == 3.0).all()
+
+
+def test_what_a_user_is_told_of_weather_that_training_did_not_have():
+    zone = SimpleNamespace(
+        settings=settings_from({"columns": COLUMNS, "estimator": {"known": {"Q_h": 6.0}}}),
+        predictor=SimpleNamespace(thermostat_learned_=True),
+        covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
+        learned_until=pd.Timestamp("2024-01-01"),
+    )
+    history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])
+    ahead = pd.DataFrame({"T_oa": np.r_[np.full(8, 5.0), 10.6, 10.6]})
+    (said,) = _remarks(zone, history, ahead, planned=False)
+    assert said.startswith("20 % of the day to come lies beyond what training covered")
+    assert _remarks(zone, history, ahead.clip(upper=10.4), planned=False) == []

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from skhybrid.datasets import make_office, make_prbs
+from skhybrid.datasets._gains import HOME_STANDBY_KW
 
 INPUTS = ["T_oa", "q_sol", "u_heat", "u_cool"]
 
@@ -289,6 +290,7 @@ def test_a_home_is_lived_in_when_the_office_is_empty():
     assert people[~weekday & (hour == 10)].mean() > 2 * people[weekday & (hour == 10)].mean()
     plugs = log.gain_parts["plugs"]
     assert plugs[hour == 19].mean() > 2 * plugs[hour == 15].mean()  # somebody cooks
+    assert plugs[hour == 3].mean() == pytest.approx(HOME_STANDBY_KW, rel=0.1)
     by_day = people.groupby(people.index.date).sum()
     assert 0.01 < (by_day == 0).mean() < 0.2  # nobody is there now and then
 

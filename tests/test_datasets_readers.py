@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import read_zone_csv
+from skhybrid.logs.stamps import _is_first_pass
 
 
 @pytest.fixture
@@ -248,3 +249,10 @@ def test_dutch_home(shared_data):
     assert frame.index[0] == pd.Timestamp("2021-10-25T00:00Z")
     assert frame["u_heat"].max() <= 0.78
     assert set(np.diff(frame.index.as_unit("ns").asi8)) == {15 * 60 * 10**9}
+
+
+def test_all_stamps_after_the_first_turn_are_of_the_second_pass():
+    minutes = [90, 120, 150, 120, 150, 130, 180]
+    stamps = pd.Timestamp("2023-10-29") + pd.to_timedelta(minutes, unit="min")
+    first = _is_first_pass(stamps, np.array([120 <= m < 180 for m in minutes]))
+    assert first.tolist() == [True, True, True, False, False, False, True]

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import make_office, regularize
+from skhybrid.logs.even_steps import typical_step
 
 
 @pytest.fixture(scope="module")
@@ -184,3 +185,16 @@ def test_held_columns_beside_sampled_ones(log):
 def test_refusals_of_held_columns(options, message):
     with pytest.raises(ValueError, match=message):
         regularize(CHANGES, **options)
+
+
+@pytest.mark.parametrize(("logged", "meant"), [(890.0, 900.0), (1100.0, 1200.0), (1000.0, 1000.0)])
+def test_a_step_near_a_common_one_is_meant(logged, meant):
+    index = pd.Timestamp("2024-01-01") + pd.to_timedelta(np.arange(10) * logged, unit="s")
+    assert typical_step(index) == pd.Timedelta(seconds=meant)
+
+
+def test_a_value_is_held_for_a_step_and_a_half_at_most():
+    index = pd.Timestamp("2024-01-01") + pd.to_timedelta([0, 15, 37, 52, 67, 97, 112], unit="min")
+    out = regularize(pd.DataFrame({"u_heat": 1.0, "T_oa": 1.0}, index), "15min", max_gap="0min")
+    for name in out:  # 67 is held until 82, and 75 is too far from it
+        assert out.index[out[name].isna()].strftime("%H:%M").tolist() == ["01:15"]

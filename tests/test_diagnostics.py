@@ -428,3 +428,13 @@ def test_the_panels_show_the_tables(fitted, gappy):
     again = ResidualDisplay.from_predictions(diagnose_residuals(_white()))
     assert len(again.ax_) == 4
     plt.close("all")
+
+
+def test_the_cross_correlation_reaches_as_far_before_as_after():
+    rng = np.random.default_rng(0)
+    index = pd.date_range("2024-01-01", periods=400, freq="1h")
+    errors = pd.DataFrame({"innovation": rng.normal(size=400), "std": 1.0}, index)
+    found = diagnose_residuals(errors, pd.DataFrame({"T_oa": rng.normal(size=400)}, index))
+    lags = found.cross_correlation.index
+    assert lags[0] == -lags[-1]
+    assert 0 * lags[0] in lags

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -89,6 +91,13 @@ def test_a_docstring_agrees_with_the_signature(path):
     if "PR01" in problems and not _undocumented(path):  # a record whose fields are its attributes
         del problems["PR01"]
     assert not problems
+
+
+def test_a_summary_says_what_a_function_does_or_returns():
+    sources = Path(skhybrid.__file__).parent.rglob("*.py")
+    begins = re.compile(r'"""(What|How|Which|Where) .*')
+    found = [f"{path}: {begin[0]}" for path in sources for begin in begins.finditer(path.read_text("utf-8"))]
+    assert not found
 
 
 def _wrong(given: int) -> int:

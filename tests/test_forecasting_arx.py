@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid._table import read_table
 from skhybrid.forecasting import ARXRegressor
 
 
@@ -152,6 +153,23 @@ def test_a_day_ahead_is_near_the_truth_and_needs_its_inputs():
     worse = np.sqrt(((blind.predict_from(X.iloc[cut:], origins) - truth) ** 2).mean())
     assert error < 0.25
     assert error < 0.5 * worse
+
+
+def test_each_block_is_forecast_without_its_own_rows():
+    X, y = room(7)
+    table = read_table(ARXRegressor(), X, reset=True)
+    origins, blocks, n_leads = np.array([150, 300, 330, 500]), np.array([0, 1, 1, 2]), 40
+
+    def paths(y, chosen=slice(None)):
+        model = ARXRegressor(alpha=1.0).fit(X, y)
+        return model.left_out_paths(table, y.to_numpy(), origins[chosen], n_leads, blocks[chosen])
+
+    found, moved = paths(y), y.copy()
+    moved.iloc[301:330] += 3.0  # within the second block, after its first origin
+    np.testing.assert_array_equal(paths(y, blocks == 2), found[blocks == 2])
+    changes = np.abs(paths(moved) - found).max(axis=1)
+    assert changes[1] < 1e-3  # the means by which the columns are standardised are those of all rows
+    assert changes[0] > 1e-2
 
 
 def test_no_horizon_simulates_from_the_first_row():

@@ -12,7 +12,13 @@ from skhybrid import persistence
 from skhybrid._table import read_table
 from skhybrid.forecasting import ARXRegressor, arx_multi_step
 from skhybrid.forecasting.arx_design import ARXDesign, Moments
-from skhybrid.forecasting.arx_multi_step import Knobs, MultiStepProblem, RecursiveMultiStep, fit_multi_step
+from skhybrid.forecasting.arx_multi_step import (
+    Knobs,
+    MultiStepFit,
+    MultiStepProblem,
+    RecursiveMultiStep,
+    fit_multi_step,
+)
 
 
 def room(n_days=21, step_minutes=15, seed=0, noise=0.02, gain=1.0):
@@ -94,6 +100,15 @@ def test_re_fits_learn_a_changed_gain_and_leave_the_estimator_alone():
     assert taught < errors
     assert vars(model).keys() == kept.keys()
     assert all(value is kept[name] for name, value in vars(model).items())
+
+
+def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete():
+    problem, view, coef = problem_of(room(8))
+    zero = np.zeros((len(coef), len(coef)))
+    fit = MultiStepFit(problem, coef, Moments(zero, zero[0]), Moments(zero, zero[0]), Knobs(1.0, 10.0, 1.0), 1.0)
+    recursive, begin = RecursiveMultiStep(fit, 6 * 96), 6 * 96
+    assert recursive.advanced(view, begin + 94) is coef  # its last row is not known
+    assert np.abs(recursive.advanced(view, begin + 95) - coef).max() > 1e-6
 
 
 def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):

@@ -370,3 +370,11 @@ def test_missing_targets_are_left_out_up_to_a_share():
     holes.iloc[: 24 * 15] = np.nan
     with pytest.raises(ValueError, match="more than max_missing=50%"):
         forecaster.fit(X, holes)
+
+
+def test_trees_that_forecast_nothing_are_few():
+    """Steps of a random walk cannot be forecast, so that the last third is for few trees."""
+    index = pd.date_range("2024-01-01", periods=20 * 24, freq="1h")
+    y = pd.Series(20.0 + 0.3 * np.random.default_rng(0).normal(size=len(index)).cumsum(), index)
+    X = pd.DataFrame({"T_oa": 0.0, "T_za": y}, index)
+    assert BoostedRegressor(horizon="3h", max_iter=40, random_state=0).fit(X, y).n_iter_ < 20

@@ -19,6 +19,7 @@ from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
 from skhybrid.identification.fitting.excitation import unexcited
+from skhybrid.identification.fitting.starts import start_at
 from skhybrid.identification.rolling_state import advance
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 from skhybrid.thermal import get_network
@@ -570,3 +571,15 @@ def test_a_start_of_an_unknown_parameter_is_refused(office, monkeypatch):
                 each.fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
     with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
         GrayBoxRC().fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
+
+
+def test_a_start_takes_what_is_given_within_the_bounds():
+    searched = [p for p in get_network("1R1C").parameters(("T_oa", "u_heat")) if p.name in ("C_za", "R_zo")]
+    far = {"R_zo": 1e9}
+    start = start_at(searched, {**far, "Q_h": 3.0}, np.array([0.1, 0.2]))
+    names = [p.name for p in searched]
+    assert start[0, names.index("C_za")] == [0.1, 0.2][names.index("C_za")]
+    assert start[0, names.index("R_zo")] == searched[names.index("R_zo")].free_bounds[1]
+    for value in (np.nan, "much", 0.0):
+        with pytest.raises(ValueError, match="theta_init gives R_zo the value"):
+            start_at(searched, {"R_zo": value}, np.zeros(2))

@@ -40,9 +40,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
+    "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
-        "model_selection", "inspection", "study", "zone",
+        "model_selection", "inspection", "study", "zone", "server",
     },
 }  # fmt: skip
 #: these may import less than BASE.
@@ -67,7 +68,7 @@ STRICT = {
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "study", "zone", "cli"}
+READERS = {"model_selection", "inspection", "study", "zone", "server", "cli"}
 _BAYES = (
     "identification/uncertainty/posterior.py",
     "model_selection/choice/pattern_expressiveness.py",
@@ -86,6 +87,10 @@ HOMES = {
     "openpyxl": ("logs/spreadsheet.py",),
     "pyarrow": ("logs/columnar.py",),
     "sqlalchemy": ("logs/sql_table.py",),
+    "fastapi": ("server/app.py",),
+    "starlette": ("server/app.py", "server/guard.py"),
+    "pydantic": ("server/app.py", "server/schemas.py"),
+    "uvicorn": ("server/listen.py",),
 }
 
 
@@ -258,7 +263,7 @@ def test_a_plotting_sampling_or_file_library_is_imported_inside_functions(librar
 
 
 # ------------------------------------------------------------------------------------------------ what an import loads
-HEAVY = ("torch", "skorch", "pymc", "matplotlib")
+HEAVY = ("torch", "skorch", "pymc", "matplotlib", "fastapi", "uvicorn")
 
 
 def _heavy_after(code: str) -> list[str]:

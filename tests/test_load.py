@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
-from skhybrid.control import steps_ahead
+from skhybrid.control import make_plant, steps_ahead
 from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.exceptions import UnitWarning
@@ -319,3 +319,10 @@ def test_other_units_are_warned_of(setpoint, limits, message, hybrid, plain, off
     for model in (hybrid, plain):
         with pytest.warns(UnitWarning, match=message):
             model.predict_load(office.X[HERE], setpoint, limits)
+
+
+def test_stages_are_listed_by_kind_and_limited_by_what_was_seen():
+    inputs = {"u_cool": np.array([0.0, 0.5]), "u_heat": np.array([1.0, 2.0]), "u_heat_2": np.array([0.0, 1.0])}
+    plant = make_plant({"u_cool": -5.0, "u_heat_2": 2.0, "u_heat": 6.0}, inputs)
+    assert list(plant.most.items()) == [("u_heat", 2.0), ("u_heat_2", 1.0), ("u_cool", 1.0)]
+    assert (plant.lower, plant.upper) == (-5.0, 14.0)

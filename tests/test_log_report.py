@@ -9,7 +9,14 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import LogReport, RawLog
-from skhybrid.logs.log_findings import unit_switch, without_standstills
+from skhybrid.logs.conversion import Channel, channels_of, to_roles
+from skhybrid.logs.log_findings import (
+    _skipped_hours,
+    sensor_findings,
+    standstills,
+    unit_switch,
+    without_standstills,
+)
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
 
 
@@ -189,3 +196,25 @@ def test_infinite_values_are_an_error(frame):
     frame.iloc[:, 0] = -np.inf
     found = LogReport(frame).findings[0]
     assert (found.level, found.where, found.text) == ("error", room, "960 values are infinite.")
+
+
+def test_what_counts_as_a_finding():
+    hours = pd.date_range("2024-03-31", periods=30, freq="1h")
+    assert "after 2024-03-31 01:00" in _skipped_hours(hours.delete(2), pd.Timedelta("1h"))  # a Sunday
+    assert _skipped_hours((hours - pd.Timedelta("4D")).delete(2), pd.Timedelta("1h")) == ""
+    index = pd.date_range("2024-01-01", periods=200, freq="1h")
+    full = pd.Series(20.0 + np.arange(200) % 7, index)
+    assert list(sensor_findings("T_za", "room", full)) == []
+    (found,) = sensor_findings("T_za", "room", full.mask(np.arange(200) % 20 == 0))
+    assert found.text == "5% of the rows have no value."
+    for hours_at_rest, n_found in ((23, 0), (24, 1)):
+        resting = full.where((np.arange(200) < 50) | (np.arange(200) > 50 + hours_at_rest), 19.0)
+        assert len(standstills("T_za", resting)) == n_found
+
+
+def test_channels_are_those_of_the_format_unless_given():
+    frame = pd.DataFrame({"a": [1.0], "b": [2.0], "c": [3.0]}, pd.date_range("2024-01-01", periods=1, freq="1h"))
+    raw = RawLog(frame, "CSV", units={"a": "degF", "b": "rpm"}, roles={"T_za": "a", "x_fan": "b"}, scale={"b": 0.5})
+    channels = channels_of(raw, {"T_za": "c"}, {"T_za": "K"}, {"T_za": 2.0})
+    assert channels == [Channel("T_za", "c", "K", 2.0), Channel("x_fan", "b", "rpm", 0.5)]
+    assert to_roles(raw, channels[1:])["x_fan"].tolist() == [1.0]  # neither role nor unit are known

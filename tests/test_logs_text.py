@@ -7,6 +7,9 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import read_log
+from skhybrid.logs.cell_numbers import Channel
+from skhybrid.logs.change_of_value import chosen_columns
+from skhybrid.logs.stamp_cells import _day_first_by_order
 
 
 @pytest.fixture
@@ -272,3 +275,17 @@ def test_one_sentence_for_a_bad_file(write, text, options, message):
 def test_missing_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no file"):
         read_log(tmp_path / "none.csv")
+
+
+def test_a_named_column_of_points_must_be_there():
+    assert chosen_columns(["t", "name", "reading"], "name", "reading", "log") == ("name", "reading")
+    with pytest.raises(ValueError, match=r"log has no column 'sensor'.*pass point_column="):
+        chosen_columns(["t", "name", "reading"], "sensor", "reading", "log")
+
+
+def test_numbers_are_read_as_they_are_and_months_above_twelve_decide():
+    channel = Channel()
+    channel.add(pd.Series([1.125, np.nan]), ",")  # no text, in which 1.125 were 1125
+    np.testing.assert_array_equal(channel.values(), [1.125, np.nan])
+    assert _day_first_by_order(pd.Series(["01/12/2024", "02/12/2024"])) is True
+    assert _day_first_by_order(pd.Series(["01/13/2024", "02/13/2024"])) is None

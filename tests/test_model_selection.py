@@ -13,6 +13,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
 from skhybrid.model_selection import RollingOriginSplit, backtest, score_backtest
+from skhybrid.model_selection.backtest import _origins
 
 PER_DAY = 24
 
@@ -212,3 +213,10 @@ def test_errors_are_those_of_their_definition():
     np.testing.assert_allclose(by_lead["n"], [2, 2])
     with pytest.raises(ValueError, match="by='day'"):
         score_backtest(frame, by="day")
+
+
+def test_a_table_without_a_midnight_has_origins_by_the_row_only():
+    X, _ = _table(2, start="2024-01-01 00:30")
+    step = pd.Timedelta("1h")
+    assert len(_origins(X.index, step, "1D", 0)) == 0
+    assert _origins(X.index, step, "25h", 3).tolist() == [3, 28]

@@ -210,6 +210,8 @@ def test_sizes_are_terms_too(results):
     terms = _terms(table, "sizes")
     assert list(terms.columns) == ["hidden_size", "activation=selu"]
     assert terms.reference == {"activation": "relu"}
+    by_framework = _terms(results.drop(columns="case"), ["framework", "hidden_size"])  # which need no case
+    assert list(by_framework.columns) == ["LSTM", "hidden_size"]
     with pytest.raises(ValueError, match="hidden_size is NaN in 1 of 64 candidates; pass the rows of one framework"):
         _terms(table.assign(hidden_size=[np.nan, *table["hidden_size"][1:]]), "sizes")
 
@@ -404,6 +406,15 @@ def test_bad_chains_are_errors_and_leave_nothing_half_fitted(errors, monkeypatch
     assert steps == ([0.97, 0.995] if "diverging" in chains else [0.97])  # smaller steps were tried
 
 
+def test_with_many_sizes_larger_steps_are_tried_first(errors, monkeypatch):
+    attempts = []
+    given = _chains(3, diverging=1)
+    monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: attempts.append(kwargs) or given)
+    with pytest.raises(RuntimeError, match="diverged"):
+        RobustnessComparison(draws=300, chains=2).fit(errors[errors["case"].isin(["case01", "case03", "case04"])])
+    assert [one["target_accept"] for one in attempts] == [0.8, 0.99]
+
+
 def test_a_comparison_can_be_saved(errors, monkeypatch, tmp_path):
     monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: _chains(5))
     fitted = RobustnessComparison(draws=300, chains=2).fit(errors)
@@ -450,8 +461,9 @@ def test_cases_without_what_helps_drop_out(overview):
 
 
 def test_od_is_asked_for_where_it_is_better_and_the_impossible_is_waived(overview):
-    kept, wanted, _ = _with_helpful_ingredients(overview, _fake_regression(ID=0.01, time=0.5), 0.95)
+    kept, wanted, reasons = _with_helpful_ingredients(overview, _fake_regression(ID=0.01, time=0.5), 0.95)
     assert wanted == {"ID": 0}
+    assert "OD (0.990)" in reasons[0]
     assert all(key.endswith(" output") for key in kept)
     poor = overview[overview["time"] == 0]
     kept, wanted, reasons = _with_helpful_ingredients(poor, _fake_regression(time=0.96, ID=0.99), 0.95)

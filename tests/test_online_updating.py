@@ -11,6 +11,7 @@ import pytest
 from sklearn.base import clone
 
 from skhybrid import (
+    ARXRegressor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -18,8 +19,11 @@ from skhybrid import (
     OutputDisturbanceID,
     PeriodicDisturbanceID,
 )
+from skhybrid._table import read_table
 from skhybrid.datasets import make_office
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
+from skhybrid.hybrid.known_rows import KnownRows
+from skhybrid.hybrid.weekly_refit import WeeklyRefit
 from skhybrid.persistence import load_model, save_model
 
 DAY = 96
@@ -390,3 +394,28 @@ def test_hours_are_averaged_as_by_a_plain_loop():
     assert len(shown) == 1 + 10 + len(np.unique(hours[259:]))
     assert len(hourly.since(int(hourly.labels[-3])).labels) == 3
     assert len(hourly.labels) > 3
+
+
+def test_known_rows_end_with_the_last_stamp(office):
+    table = read_table(ARXRegressor(), office.X[: 2 * DAY], reset=True)
+    table = table.replace(history={"T_za": office.y[: 2 * DAY].to_numpy()})
+    rows = KnownRows.of(table.rows(slice(0, DAY)), keep_all=False)
+    assert rows.last_stamp == office.X.index[DAY - 1].tz_localize("UTC")
+    assert rows.without_known(table.rows(slice(DAY - 5, DAY + 5))).index.equals(office.X.index[DAY : DAY + 5])
+    bare = read_table(ARXRegressor(), office.X[:DAY].reset_index(drop=True), sampling_time="15min", reset=True)
+    bare = bare.replace(history={"T_za": office.y[:DAY].to_numpy()})
+    rows = KnownRows.of(bare, keep_all=False)
+    assert rows.last_stamp is None
+    assert rows.without_known(bare) is bare
+    assert rows.without_known(table) is table  # which is refused later
+
+
+@pytest.mark.parametrize(("changed", "days"), [(14, 21), (19, 14), (40, None)])
+def test_a_refit_is_made_on_the_span_that_forecast_the_last_week_best(changed, days):
+    """The disturbance is 5 kW instead of 1 kW from a day on; the week to forecast begins at day 35."""
+    index = pd.date_range("2024-01-01", periods=42 * 24, freq="1h")
+    table = read_table(ARXRegressor(), pd.DataFrame({"T_oa": np.zeros(len(index))}, index), reset=True)
+    steps = table.replace(history={"zeta": np.where(np.arange(len(index)) < 24 * changed, 1.0, 5.0)})
+    refit = WeeklyRefit(DisturbanceForecaster("profile"))
+    assert refit._span(steps) == (None if days is None else pd.Timedelta(days=days))
+    assert refit._span(steps.rows(slice(0, 20 * 24))) is None  # all of it is no more than 14 days

@@ -354,7 +354,8 @@ def test_what_trains_as_one_stack_is_handed_over_together():
 def test_a_stack_that_fits_into_a_chunk_is_not_cut():
     stacks = {"abc": "1", "de": "2", "fghijkl": "3", "m": "4"}
     keys = {name: ("1 d", shape, name) for names, shape in stacks.items() for name in names}
-    assert ["".join(part) for part in workers._parts(keys, 4)] == ["abc", "de", "fghi", "jklm"]
+    assert ["".join(part) for part in workers._parts(keys, 4)] == ["abc", "de", "fghi", "jkl", "m"]
+    assert ["".join(part) for part in workers._parts(keys, 10)] == ["abcde", "fghijkl", "m"]  # joined up to half
 
 
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):

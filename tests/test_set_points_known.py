@@ -1,16 +1,21 @@
 """Forecasts in which only set-points are known: the thermostat acts, temperature and load are forecast."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from skhybrid import InputDisturbanceID, SchedulePredictor, TwoStagePredictor
+from skhybrid.control import Band
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
 from skhybrid.forecasting.boosted_trees import fit_trees
 from skhybrid.hybrid import law_refits
+from skhybrid.hybrid.closed_loop import _Errors
+from skhybrid.hybrid.law_features import LawRows, same_plan
+from skhybrid.hybrid.plant_law import Pairs
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
 
@@ -83,10 +88,10 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
 def test_rows_taken_in_count_as_history(log, model):
     history, future = log[TRAINED : TRAINED + 40], ahead(log, TRAINED + 40)
     levels = (0.1, 0.9)
-    at_once = model.forecast(history, future, levels)
+    at_once = model.forecast(history, future, quantiles=levels)
     updated = copy.deepcopy(model)
     updated.update(history[:17]).update(history[17:])
-    pd.testing.assert_frame_equal(updated.forecast(None, future, levels), at_once, rtol=1e-9, atol=1e-9)
+    pd.testing.assert_frame_equal(updated.forecast(None, future, quantiles=levels), at_once, rtol=1e-9, atol=1e-9)
     assert {"T_za", "zeta", "Q_hvac", *PLANT, "q_0.1", "q_0.9", "Q_hvac_0.1", "Q_hvac_0.9"} == set(at_once)
     assert (at_once["Q_hvac_0.1"] <= at_once["Q_hvac_0.9"]).all()
     assert (at_once["q_0.1"] <= at_once["q_0.9"]).all()
@@ -169,6 +174,7 @@ def test_trees_as_arrays_are_those_of_scikit_learn():
     y = np.nan_to_num(X[:, 0]) + np.nan_to_num(X[:, 1]) ** 2
     weight = rng.uniform(0.5, 2.0, 400)
     trees = fit_trees(X, y, weight)
+    assert len(fit_trees(X, rng.normal(size=400)).feature) == 90  # all of them, whatever they gain
     booster = HistGradientBoostingRegressor(**boosted_trees.SETTINGS).fit(X, y, weight)
     np.testing.assert_allclose(trees.predict(X), booster.predict(X), rtol=1e-12, atol=1e-12)
     with pytest.raises(ValueError, match="do not fit"):
@@ -204,3 +210,49 @@ def test_rows_ahead_without_heat_are_told_that_set_points_would_do(log, model):
         model.forecast(None, future)
     with pytest.raises(ValueError, match="no column 'u_heat'"):
         model.forecast(log[TRAINED - 5 : TRAINED], future)
+
+
+def test_only_what_was_known_at_a_row_is_learned_from():
+    errors = _Errors(np.array([0, 10, 20, 30]), np.array([0, 4]), np.ones((4, 2, 2, 1)))
+    found = errors.until(25, oldest=10)
+    assert found.origins.tolist() == [10, 20]
+    assert np.isfinite(found.values).all()
+    assert np.isnan(errors.until(24, oldest=20).values[0, :, 0, 0]).tolist() == [False, True]
+    rows = np.arange(3)
+    pairs = Pairs(*(rows[:, None] for _ in range(4)), ends=np.array([5, 7, 9]))
+    assert pairs.before(7).ends.tolist() == [5]
+    assert pairs.before(8).heat.tolist() == [[0], [1]]
+
+
+def test_a_plan_is_that_of_the_week_before_by_a_plain_loop():
+    rng, n = np.random.default_rng(0), 10 * DAY
+    heating = np.where(rng.random(n) < 0.1, 18.0, 21.0)
+    band = Band(heating, np.full(n, np.inf))
+    rows = LawRows(np.zeros(n), np.zeros(n), band, np.zeros((n, 0)), np.zeros((n, 3)), DAY)
+    targets = np.arange(7 * DAY + 4, n)
+    expected = [
+        np.mean(np.abs(heating[k - 3 : k + 1] - heating[k - 3 - 7 * DAY : k + 1 - 7 * DAY])) < 0.3 for k in targets
+    ]
+    assert 0.2 < np.mean(expected) < 0.8
+    np.testing.assert_array_equal(same_plan(rows, targets), expected)
+
+
+def test_a_refit_learns_from_what_was_known_at_the_begin_of_its_week(monkeypatch):
+    def pairs(n):
+        return Pairs(*(np.zeros((n, 2)) for _ in range(4)), ends=np.zeros(n, dtype=int))
+
+    def made(rows, origins, paths, n_known):
+        assert (origins.min(), origins.max(), n_known) == (102, 597, 601)
+        return pairs(3)
+
+    def learned(all_pairs, per_day, weight):
+        assert (len(all_pairs.ends), per_day) == (5, 24)
+        assert weight.tolist() == [1.0, 1.0, 2.0, 2.0, 2.0]
+        return "a law"
+
+    monkeypatch.setattr(law_refits, "make_pairs", made)
+    monkeypatch.setattr(law_refits, "learn", learned)
+    rows = LawRows(np.zeros(900), np.zeros(900), Band(np.zeros(900), np.zeros(900)), np.zeros((900, 1)), None, 24)
+    weeks, refits = law_refits.Weeks(96, 100, 24, 8), law_refits.LawRefits("of the training", pairs(2))
+    assert refits.learn(rows, weeks, [3], 3, SimpleNamespace(of=lambda origins: None)) == {3: "a law"}
+    assert refits.known(rows, weeks, np.array([0, 3])) == {0: "of the training", 3: "a law"}

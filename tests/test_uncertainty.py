@@ -115,7 +115,7 @@ class _Line:
 def test_jackknife_by_one_step_is_the_regression_without_each_day():
     line = _Line()
     best = np.linalg.lstsq(line.design, line.target, rcond=None)[0]
-    uncertainty = least_squares_uncertainty(line, best, 0.7, ["A", "B"])
+    uncertainty = least_squares_uncertainty(line, best, 0.7, ["A", "B"], None, 0)
     moves = []
     for d in range(6):
         keep = np.arange(24) // 4 != d
@@ -134,7 +134,7 @@ def test_jackknife_by_one_step_is_the_regression_without_each_day():
 
 def test_two_days_have_no_scatter():
     assert not jackknife_covariance(np.ones((2, 3))).any()
-    assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"]).n_days == 2
+    assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"], None, 0).n_days == 2
 
 
 def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
@@ -235,6 +235,7 @@ def test_profile_of_a_parameter_that_is_solved_inside(office, periodic):
         ("C_x", {}, "'C_x' is no parameter of the network, which has C_w"),
         ("Q_h", {}, "Q_h is given by known="),
         ("C_w", {"level": 2}, "level=2 is not between"),
+        ("C_w", {"level": 0.0}, "level=0.0 is not between"),
         ("Q_c", {"values": [1.0]}, "values= gives Q_c the value 1.0; it must be < 0"),
     ],
 )
@@ -399,7 +400,7 @@ def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
         experiment=SimpleNamespace(y=np.zeros(96), hours=1.0),
         linearised=lambda _: (np.zeros(96), np.full((96, 1), 1e5)),
     )
-    found = least_squares_uncertainty(problem, np.zeros(1), 0.0, ["A"])
+    found = least_squares_uncertainty(problem, np.zeros(1), 0.0, ["A"], None, 0)
     assert np.isfinite(found.covariance).all()
     assert np.isfinite(found.sensitivity).all()
 

@@ -6,8 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid import HybridPredictor
+from skhybrid.datasets import make_office
+from skhybrid.identification import OutputDisturbanceID
+from skhybrid.study import Settings, split_log
+from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
+from skhybrid.study.identified_building import describe, parameter_table, told
+from skhybrid.study.judgement import judge_load
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
+from skhybrid.zone.zone_backtest import backtest_zone
 
 
 def _errors(size, n_blocks=20, seed=0):
@@ -32,9 +40,9 @@ def test_a_ratio_and_its_interval():
         (0.5, {}, USABLE, "of that of yesterday"),
         (1.0, {}, CARE, "not surely better"),
         (2.0, {}, NOT, "yesterday is better"),
+        (0.5, {"coverage": 0.8}, USABLE, "of that of yesterday"),
         (0.5, {"coverage": 0.6}, CARE, "held 60 %"),
         (0.5, {"coverage": 0.4}, NOT, "held 40 %"),
-        (0.5, {"outside": 0.3}, CARE, "30 % of the day to come lies beyond"),
         (0.5, {"doubts": ["its kW have no certain scale"]}, CARE, "no certain scale"),
         (0.5, {"n_origins": 3}, CARE, "3 forecasts only"),
     ],
@@ -63,3 +71,75 @@ def test_rules_for_the_load():
     np.testing.assert_allclose(rules[RIDGE], heat[360:], atol=0.01)
     heat[360:] = 99.0  # what was delivered after training is not learned from
     np.testing.assert_allclose(rule_loads(frame[:360], frame[360:], heat, held)[RIDGE], rules[RIDGE])
+
+
+def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
+    stamps = pd.date_range("2024-01-01", periods=24 * 12, freq="1h")
+    delivered = pd.Series(2.0 + np.sin(np.arange(len(stamps))), stamps)
+    noise = pd.Series(np.random.default_rng(0).normal(size=len(stamps)), stamps)
+    own = (delivered + 0.5 * noise).where(stamps >= pd.Timestamp("2024-01-03"), 1e6)  # no row before counts
+    rules = {"twice as wrong": delivered + noise}
+    found = judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=True)
+    assert found.level == USABLE
+    assert "0.50 of that of twice as wrong" in str(found)
+    assert judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=False).level == CARE
+
+
+def test_a_day_beyond_what_training_covered_is_told_with_its_columns():
+    train = pd.DataFrame({"T_oa": [0.0, 10.0], "q_sol": [0.0, 0.5]})
+    day = pd.DataFrame({"T_oa": [5.0] * 7 + [-0.4, -3.0, -4.0], "q_sol": 0.1})
+    (reason,) = day_beyond(day, ranges_of(train))
+    assert reason.startswith("20 % of the day to come lies beyond what training covered")
+    assert "(the outdoor temperature reaches -4, training had 0 to 10)" in reason
+    assert not day_beyond(day[:8], ranges_of(train))  # within the margin
+    assert not day_beyond(day.assign(T_oa=[5.0] * 9 + [-4.0]), ranges_of(train))  # one row in ten
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"), [("level", "at all hours"), ("schedule", "change of use"), ("quiet", "closure")]
+)
+def test_grown_errors_are_a_reason_in_plain_words(kind, words):
+    since = pd.Timestamp("2024-03-04")
+    days = pd.DataFrame({"drifted": [False, True], "since": [pd.NaT, since], "kind": ["", kind]})
+    (reason,) = drifted(days)
+    assert reason.startswith("its errors have grown since 2024-03-04")
+    assert words in reason
+    assert drifted(days[:1]) == drifted(days[:0]) == []
+
+
+def test_drift_that_a_short_training_cannot_tell_is_none():
+    office = make_office(n_days=6, random_state=0)
+    model = HybridPredictor(known={"Q_h": 6.0}, intervals=False).fit(office.X[: 96 * 5], office.y[: 96 * 5])
+    assert drift_days(model, office.X[96 * 5 :]).empty
+
+
+def test_a_parameter_at_an_end_of_its_range_is_not_identified():
+    office = make_office(n_days=5, random_state=0)
+    bounds = {"C_w": (20.0, 40.0)}  # the office has 4 kWh/K
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, bounds=bounds, n_starts=2, random_state=0)
+    gray_box.fit(office.X, office.y)
+    reasons = at_ends(gray_box)
+    assert "the heat capacity of the walls (C_w) is at the lower end of its range: not identified" in reasons
+    for table, name in ((parameter_table(gray_box), "C_w"), (describe(gray_box), "heat capacity C_w")):
+        assert table.loc[name, "remark"] == "not identified: at the lower end of its range"
+        assert told(table).loc[name, ["value", "std"]].isna().all()
+        assert told(table)["value"].notna().any()
+    assert in_words("resistance between za and T_oa") == "thermal resistance between the room and outdoors"
+
+
+def test_a_back_test_judges_stages_in_their_unit_and_in_kw_where_a_capacity_is_known():
+    office = make_office(n_days=12, random_state=0)
+    X = office.X.resample("1h").mean()
+    made = {}
+    for known in ({}, {"Q_h": 6.0, "Q_c": -6.0}):
+        estimator = {"known": known} if known else {}
+        settings = Settings(columns={role: role for role in X}, estimator=estimator, step="1h")
+        made[bool(known)] = backtest_zone(settings, split_log(X, settings))
+    assert [found.load_unit for found in made.values()] == ["-", "kW"]
+    for scaled, found in made.items():
+        temperature, load = found.verdicts
+        assert (temperature.quantity, load.quantity) == ("temperature", "load")
+        assert ("no certain scale" in str(load)) != scaled
+        assert found.table.loc[[YESTERDAY, RIDGE], "load_rmse"].notna().all()
+    of_stages, of_kw = (found.table.loc[YESTERDAY, "load_rmse"] for found in made.values())
+    assert of_kw == pytest.approx(6.0 * of_stages, rel=0.1)

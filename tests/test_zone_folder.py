@@ -292,6 +292,36 @@ def test_a_log_without_a_time_zone_and_without_set_points(log, cheap, tmp_path):
     assert "6 days ago" in done.learned  # more than it learned from
 
 
+@pytest.mark.parametrize("scaled", [False, True])
+def test_stages_are_scored_in_their_unit_and_in_kw_where_a_capacity_is_known(log, cheap, monkeypatch, tmp_path, scaled):
+    stages = log.assign(u_heat=log["Q_hvac"].clip(lower=0) / 6.0).drop(columns=["Q_hvac", "T_cool_set"])
+    source = write(stages, tmp_path / "log.csv", 8)
+    known = "[estimator]\nknown = { Q_h = 6.0 }\n" if scaled else ""
+    columns = "".join(f'{role} = "{role}"\n' for role in stages)
+    (tmp_path / "zone.toml").write_text(f'step = "1h"\n{known}[columns]\n{columns}')
+    folder = ZoneFolder.init(tmp_path / "kitchen", source, tmp_path / "zone.toml")
+
+    def half(zone, frame, weather=None, schedule=None):
+        found = _same_as_now(zone, frame).frame.assign(u_heat=0.5, Q_hvac=3.0, T_oa=99.0)
+        return DayAhead(found.assign(**{"Q_hvac_0.1": -20.0, "Q_hvac_0.9": 20.0}), {}, ())
+
+    monkeypatch.setattr(zone_folder, "day_ahead", half)
+    for day in (8, 9, 10):
+        folder.tick(write(stages, tmp_path / "log.csv", day))
+    found, truth = folder.status(), stages["u_heat"].iloc[24 * 8 : 24 * 10]
+    last = found["last four weeks"]
+    assert last["u_heat [-]"]["rmse"] == pytest.approx(np.sqrt(((0.5 - truth) ** 2).mean()), abs=1e-3)
+    assert ("load [kW]" in last) == scaled
+    if scaled:
+        assert last["load [kW]"]["rmse"] == pytest.approx(6.0 * last["u_heat [-]"]["rmse"], abs=4e-3)
+        assert last["load [kW]"]["coverage"] == 1.0
+    temperature, load = found["verdicts"]
+    for one in (temperature, load):
+        assert any("100 % of the last forecast lies beyond what training covered" in text for text in one["reasons"])
+        assert "tested on 2 forecasts only" in " ".join(one["reasons"])
+    assert ("no certain scale" in " ".join(load["reasons"])) != scaled
+
+
 def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     (tmp_path / "log.csv").write_text(log.iloc[: 24 * 2].to_csv())
     with pytest.raises(ValueError, match="a model needs 3"):
@@ -301,3 +331,14 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     with pytest.raises(ValueError, match="a model needs 3"):
         ZoneFolder.init(tmp_path / "kitchen", tmp_path / "log.csv", given)
     assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
+
+
+def test_a_locked_archive_asks_to_try_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(forecast_archive, "_PATIENCE", 0.0)
+    path = tmp_path / "forecasts.db"
+    with forecast_archive.open_archive(path) as archive:
+        assert archive.last_origin() is None
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(BlockingIOError, match="another command is at work"), forecast_archive.open_archive(path):
+            pass

@@ -21,7 +21,20 @@ from ._output import (
 __all__ = ["main"]
 
 #: modules of the commands, in the order in which a user needs them
-_COMMANDS = ("check", "fit", "forecast", "update", "backtest", "identify", "run", "search", "zone", "export", "demo")
+_COMMANDS = (
+    "check",
+    "fit",
+    "forecast",
+    "update",
+    "backtest",
+    "identify",
+    "run",
+    "search",
+    "zone",
+    "serve",
+    "export",
+    "demo",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

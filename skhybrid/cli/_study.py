@@ -31,6 +31,7 @@ def study_to_folder(
     if as_json:
         print((out / "metrics.json").read_text(encoding="utf-8"))
         return DONE
+    print("\n".join(map(str, result.verdicts)) + "\n")
     print(format_table(result.table))
     print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
     return DONE

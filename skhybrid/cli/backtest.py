@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -28,10 +29,13 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
             found.frame.to_csv(made, index=False, float_format="%.6g")
         say.note(f"wrote {out}")
     if as_json:
-        table = found.table.to_dict(orient="index")
-        print_json({"verdict": found.verdict._asdict(), "table": table, "coverage": found.coverage})
+        content: dict[str, Any] = {"verdicts": [one._asdict() for one in found.verdicts]}
+        content |= {"table": found.table.to_dict(orient="index"), "load_unit": found.load_unit or None}
+        print_json(content | {"coverage": found.coverage})
     else:
-        print(f"{found.verdict}\n\n{found.table.round(3).to_string(na_rep='-')}")
+        units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
+        table = found.table.rename(columns=units).round(3).to_string(na_rep="-")
+        print("\n".join([*map(str, found.verdicts), "", table]))
         if found.coverage is not None:
             print(f"\n80 % intervals of the hybrid hold {found.coverage:.0%} of the measurements")
     return DONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -18,19 +17,19 @@ from ._output import DONE, Progress
 @click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
 @click.option("--overwrite", is_flag=True, help="Replace a configuration that is there.")
 def command(
-    log: str, config: Path | None, format_: str | None, timezone: str | None, overwrite: bool, **given: Any
+    log: str,
+    config: Path | None,
+    format_: str | None,
+    timezone: str | None,
+    overwrite: bool,
+    say: Progress,
+    as_json: bool,
 ) -> int:
     """Show what a log holds: columns, units, gaps, sensors, and what can be learned from it.
 
     With --config, a configuration is proposed there; what could not be found is a comment in it.  A configuration that
     is there already is used, and left as it is.
     """
-    return _check(log, config, {"format": format_, "timezone": timezone}, overwrite, **given)
-
-
-def _check(
-    log: str, config: Path | None, reading: dict[str, Any], overwrite: bool, say: Progress, as_json: bool
-) -> int:
     # imported here so that --help need not wait for it
     from .._files import atomic_path
     from ..logs import LogReport
@@ -38,7 +37,6 @@ def _check(
     from ..study import propose_settings, read_settings
     from ..study.data import read_raw_log
 
-    given = {name: value for name, value in reading.items() if value is not None}
     if config is not None and config.exists() and not overwrite:
         settings = read_settings(config)
         report = LogReport(
@@ -50,7 +48,8 @@ def _check(
             holidays=settings.holidays,
         )
     else:
-        report = LogReport(read_any_log(log, given.pop("format", None), **given))
+        given = {} if timezone is None else {"timezone": timezone}
+        report = LogReport(read_any_log(log, format_, **given))
         if config is not None:
             text = propose_settings(log, report)
             with atomic_path(config) as made:

@@ -15,10 +15,11 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     """Identify the thermal network: heat loss, time constants, solar aperture and capacities, with standard errors."""
     settings = settings_at(config)
     from ..study import read_log
+    from ..study.identified_building import told
     from ..zone.building import describe_building
 
     frame, _ = read_log(log, settings)
-    table = describe_building(settings, frame)
+    table = told(describe_building(settings, frame))
     if as_json:
         print_json(table.to_dict(orient="index"))
     else:

@@ -80,10 +80,13 @@ def tick(
 @as_command("status", "skhybrid zone status kitchen")
 @_DIR
 def status(folder: Path, say: Progress, as_json: bool) -> int:
-    """Show whether the zone has drifted, how yesterday's forecast did, and when the model last learned."""
+    """Show the verdicts on past forecasts, drift, how yesterday's forecast did, and when the model last learned."""
     from ..zone import ZoneFolder
 
-    _print(ZoneFolder(folder).status(), as_json)
+    found = ZoneFolder(folder).status()
+    if not as_json:
+        found["verdicts"] = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
+    _print(found, as_json)
     return DONE
 
 
@@ -105,6 +108,9 @@ def _print(found: dict[str, Any], as_json: bool) -> None:
 def _lines(found: dict[str, Any], indent: str = "") -> list[str]:
     lines = []
     for name, value in found.items():
+        if isinstance(value, list | tuple):
+            lines += [f"{indent}{name}:" + ("" if value else " -"), *(f"{indent}  - {item}" for item in value)]
+            continue
         nested = isinstance(value, dict) and value
         lines.append(f"{indent}{name}:" + ("" if nested else " -" if value in (None, {}) else f" {value}"))
         lines += _lines(value, indent + "  ") if nested else []

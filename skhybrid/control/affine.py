@@ -142,11 +142,8 @@ class LinearNetwork(NamedTuple):
 
 def impulse_response(A: np.ndarray, B: np.ndarray, C: np.ndarray, n: int) -> np.ndarray:
     """(n, m, o) outputs after 1, 2 ... n steps of a unit of each input over one step: ``C A^k B``."""
-    out, effect = np.empty((n, B.shape[1], len(C))), B
-    for k in range(n):
-        out[k] = (C @ effect).T
-        effect = A @ effect
-    return out
+    nothing = np.zeros((n - 1, len(A)))
+    return np.stack([simulate_path(A, nothing, b) @ C.T for b in np.ascontiguousarray(B.T)], axis=1)
 
 
 def gain_of(response: np.ndarray) -> np.ndarray:

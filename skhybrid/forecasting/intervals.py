@@ -153,7 +153,7 @@ class LeadIntervals:
         return self.scale(clock)[0][:, None] * np.stack(blended, axis=1)
 
     def factor_at(self, recent: tuple[np.ndarray, PathClock], now: float) -> float:
-        """How much wider the intervals of the last days should have been to hold their share, shrunk towards 1.
+        """Factor by which the intervals of the last days were too narrow to hold their share, shrunk towards 1.
 
         ``recent`` and ``now`` as in :meth:`offsets`.  Each path is scored by the interval that was known at its origin.
         """

@@ -8,12 +8,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from ..exceptions import TooFewDaysError
 from .features import day_type_hour, rows_per_day, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
@@ -50,7 +50,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
         if self._intervals is None:
-            raise NotFittedError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
+            raise TooFewDaysError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
         return self._intervals
 
     @one_blas_thread

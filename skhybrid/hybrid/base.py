@@ -62,7 +62,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         raise NotImplementedError
 
     def _reading(self) -> dict[str, Any]:
-        """How tables are read."""
+        """Arguments with which tables are read."""
         return {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
 
     @unchanged_on_failure

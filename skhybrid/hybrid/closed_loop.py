@@ -13,6 +13,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..control import Band, LoadPaths
+from ..exceptions import TooFewDaysError
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ..forecasting.quantiles import path_clock
@@ -44,11 +45,13 @@ class ClosedLoopPaths(NamedTuple):
 
     def after(self, T_za: float) -> ClosedLoopPaths:
         """With the temperature at the origin before those at the ends of its rows."""
-        known, bands = (
-            None if T is None else np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
-            for T in (self.paths.temperature, self.temperature_bands)
-        )
-        return self._replace(paths=self.paths._replace(temperature=known), temperature_bands=bands)
+
+        def extended(T: np.ndarray) -> np.ndarray:
+            return np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
+
+        bands = None if self.temperature_bands is None else extended(self.temperature_bands)
+        paths = self.paths._replace(temperature=extended(self.paths.temperature))
+        return self._replace(paths=paths, temperature_bands=bands)
 
 
 class _Errors(NamedTuple):
@@ -71,7 +74,7 @@ class _Errors(NamedTuple):
 
 
 class _Tail(NamedTuple):
-    """What the last part of the training tells of the members."""
+    """Errors and weights of the members on the last part of the training."""
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
     intervals: tuple[LeadIntervals, ...]  # of load and temperature; empty after a short training
@@ -116,7 +119,7 @@ class ClosedLoop:
         of the temperature the end of that row.
         """
         if levels is not None and not self._tail.intervals:
-            raise ValueError("no intervals of a load were learned: the training was too short; fit on more days.")
+            raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
         rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
         spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(scheme, table, rows)
         past = np.empty(0, dtype=np.int64)
@@ -143,7 +146,7 @@ class ClosedLoop:
         return self._blended(scheme, table, wanted, errors, weeks.zero if table.n_history else weeks.begin, levels)
 
     def rows_back(self, known: KnownRows) -> int:
-        """How many of the known rows a forecast reads, at most."""
+        """Largest number of known rows that a forecast reads."""
         since = known.n_rows - known.training.n_rows
         return min(since + _WEEK_BEFORE * self._per_day, (7 * (WEEKS + 1) + _WEEK_BEFORE) * self._per_day)
 
@@ -202,7 +205,7 @@ class ClosedLoop:
         return np.array(found)
 
     def _missed(self, known: _Errors, shares: np.ndarray, quantity: int) -> _Errors:
-        """What the blend of these shares missed, in forecasts whole days apart."""
+        """Errors of the blend with these shares, in forecasts whole days apart."""
         daily = slice(None, None, -max(1, 24 // _EVERY))
         weights = shares[quantity][lead_groups(known.leads + 1, self.n_leads)]
         values = np.sum(known.values[daily, :, quantity] * weights, axis=-1)

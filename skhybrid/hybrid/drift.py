@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from .._holidays import read_holidays
 from .._table import float_columns
 from .._transaction import unchanged_on_failure
+from ..exceptions import TooFewDaysError
 
 _ALLOWANCE = 0.5  # allowance of the sum [standard deviations]: a rise of twice as much is found soonest
 _SURE = 1.65  # standard errors of the reference mean by which the allowance is larger
@@ -81,7 +82,7 @@ class DriftMonitor:
         measured, error = _errors(measured, forecast)
         size = _rms(error)
         if (known := int(np.isfinite(size).sum())) < 7:
-            raise ValueError(f"the reference has {known} days with measurement and forecast; give seven or more.")
+            raise TooFewDaysError(f"the reference has {known} days with measurement and forecast; give seven or more.")
         self._floor = _SMALLEST * float(np.nanmedian(size)) + 1e-12
         score, weekend = self._score(error), self._weekend(measured)
         overall = np.nanmean(score)

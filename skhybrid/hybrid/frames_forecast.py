@@ -16,6 +16,7 @@ from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths, is_plant
 from ..control.setpoints import read_limits, read_setpoint
+from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .closed_loop import ClosedLoop, ClosedLoopPaths
@@ -151,7 +152,7 @@ class FramesForecastMixin(FramesReadingMixin):
     def _ideal(self, scheme: Scheme, table: ZoneTable, origin: int, levels: np.ndarray | None) -> pd.DataFrame:
         """The least heat that keeps the set-points, where no law was learned."""
         if levels is not None:
-            raise ValueError(
+            raise TooFewDaysError(
                 "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
             )
         free = self._plant_limits(table.n_rows - origin)

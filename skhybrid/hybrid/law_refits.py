@@ -83,7 +83,7 @@ class LawRefits:
 
 
 def _key(rows: LawRows, weeks: Weeks, number: int) -> tuple[int, bytes] | None:
-    """What names the law of a week: the rows that it learns from; None for that of the training."""
+    """A key of the law of a week: the rows that it learns from; None for that of the training."""
     span = weeks.learned_from(number)
     if span is None:
         return None

@@ -40,7 +40,7 @@ class PlausibleRange(NamedTuple):
 
     @property
     def reach(self) -> Any:
-        """How far a forecast may be from the known temperatures [K]."""
+        """Largest distance of a forecast from the known temperatures [K]."""
         return np.maximum(self.highest - self.lowest + _BEYOND, _LEAST)
 
     def clip(self, paths: np.ndarray) -> np.ndarray:

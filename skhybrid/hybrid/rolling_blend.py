@@ -26,7 +26,7 @@ _DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 
 @dataclass(frozen=True)
 class BlendRecord:
-    """What a blend knows of its members from their training."""
+    """Knowledge of a blend about its members, from their training."""
 
     sample: ForecastSample
     member_errors: np.ndarray  # (O, L, M) of each member on blocks that were left out [K]
@@ -64,6 +64,7 @@ class RollingBlend:
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
         self.row = -1  # the last row that it went through
+        self._weighed: tuple[int, np.ndarray] | None = None  # a row, and the weights there
         self._first = 0  # number of the first hourly forecast whose errors are kept
 
     def fork(self) -> Self:
@@ -132,6 +133,11 @@ class RollingBlend:
 
     def _shares(self) -> np.ndarray:
         """(n_groups, K) weights of the ways to forecast, as known at the last row."""
+        if self._weighed is None or self._weighed[0] != self.row:
+            self._weighed = self.row, self._weigh()
+        return self._weighed[1]
+
+    def _weigh(self) -> np.ndarray:
         record = self._record
         products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
@@ -152,7 +158,7 @@ class RollingBlend:
         return next(rolling.heat_now(view) for rolling, view in given if hasattr(rolling, "heat_now"))
 
     def _share(self, row: Any, later: int) -> Any:
-        """How much forecasts that ended at a row count at a later one."""
+        """Weights at a row of forecasts that ended before it."""
         return faded((later - row) / self._record.rows_per_day)
 
     def _since(self, before: int) -> np.ndarray:

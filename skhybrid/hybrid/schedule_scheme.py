@@ -186,7 +186,8 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        paths = Paths(*np.empty((2, len(origins), n_leads)), np.empty(len(origins)))
+        size = len(origins), n_leads
+        paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
@@ -291,7 +292,8 @@ class ScheduleScheme(Scheme):
         if ahead.T_za is not None:
             temperature, zeta = np.append(ahead.T_za, temperature), np.append(blend.heat_now(views), zeta)
         bends = bends_at(network.fit, network.forecast_state(0), plan.inputs, plan.values)
-        return AffinePaths(temperature, zeta, gain, bends.slope.any(axis=0), blend.recent_errors())
+        bent = np.asarray(bends.slope.any(axis=0))
+        return AffinePaths(temperature, zeta, gain, bent, blend.recent_errors())
 
     def stages(self) -> dict[str, float]:
         return {role: max(1.0, most) for role, most in self._physics.fit_.plan.max_stages}
@@ -311,7 +313,7 @@ class ScheduleScheme(Scheme):
         return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
-        """What is known from a row on, or from the last measurement before it, and the rows ahead."""
+        """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
         n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
         known = last_rows(self.rows.tables, n_rows + n_filtered)

@@ -178,7 +178,7 @@ class Scheme(ABC):
         """Daily report on whether what was learned still holds (:class:`DriftMonitor`); None: of rows taken in."""
 
     def plausible(self, table: ZoneTable, origins: np.ndarray) -> PlausibleRange:
-        """What a forecast from each origin is clipped to: ranges (n_origins, 1), from what is known there."""
+        """Limits of a forecast from each origin: ranges (n_origins, 1), from what is known there."""
         T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
         return self.rows.plausible.at(T, origins)
 

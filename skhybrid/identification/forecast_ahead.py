@@ -252,7 +252,9 @@ class ForecastAheadMixin(RollingForecastMixin):
         """(H, o) temperatures, (H, d) zeta of the rows ahead, and the start at the origin."""
         known, origin = self.filtered_network_, np.array([ahead.origin])
         start = self._forecast_start(ahead.table, origin, ahead.n_leads + 1)
-        T = known.drive(ahead.table, origin, start)[0, : ahead.n_leads].reshape(ahead.n_leads, len(known.kalman.measured))
+        T = known.drive(ahead.table, origin, start)[0, : ahead.n_leads].reshape(
+            ahead.n_leads, len(known.kalman.measured)
+        )
         if self._acts_on == "input":
             zeta = start.heat[0, ahead.n_leads + 1 - ahead.n_rows :]
         else:

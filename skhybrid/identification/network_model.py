@@ -278,7 +278,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         X : DataFrame or array-like of shape (n_samples, n_features)
         setpoint : float, array-like, pair or DataFrame of two columns
         origins : sequence of int
-            Rows of X at which the state is taken from the measurements, beginning with 0.
+            Increasing rows of X at which the state is taken from the measurements, negative for known rows before X;
+            set-points, limits and loads begin at the first.
         disturbance : array-like of shape (n_origins, n_leads)
             As in :meth:`drive`; long enough to reach the next origin.
         kind : {"input", "output"}
@@ -286,9 +287,9 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table, n_tail = self._with_history(X)
-        rows = checked_origins(origins, table.n_rows - n_tail) + n_tail
-        if not len(rows) or rows[0] != n_tail or (np.diff(rows) <= 0).any():
-            raise ValueError(f"origins={origins!r} must begin with row 0 of X and increase.")
+        rows = checked_origins(origins, table.n_rows - n_tail, n_tail) + n_tail
+        if not len(rows) or (np.diff(rows) <= 0).any():
+            raise ValueError(f"origins={origins!r} must increase.")
         start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
         given, needed = start.heat.shape[1], int(np.diff(rows, append=table.n_rows).max())
         if given < needed:

@@ -171,7 +171,7 @@ class DayAheadDisplay(Display):
     ----------
     forecast : DataFrame
         Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... [degC] and the load
-        ``Q_hvac`` [kW].
+        ``Q_hvac`` [kW], with its quantiles ``Q_hvac_0.1`` and ``Q_hvac_0.9``.
     measured : DataFrame, optional
         Measurements by time: ``T_za`` [degC] and, if there is any, ``Q_hvac`` [kW]; may begin before the forecast.
     setpoint : Series or float, optional
@@ -243,7 +243,12 @@ class DayAheadDisplay(Display):
         load = self.forecast["Q_hvac"]
         style = {"color": COLORS[1], "linestyle": "--", "linewidth": 1.6}
         ax.step(load.index, load, where="post", label="needed (forecast)", **style)
-        ax.fill_between(load.index, load, step="post", color=COLORS[1], alpha=0.15, linewidth=0)
+        edges = [self.forecast.get(f"Q_hvac_{level}", load) for level in (0.1, 0.9)]
+        band: dict[str, Any] = {"step": "post", "color": COLORS[1], "linewidth": 0}
+        if edges[0] is load:
+            ax.fill_between(load.index, load, alpha=0.15, **band)
+        else:
+            ax.fill_between(load.index, *edges, alpha=0.22, label="80 % interval", **band)
         ax.axhline(0.0, color="#888888", linewidth=0.8)
         tidy(ax, ylabel="heat [kW]\n(+ heating, − cooling)")
         legend(ax)

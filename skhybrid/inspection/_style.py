@@ -17,6 +17,7 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "x")
 _PER_INCH, _HANDLE = 17.0, 9  # characters of a legend per inch, and those that a handle takes
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 3.2}
+_NARROW = 5.0  # width of a figure up to which stamps have little room [in]
 
 
 def line_style(number: int, *, beside_measured: bool = False) -> dict[str, Any]:
@@ -83,7 +84,7 @@ def time_axis(ax: Any, time: pd.Index) -> None:
         return
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    locator = AutoDateLocator(minticks=3, maxticks=9, tz=time.tz)
+    locator = AutoDateLocator(minticks=3, maxticks=9 if ax.figure.get_figwidth() > _NARROW else 5, tz=time.tz)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
     ax.set_xlim(time.min(), time.max())

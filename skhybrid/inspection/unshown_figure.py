@@ -12,3 +12,17 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) ->
     figure = Figure(figsize=figsize, layout="constrained")
     axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
     return figure, axes[:, 0]
+
+
+def svg_text(figure: Any, salt: str) -> str:
+    """A figure as SVG with its texts as texts; identifiers depend on the salt and the figure alone."""
+    import io
+
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
+        for ax in figure.axes:
+            ax.patch.set_visible(False)
+        figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
+    return buffer.getvalue()

@@ -14,7 +14,7 @@ _LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that tells of the l
 
 
 class Abilities(NamedTuple):
-    """What a log tells of a zone, what it does not tell, and what would help."""
+    """Facts that a log tells of a zone, those that it does not, and what would help."""
 
     can: list[str]
     cannot: list[str]
@@ -22,7 +22,7 @@ class Abilities(NamedTuple):
 
 
 def excitation(frame: pd.DataFrame) -> pd.DataFrame:
-    """How each column by role moved: lowest, highest and mean value, share of rows with one; hours run and starts."""
+    """Moves of each column by role: lowest, highest and mean value, share of rows with one; hours run and starts."""
     hours = _row_hours(frame.index)
     rows = {}
     for role in frame:
@@ -42,7 +42,7 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
-    """What can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale."""
+    """Judge what can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale."""
     can: list[str] = []
     cannot: list[str] = []
     steps: list[str] = []

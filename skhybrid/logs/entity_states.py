@@ -11,10 +11,6 @@ import pandas as pd
 #: states that are 1 or 0; what else is no number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
 MISSING = ("unavailable", "unknown", "none", "")
-UNITS = {
-    "°C": "degC", "°F": "degF", "K": "K", "W": "W", "kW": "kW", "MW": "MW", "BTU/h": "Btu/h", "W/m²": "W/m2",
-    "BTU/(h⋅ft²)": "Btu/(h ft2)", "%": "percent",
-}  # fmt: skip
 _MOST_CELLS = 60_000_000  # half a gigabyte
 _LISTED = 12
 

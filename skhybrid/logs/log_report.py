@@ -24,7 +24,7 @@ _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
 
 
 class LogReport:
-    """What a log holds: roles and units of its columns, its clock, gaps and sensors, and what it can tell of a zone.
+    """Report on a log: roles and units of its columns, its clock, gaps and sensors, and what it can tell of a zone.
 
     Parameters
     ----------

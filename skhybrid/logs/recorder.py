@@ -15,8 +15,9 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from .entity_states import UNITS, climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
+from .entity_states import climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
 from .raw_log import RawLog
+from .unit_names import unit_named
 
 _ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3}
 _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "input_boolean", "climate", "weather", "fan")
@@ -213,7 +214,7 @@ def _entity(
     if np.isfinite(values).sum() <= other:
         return {}, None
     unit = next((a.get("unit_of_measurement") for row in reversed(rows) if (a := _attributes([row[2]])[0])), None)
-    return {name: (stamps, values)}, UNITS.get(str(unit))
+    return {name: (stamps, values)}, unit_named(unit)
 
 
 def _attributes(texts: list[str | None]) -> list[dict[str, Any] | None]:
@@ -289,7 +290,7 @@ def _read_statistics(
         if np.isfinite(values).any():
             columns[name] = pd.Series(values, rows[:, 0]).groupby(level=0).last()
             power += [name] if counts and factor is not None else []
-            found = "kW" if counts and factor is not None else UNITS.get(str(unit))
+            found = "kW" if counts and factor is not None else unit_named(unit)
             units |= {name: found} if found and (not counts or factor is not None) else {}
     if not columns:
         raise ValueError(f"{where} has no statistics with numbers; read table='states'.")

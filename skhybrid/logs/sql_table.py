@@ -90,7 +90,7 @@ def _engine(alchemy: Any, url: Any) -> Any:
 
 
 def _statement(alchemy: Any, connection: Any, table: str | None, query: str | None, place: str) -> tuple[Any, str]:
-    """What to select, and how messages call it."""
+    """The table or query to select, and its name in messages."""
     if query is not None:
         return alchemy.text(query), f"the query of the {place}"
     inspector = alchemy.inspect(connection)

@@ -84,7 +84,7 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
 
 
 def _kind(cells: pd.Series) -> str | None:
-    """What the cells of a column hold: a stamp, a date, a time or seconds since 1970."""
+    """The kind of a column's cells: a stamp, a date, a time or seconds since 1970."""
     if pd.api.types.is_datetime64_any_dtype(cells):
         return "stamp"
     text = cells.dropna().astype(str).str.strip()

@@ -33,6 +33,9 @@ _ENDING = re.compile(
 )
 
 
+_SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
+
+
 def unit_named(text: object) -> str | None:
     """The unit that a text such as "°F" or "[W/m²]" spells, in the words of ``UnitConverter``; None for another."""
     spelt = _plain(str(text))
@@ -57,6 +60,6 @@ def _plain(text: str) -> str:
     text = text.strip()
     if len(text) > 2 and (text[0], text[-1]) in (("[", "]"), ("(", ")"), ("{", "}")):
         text = text[1:-1]
-    for old, new in (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("*", ""), ("⁻", "-")):
+    for old, new in _SYMBOLS:
         text = text.replace(old, new)
     return re.sub(r"\s+", "", text)

@@ -35,7 +35,7 @@ def takes_tables(estimator: Any) -> bool:
 
 
 def reading_of(estimator: Any) -> dict[str, Any]:
-    """How an estimator reads a frame: the arguments ``columns`` and ``sampling_time`` of :func:`read_once`."""
+    """The way an estimator reads a frame: the arguments ``columns`` and ``sampling_time`` of :func:`read_once`."""
     parts = (estimator, getattr(estimator, "gray_box", None))
     given = {name: [getattr(part, name, None) for part in parts] for name in ("columns", "sampling_time")}
     return {name: next((value for value in values if value is not None), None) for name, values in given.items()}

@@ -22,14 +22,6 @@ from .settings import ESTIMATORS, SCHEDULE, Settings
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
 YESTERDAY = "yesterday"  # label of the simplest rule
-#: labels in words for those who do not know the paper
-PLAIN_WORDS = {
-    "OD alone": "building model, last disturbance fades",
-    "OD, no disturbance": "building model, no disturbance",
-    "CONV alone": "building model identified without a disturbance",
-    "ARX": "black box (ARX)",
-    "ARX re-fitted": "black box (ARX), fitted at every origin",
-}
 #: baselines of the disturbance in the two-stage scheme: label and note
 _TWO_STAGE = {
     "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),
@@ -101,11 +93,17 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     reading = {"horizon": settings.horizon, "holidays": settings.holidays}
     made = [
         StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
-        StudyModel("OD alone", make_gray_box(settings, "output"), "output disturbance persists as identified"),
+        StudyModel("building model alone", make_gray_box(settings, "output"), "its last disturbance fades"),
         StudyModel(
-            "OD, no disturbance", _conventional(settings, "output", memory), "the paper's conventional approach"
+            "building model, no disturbance",
+            _conventional(settings, "output", memory),
+            "expects no unmeasured heat, as the paper's conventional approach",
         ),
-        StudyModel("CONV alone", make_gray_box(settings, "conventional"), "identified and used without a disturbance"),
+        StudyModel(
+            "simple building model",
+            make_gray_box(settings, "conventional"),
+            "identified and used without a disturbance",
+        ),
         StudyModel("ARX", ARXRegressor(**reading), "black box, fitted once"),
         StudyModel("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
         StudyModel(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, NamedTuple, cast
 
@@ -66,6 +66,20 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     FileNotFoundError, ValueError
         If the file does not exist or cannot be read with these settings.
     """
+    frame, channels, changed = read_by_role(path, settings)
+    if settings.label == "right":
+        frame = to_left_label(frame.sort_index(kind="stable"))
+    frame, report = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])
+    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
+        given, logged = spell(report.step), spell(report.source_step)
+        raise ValueError(
+            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
+        )
+    return frame, str(report)
+
+
+def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[Channel], frozenset[str]]:
+    """One column per role at the stamps of the log, its channels, and which of these were logged by change."""
     columns = dict(settings.columns)
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
@@ -76,15 +90,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     _refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
-    if settings.label == "right":
-        frame = to_left_label(frame.sort_index(kind="stable"))
-    frame, report = _on_even_steps(frame, settings, [c.role for c in channels if c.name in raw.held])
-    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
-        given, logged = spell(report.step), spell(report.source_step)
-        raise ValueError(
-            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
-        )
-    return frame, str(report)
+    return frame, channels, raw.held
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
@@ -106,7 +112,9 @@ def _refuse_mixed_units(frame: pd.DataFrame) -> None:
             )
 
 
-def _on_even_steps(frame: pd.DataFrame, settings: Settings, held: list[str]) -> tuple[pd.DataFrame, RegularizeReport]:
+def on_even_steps(
+    frame: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
+) -> tuple[pd.DataFrame, RegularizeReport]:
     """The rows at the step of the settings, with values that are logged by change held until the next."""
     held = [role for role in held if role in frame]
     longest = settings.log.get("max_hold", "1D")
@@ -154,7 +162,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     frame = _checked(frame)
     stuck = standstill(frame["T_za"])
     frame = _usable(frame, settings)
-    inputs = _inputs(frame)
+    inputs = inputs_of(frame)
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
     if not len(known):
         raise ValueError("the log has no measured temperature (T_za) at all.")
@@ -189,7 +197,7 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     if len(values) > 1 and values.min() == values.max():
         first, last = values.index[0], values.index[-1]
         raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
-    inputs = _inputs(frame)
+    inputs = inputs_of(frame)
     _refuse_empty_ahead(frame, inputs)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
@@ -230,7 +238,8 @@ def _checked(frame: Any) -> pd.DataFrame:
     return frame
 
 
-def _inputs(frame: pd.DataFrame) -> pd.DataFrame:
+def inputs_of(frame: pd.DataFrame) -> pd.DataFrame:
+    """The columns that a model must know ahead: all but the temperature and what has no role."""
     return frame.drop(columns=[*HISTORY_ROLES, SETPOINT], errors="ignore")
 
 
@@ -310,7 +319,7 @@ def _next_day(
 
 def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows after the last one with a missing input."""
-    broken = np.flatnonzero(_inputs(rows).isna().any(axis=1).to_numpy())
+    broken = np.flatnonzero(inputs_of(rows).isna().any(axis=1).to_numpy())
     return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
 
 

@@ -2,48 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from .data import StudyData
+from .._table import SETPOINT_ROLES
+from .data import StudyData, inputs_of
+from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
 from .settings import Settings
 from .verdict import Verdict, compare_errors, judge
 
-_MARGIN = 0.05  # of a range, beyond which a value lies outside of it
+_CAPACITY = {"u_heat": "Q_h", "u_cool": "Q_c"}  # parameters of stages; those of other stages have the stage's name
+_HELD = "the temperature to hold"
+NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
+
+
+class Load(NamedTuple):
+    """Delivered heat or stages over some rows, in the unit that a log allows."""
+
+    values: pd.Series
+    unit: str  # "kW", or "-" for stages without a known capacity
+
+
+class Doubts(NamedTuple):
+    """Reasons to take care, apart from errors and intervals."""
+
+    temperature: list[str]
+    load: list[str]
+
+    @classmethod
+    def of(cls, model: Any, later: Any, data: StudyData, identification: Any = None) -> Doubts:
+        """Of a fitted predictor, the rows after its training, the day to come, and what gives the capacities if any."""
+        days = drift_days(model, later)
+        ends = at_ends(model.gray_box_)
+        of_capacities = [] if identification is None or identification is model.gray_box_ else at_ends(identification)
+        ahead = inputs_of(data.future).drop(columns=list(SETPOINT_ROLES), errors="ignore")
+        ranges = ranges_of(inputs_of(data.train))
+        known = ahead.drop(columns=plant_roles(ahead)).assign(**{_HELD: data.setpoint.loc[ahead.index]})
+        held = ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
+        return cls(
+            [*drifted(days), *day_beyond(ahead, ranges), *ends],
+            [*drifted(days, "its temperature errors"), *day_beyond(known, ranges | held), *ends, *of_capacities],
+        )
 
 
 def judge_temperature(
-    own: pd.DataFrame, yesterday: pd.DataFrame, data: StudyData, coverage: float | None = None
+    own: pd.DataFrame, yesterday: pd.DataFrame, coverage: float | None = None, doubts: Sequence[str] = ()
 ) -> Verdict:
     """The verdict on a back-test beside that of the day before, at the same origins."""
     error, rule = ((frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday))
     compared = compare_errors(error, rule, own["origin"].reset_index(drop=True), "yesterday's temperature")
     n_origins = own.loc[own["y_true"].notna(), "origin"].nunique()
-    return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, outside=share_outside(data))
+    return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, doubts=doubts)
 
 
 def judge_load(
-    own: pd.Series, rules: Mapping[str, pd.Series], delivered: pd.Series, data: StudyData, *, scaled: bool
+    own: pd.Series,
+    rules: Mapping[str, pd.Series],
+    delivered: pd.Series,
+    test_start: pd.Timestamp,
+    *,
+    scaled: bool,
+    doubts: Sequence[str] = (),
 ) -> Verdict:
-    """The verdict on loads [kW] beside those of simple rules.
+    """The verdict on loads beside those of simple rules.
 
     Parameters
     ----------
     own : Series, load of the model
     rules : mapping of name to Series, loads of simple rules
-    delivered : Series, measured heat
-    data : StudyData
+    delivered : Series, measured heat or stages, in the same unit
+    test_start : Timestamp, first stamp that counts
     scaled : bool, whether the log fixes what a kW is
+    doubts : sequence of str, further reasons to take care
     """
-    at = delivered.index[(delivered.index >= data.test_start) & own.reindex(delivered.index).notna()]
+    at = delivered.index[(delivered.index >= test_start) & own.reindex(delivered.index).notna()]
     days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
     error = own.reindex(at) - delivered[at]
     compared = [compare_errors(error, load.reindex(at) - delivered[at], days, name) for name, load in rules.items()]
-    doubts = [] if scaled else ["its kW have no certain scale, since no capacity of the plant is known"]
-    return judge("load", compared, n_origins=days.nunique(), outside=share_outside(data), doubts=doubts)
+    return judge("load", compared, n_origins=days.nunique(), doubts=[*([] if scaled else [NO_SCALE]), *doubts])
 
 
 def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]:
@@ -52,17 +91,30 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
     return rule_loads(data.train, data.later, delivered, held)
 
 
-def share_outside(data: StudyData) -> float:
-    """Share of the rows ahead of which an input lies beyond what training covered."""
-    ahead = data.future.drop(columns="T_za", errors="ignore")
-    low, high = data.train[list(ahead)].min(), data.train[list(ahead)].max()
-    margin = _MARGIN * (high - low)
-    outside = (ahead < low - margin) | (ahead > high + margin)
-    return float(np.mean(outside.any(axis=1))) if len(ahead) else 0.0
+def plant_roles(rows: pd.DataFrame) -> list[str]:
+    """The columns of heat and of stages."""
+    return [str(role) for role in rows if str(role).startswith(("Q_", "u_"))]
 
 
 def is_scaled(settings: Settings, roles: Iterable[object]) -> bool:
     """Whether a log with these roles fixes what a kW is: heat is measured, or the capacity of a stage is known."""
     known = settings.estimator.get("known", {})
-    capacity = {"u_heat": "Q_h", "u_cool": "Q_c"}
-    return any(str(role).startswith("Q_") or capacity.get(str(role), role) in known for role in roles)
+    return any(str(role).startswith("Q_") or _CAPACITY.get(str(role), role) in known for role in roles)
+
+
+def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Load | None:
+    """The load of a plant with these roles: measured heat, or stages by their known capacities, else as they are.
+
+    Where stages have no known capacity, those of cooling count as negative; None where nothing heats or cools.
+    """
+    if any(role.startswith("Q_") for role in roles):
+        heat = ["Q_hvac"] if "Q_hvac" in rows else [role for role in roles if role.startswith("Q_")]
+        return Load(rows[heat].sum(axis=1, skipna=False), "kW")
+    if not roles:
+        return None
+    known = settings.estimator.get("known", {})
+    scaled = all(_CAPACITY.get(role, role) in known for role in roles)
+    signs = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in roles}
+    factors = {role: float(known[_CAPACITY.get(role, role)]) for role in roles} if scaled else signs
+    parts = rows[list(roles)] * pd.Series(factors)
+    return Load(parts.sum(axis=1, skipna=False), "kW" if scaled else "-")

@@ -15,7 +15,8 @@ import pandas as pd
 from .. import __version__
 from .._files import named_in_errors
 from ..persistence import save_model
-from .compared_models import HYBRID, PLAIN_WORDS
+from .compared_models import HYBRID
+from .identified_building import told
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 from .tariff import Cost, energy_cost
@@ -109,10 +110,11 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     write_report(
         out / "report.html",
         title=result.settings.name,
-        table=result.table.rename(index=PLAIN_WORDS),
-        frames={PLAIN_WORDS.get(name, name): frame for name, frame in result.frames.items()},
+        table=result.table,
+        frames=result.frames,
         forecast=result.forecast,
-        parameters=result.parameters,
+        parameters=told(result.parameters),
+        building=told(result.building),
         label=HYBRID,
         zeta=result.zeta,
         truth=truth,
@@ -131,7 +133,7 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
 
 
 def _cost(result: StudyResult) -> Cost | None:
-    """What the load of the next day costs; None without a tariff, or where its kW have no scale."""
+    """Cost of the load of the next day; None without a tariff, or where its kW have no scale."""
     if not result.scaled:
         return None
     given = result.settings
@@ -140,7 +142,7 @@ def _cost(result: StudyResult) -> Cost | None:
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
-    """What the report shows of the schedule model; nothing of other models."""
+    """Arguments of the report that only the schedule model has."""
     model = result.model
     if model.gray_box_ is result.identification:
         return {}
@@ -172,15 +174,21 @@ def _spans(result: StudyResult) -> dict[str, Any]:
     }
 
 
+def _plain(table: pd.DataFrame) -> dict[Any, Any]:
+    """The rows of a table by name, None for what is not known."""
+    values = table.astype(object)
+    return values.where(values.notna(), None).to_dict(orient="index")
+
+
 def _metrics(result: StudyResult) -> dict[str, Any]:
-    numbers = result.table.drop(columns="note").astype(object)
     return {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "verdicts": [one._asdict() for one in result.verdicts],
-        "models": numbers.where(numbers.notna(), None).to_dict(orient="index"),
+        "building": _plain(told(result.building)),
+        "models": _plain(result.table.drop(columns="note")),
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),

@@ -135,7 +135,7 @@ def _model_lines(report: LogReport) -> list[list[str]]:
 
 
 def _plant_lines(report: LogReport) -> list[list[str]]:
-    """What is known of the plant, and the set-points of a day to come."""
+    """Tables of the plant, and of the set-points of a day to come."""
     electric = report.electricity()
     plant = ["[plant]" if electric else "# [plant]"]
     if electric:

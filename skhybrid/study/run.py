@@ -14,11 +14,13 @@ import pandas as pd
 
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
 from .data import StudyData
-from .judgement import is_scaled, judge_load, judge_temperature, loads_by_rule
+from .identified_building import describe, parameter_table
+from .judgement import Doubts, is_scaled, judge_load, judge_temperature, loads_by_rule, plant_roles
 from .settings import Settings
 from .verdict import Verdict
 
@@ -49,6 +51,8 @@ class StudyResult:
     verdicts : list of Verdict, on temperature and, where the plant's heat is known, on the load
     warnings : list of str, all warnings, each once
     seconds : float
+    building : DataFrame
+        Index = quantity, such as "heat loss"; ``value``, ``std``, ``unit``, ``remark``.
     """
 
     settings: Settings
@@ -63,6 +67,7 @@ class StudyResult:
     verdicts: list[Verdict] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
+    building: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def scaled(self) -> bool:
@@ -133,6 +138,8 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
         delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
         rules = {} if delivered is None else loads_by_rule(data, delivered)
+        of_stages = any(role.startswith("u_") for role in plant_roles(data.train))
+        doubts = Doubts.of(model, later.given_to(model), data, identification if of_stages else None)
     result = StudyResult(
         settings,
         data,
@@ -142,17 +149,30 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         _compared(models, tested, identification, data, rules),
         forecast,
         zeta,
-        _parameters(identification),
+        parameter_table(identification),
         [],
         list(dict.fromkeys([*remarks, *(str(w.message) for w in caught if issubclass(w.category, UserWarning))])),
         time.perf_counter() - begun,
+        describe(identification),
     )
-    load = tested[HYBRID].load
-    result.verdicts.append(judge_temperature(result.frames[HYBRID], result.frames[YESTERDAY], data, result.coverage))
-    if load is not None and delivered is not None:
-        own = _in_kilowatts(load, identification, data.later)["Q_hvac"]
-        result.verdicts.append(judge_load(own, rules, delivered, data, scaled=result.scaled))
+    result.verdicts = _judged(result, tested[HYBRID].load, rules, delivered, doubts)
     return result
+
+
+def _judged(
+    result: StudyResult,
+    load: pd.DataFrame | None,
+    rules: dict[str, pd.Series],
+    delivered: pd.Series | None,
+    doubts: Doubts,
+) -> list[Verdict]:
+    """The verdicts on temperature and, where there is one, on the load [kW]."""
+    own, yesterday = result.frames[HYBRID], result.frames[YESTERDAY]
+    out = [judge_temperature(own, yesterday, result.coverage, doubts.temperature)]
+    if load is not None and delivered is not None:
+        heat, start = _in_kilowatts(load, result.identification, result.data.later)["Q_hvac"], result.data.test_start
+        out.append(judge_load(heat, rules, delivered, start, scaled=result.scaled, doubts=doubts.load))
+    return out
 
 
 def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
@@ -203,23 +223,19 @@ def _test(
 
 @one_blas_thread
 def _has_intervals(model: Any, remarks: list[str]) -> bool:
-    """Whether the training was long enough to learn intervals; else a remark says why not."""
+    """True if the training was long enough to learn intervals; else a remark says why not."""
     try:
         return model.intervals_ is not None
-    except ValueError as error:
+    except TooFewDaysError as error:
         remarks.append(f"no intervals are given: {error}")
         return False
 
 
 def _held_load(model: Any, later: _Span) -> pd.DataFrame | None:
     """The load that would have held the measured temperature; None where nothing heats or cools."""
-    if not hasattr(model, "predict_load") or not _plant_roles(later.frame):
+    if not hasattr(model, "predict_load") or not plant_roles(later.frame):
         return None
     return model.predict_load(later.given_to(model), later.frame["T_za"].interpolate(limit_direction="both"))
-
-
-def _plant_roles(rows: pd.DataFrame) -> list[str]:
-    return [str(role) for role in rows if str(role).startswith(("Q_", "u_"))]
 
 
 def _compared(
@@ -264,7 +280,7 @@ def _rmse_of_load(load: pd.Series, identification: Any, data: StudyData) -> floa
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
     """A load of stages in kW by the identification's capacities, since other models have no certain scale."""
-    stages = _plant_roles(rows)
+    stages = plant_roles(rows)
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}
@@ -301,23 +317,3 @@ def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: b
         if heat is not None:
             out["Q_hvac_delivered"] = heat
     return out.rename_axis("time")
-
-
-def _parameters(gray_box: Any) -> pd.DataFrame:
-    """Identified parameters with units, standard errors, bounds and a remark on each doubtful one."""
-    table = pd.DataFrame({"value": gray_box.theta_, "std": gray_box.theta_std_})
-    searched = {p.name: p for p in gray_box.parameters_}
-    for column in ("unit", "lower", "upper", "description"):
-        table[column] = [getattr(searched[str(name)], column) for name in table.index]
-    found = getattr(gray_box, "identifiability_", None)
-    relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
-    remark = np.where(relative > 0.5, "uncertain by more than half", "")
-    margin = 1e-6 * (table["upper"] - table["lower"])
-    outside = (table["value"] <= table["lower"] + margin) | (table["value"] >= table["upper"] - margin)
-    for text, names in (
-        ("at its bound", (*table.index[outside], *getattr(found, "at_bound", ()))),
-        ("no data moved it", getattr(found, "not_excited", ())),
-        ("given, not identified", tuple(gray_box.known or ())),
-    ):
-        remark = np.where(table.index.isin(names), text, remark)
-    return table.assign(remark=remark).rename_axis("parameter")

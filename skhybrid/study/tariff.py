@@ -1,4 +1,4 @@
-"""What the plant's energy of a day costs, at one price or at prices by the clock."""
+"""Cost of the plant's energy of a day, at one price or at prices by the clock."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Tariff(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """What the plant's energy costs."""
+    """Cost of the plant's energy."""
 
     value: float
     ends: tuple[float, float] | None  # if every hour's load were at the lower, or the upper end of its interval

@@ -14,19 +14,18 @@ _DRAWS = 2000
 _SURE = (0.05, 0.95)  # quantiles of the ratio of errors between which it lies by chance
 _COVERAGE = (0.70, 0.90)  # of 80 % intervals, that are as they should be
 _WORST_COVERAGE = 0.5
-_OUTSIDE = 0.1  # share of the day beyond what training covered, from which on it is said
 _FEW = 5  # origins, below which nothing is sure
 
 
 class Verdict(NamedTuple):
-    """What to think of one forecast, with reasons in plain words."""
+    """A judgement on one forecast, with reasons in plain words."""
 
     quantity: str  # "temperature" or "load"
     level: str
     reasons: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f"{self.quantity}: {self.level} ({'; '.join(self.reasons)})"
+        return "\n".join([f"{self.quantity}: {self.level}", *(f"  - {reason}" for reason in self.reasons)])
 
 
 class Comparison(NamedTuple):
@@ -77,7 +76,6 @@ def judge(
     *,
     n_origins: int,
     coverage: float | None = None,
-    outside: float = 0.0,
     doubts: Sequence[str] = (),
 ) -> Verdict:
     """A verdict from comparisons with simple rules and from what else is known.
@@ -88,7 +86,6 @@ def judge(
     comparisons : sequence of Comparison, with simple rules
     n_origins : int, number of forecasts compared
     coverage : float, optional, share of measurements inside the 80 % intervals
-    outside : float, share of the day to come beyond what training covered
     doubts : sequence of str, further reasons to take care
     """
     known = [c for c in comparisons if np.isfinite(c.ratio)]
@@ -103,8 +100,5 @@ def judge(
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
         reasons.append(f"its 80 % intervals held {100 * coverage:.0f} % of the measurements")
-    if outside > _OUTSIDE:
-        share = f"{100 * outside:.0f} % of the day to come lies beyond what training covered"
-        care, reasons = True, [*reasons, share]
     reasons += doubts
     return Verdict(quantity, NOT if failed else CARE if care or doubts else USABLE, tuple(reasons))

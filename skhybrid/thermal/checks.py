@@ -21,7 +21,7 @@ def check(network: Declaration) -> None:
 
 
 def _problems(network: Declaration) -> Iterator[str]:
-    """What is unclear, in the order of the checks; each relies on those before it, so only the first is raised."""
+    """The unclear points, in the order of the checks; each relies on those before it, so only the first is raised."""
     for kind in ("solar", "heated"):
         yield from _key_problems(network, kind)
     yield from _name_problems(network)

@@ -13,7 +13,8 @@ from .._table import SETPOINT_ROLES
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
-from ..study.data import read_log
+from ..study.data import inputs_of, read_log
+from ..study.doubts import day_beyond
 from ..study.judgement import is_scaled
 from ..study.plant import Performance
 from ..study.settings import Settings
@@ -23,7 +24,6 @@ from .tomorrow import rows_ahead
 from .zone_model import ZoneModel
 
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
-_BEYOND = 0.05  # share of the rows ahead outside of what training covered, from which on it is said
 
 
 class DayAhead(NamedTuple):
@@ -77,7 +77,7 @@ def day_ahead(
     origin = history.index[-1]
     later = frame[frame.index > origin].drop(columns="T_za")
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
-    inputs = [str(role) for role in history if role not in ("T_za", *SETPOINT_ROLES)]
+    inputs = [str(role) for role in inputs_of(history) if role not in SETPOINT_ROLES]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)
     if not ahead.planned:
@@ -142,7 +142,7 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
 
 
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
-    """What a user should know of this forecast."""
+    """Remarks on this forecast for its user."""
     out = []
     if not planned and not zone.predictor.thermostat_learned_:
         out.append(
@@ -156,13 +156,5 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
         )
     if (age := history.index[-1] - zone.learned_until) > _OLD:
         out.append(f"the model last learned {age.days} days ago; learn anew with skhybrid update --relearn")
-    for role, (low, high) in zone.covered().items():
-        if role in ahead and role not in SETPOINT_ROLES:
-            margin = 0.05 * (high - low)
-            share = float(((ahead[role] < low - margin) | (ahead[role] > high + margin)).mean())
-            if share > _BEYOND:
-                out.append(
-                    f"{100 * share:.0f} % of tomorrow's {role} lies outside of {low:.3g} to {high:.3g}, which training "
-                    "had"
-                )
+    out += day_beyond(ahead.drop(columns=list(SETPOINT_ROLES), errors="ignore"), zone.covered())
     return out

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..study.identified_building import quantities, with_errors
 from ..study.judgement import is_scaled
 from ..study.plant import Performance
 from ..study.settings import Settings
-from .building import quantities, with_errors
 from .first_order import Law, first_order, temperatures, warming
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
@@ -62,7 +62,7 @@ class EmhassExport(NamedTuple):
     warmed: float
 
     def runtime_parameters(self, block: str = "thermal_config") -> dict[str, Any]:
-        """What EMHASS takes with a call, for one deferrable load.
+        """Return what EMHASS takes with a call, for one deferrable load.
 
         Parameters
         ----------

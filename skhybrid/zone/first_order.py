@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
-from .building import discrete
+from ..study.identified_building import discrete
 
 
 class Law(NamedTuple):
@@ -72,7 +72,7 @@ def temperatures(law: Law, power: np.ndarray, T_oa: np.ndarray, start: float, st
 def warming(
     gray_box: Any, theta: pd.Series, nominal: dict[str, float], step: float, n_steps: int
 ) -> tuple[np.ndarray, float]:
-    """What a plant at nominal power adds to the zone's temperature [K]: after each step [h], and in the end.
+    """Warming of the zone by a plant at nominal power [K]: after each step [h], and in the end.
 
     Parameters
     ----------

@@ -14,6 +14,11 @@ import pandas as pd
 _PATIENCE = 1.0  # how long a command waits for another one before it gives up [s]
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
+BEYOND = "beyond"  # column of a forecast: 1 where the weather lies beyond what training covered
+
+
+#: rows of the log: at the steps of the zone, as they were posted, or ahead of the last measurement
+EVEN, POSTED, AHEAD = 0, 1, 2
 
 
 def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
@@ -21,9 +26,13 @@ def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
     return f"CREATE TABLE IF NOT EXISTS {name} ({', '.join(columns)}, PRIMARY KEY ({', '.join(keys)})) WITHOUT ROWID"
 
 
-_TABLES = (_table("forecast", ("origin", "time"), _FORECAST), _table("measured", ("time",), _MEASURED))
+_TABLES = (
+    _table("forecast", ("origin", "time"), _FORECAST),
+    _table("measured", ("time",), _MEASURED),
+    _table("log", ("kind", "role", "time"), ("value",)),
+)
 _FINISHED = """
-SELECT f.*, m.T_za AS T_za_measured, m.Q_hvac AS Q_hvac_measured FROM forecast f LEFT JOIN measured m USING (time)
+SELECT f.*, {measured} FROM forecast f LEFT JOIN measured m USING (time)
 WHERE f.origin IN (
     SELECT origin FROM forecast WHERE origin >= ? GROUP BY origin HAVING max(time) <= (SELECT max(time) FROM measured))
 ORDER BY f.origin, f.time
@@ -60,7 +69,7 @@ class ForecastArchive:
         self._insert("forecast", frame, _FORECAST, first)
 
     def add_measured(self, frame: pd.DataFrame) -> None:
-        """Keep measured temperature [degC] and delivered heat [kW]; rows of the same times are replaced."""
+        """Keep measured temperature [degC], delivered heat [kW] and stages [-]; rows of the same times are replaced."""
         self._insert("measured", frame, _MEASURED)
 
     def last_measured(self) -> pd.Timestamp | None:
@@ -81,11 +90,91 @@ class ForecastArchive:
         Returns
         -------
         DataFrame
-            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC] and ``Q_hvac_measured`` [kW].
+            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and
+            ``u_heat_measured`` [-] for a stage.
         """
-        rows = self._database.execute(_FINISHED, _texts(pd.DatetimeIndex([since])))
+        named = ", ".join(f'm."{name}" AS "{name}_measured"' for name in self._columns("measured")[1:])
+        return self._read(_FINISHED.format(measured=named), _texts(pd.DatetimeIndex([since])))
+
+    def _read(self, query: str, values: list[str] | tuple[()] = ()) -> pd.DataFrame:
+        rows = self._database.execute(query, values)
         found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description])
         return found.astype({name: np.float64 for name in found if name not in ("origin", "time")})
+
+    def latest(self) -> pd.DataFrame:
+        """The rows of the last forecast by time, with the columns of the forecast; empty where there is none."""
+        rows = self._database.execute("SELECT * FROM forecast WHERE origin = (SELECT max(origin) FROM forecast)")
+        return self._by_time(rows).drop(columns="origin").astype(np.float64)
+
+    def measured(self, since: pd.Timestamp) -> pd.DataFrame:
+        """Measured temperature [degC] and delivered heat [kW] by time.
+
+        Parameters
+        ----------
+        since : Timestamp, the earliest
+        """
+        texts = _texts(pd.DatetimeIndex([since]))
+        rows = self._database.execute("SELECT * FROM measured WHERE time >= ? ORDER BY time", texts)
+        return self._by_time(rows).astype(np.float64)
+
+    def keep_log(self, frame: pd.DataFrame, kind: int) -> None:
+        """Keep rows of the log by role.
+
+        Those at even steps replace what was kept in their span, and other roles are forgotten; those ahead replace what
+        was known of the same roles from their first stamp on; posted ones replace those at the same stamps.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        kind : EVEN, POSTED or AHEAD
+        """
+        if frame.empty:
+            return
+        stamps, roles = _texts(pd.DatetimeIndex(frame.index)), [str(role) for role in frame]
+        if kind == EVEN:
+            self._database.execute(f"DELETE FROM log WHERE role NOT IN ({', '.join('?' * len(roles))})", roles)
+        for role in roles:
+            values = frame[role].to_numpy(dtype=np.float64)
+            known = np.flatnonzero(~np.isnan(values))
+            last = {EVEN: max(stamps), AHEAD: "9999" if len(known) else ""}.get(kind, "")
+            where = (kind, role, min(stamps), last)
+            self._database.execute("DELETE FROM log WHERE kind = ? AND role = ? AND time BETWEEN ? AND ?", where)
+            self._database.executemany(
+                "INSERT OR REPLACE INTO log VALUES (?, ?, ?, ?)",
+                [(kind, role, stamps[i], float(values[i])) for i in known],
+            )
+
+    def log(self, kind: int) -> pd.DataFrame:
+        """The rows of the log of one kind: one column per role, by time.
+
+        Parameters
+        ----------
+        kind : EVEN, POSTED or AHEAD
+        """
+        found = self._database.execute("SELECT time, role, value FROM log WHERE kind = ?", (kind,)).fetchall()
+        table = pd.DataFrame(found, columns=["time", "role", "value"]).pivot_table(
+            index="time", columns="role", values="value"
+        )
+        return table.set_axis(_stamps(table.index), axis=0).rename_axis(columns=None)
+
+    def forget_log(self, kind: int, before: pd.Timestamp) -> None:
+        """Remove the rows of one kind before a stamp.
+
+        Parameters
+        ----------
+        kind : EVEN, POSTED or AHEAD
+        before : Timestamp
+        """
+        (text,) = _texts(pd.DatetimeIndex([before]))
+        self._database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
+
+    @staticmethod
+    def _by_time(rows: sqlite3.Cursor) -> pd.DataFrame:
+        found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description]).set_index("time")
+        return found.set_axis(_stamps(found.index), axis=0)
+
+    def _columns(self, table: str) -> list[str]:
+        return [row[1] for row in self._database.execute(f"PRAGMA table_info({table})")]
 
     def _last(self, table: str, column: str) -> pd.Timestamp | None:
         (text,) = self._database.execute(f"SELECT max({column}) FROM {table}").fetchone()
@@ -93,12 +182,16 @@ class ForecastArchive:
 
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
         """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
+        values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
+        for name in set(values) - set(self._columns(table)):  # of an archive that knows no such stage yet
+            self._database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
+        named = ", ".join(f'"{name}"' for name in (*("origin",)[: len(keys)], "time", *values))
         numbers = frame.reindex(columns=list(values)).astype(object)
         rows = numbers.where(numbers.notna(), None).to_numpy().tolist()
         stamps = _texts(pd.DatetimeIndex(frame.index))
         marks = ", ".join("?" * (len(keys) + 1 + len(values)))
         self._database.executemany(
-            f"INSERT OR REPLACE INTO {table} VALUES ({marks})",
+            f"INSERT OR REPLACE INTO {table} ({named}) VALUES ({marks})",
             [(*keys, stamp, *row) for stamp, row in zip(stamps, rows, strict=True)],
         )
 
@@ -132,6 +225,11 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
             f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
             "archive."
         ) from error
+
+
+def _stamps(texts: pd.Index) -> pd.DatetimeIndex:
+    """Stamps from those of the archive."""
+    return pd.DatetimeIndex(pd.to_datetime(texts), name="time")
 
 
 def _texts(index: pd.DatetimeIndex) -> list[str]:

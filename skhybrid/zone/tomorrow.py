@@ -14,7 +14,7 @@ from ..study.thermostat import Schedule, free_days
 
 
 class RowsAhead(NamedTuple):
-    """What is known of the rows to forecast."""
+    """The known part of the rows to forecast."""
 
     frame: pd.DataFrame  # weather, and set-points or planned heat, by role
     planned: bool  # whether the heat is planned, and no thermostat acts

@@ -8,10 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData
-from ..study.judgement import judge_temperature
+from ..study.judgement import (
+    Doubts,
+    Load,
+    is_scaled,
+    judge_load,
+    judge_temperature,
+    load_of,
+    loads_by_rule,
+    plant_roles,
+)  # fmt: skip
 from ..study.run import INTERVAL
 from ..study.settings import Settings
 from ..study.verdict import Verdict
@@ -23,10 +33,11 @@ _COMPARED = (HYBRID, "ARX re-fitted", YESTERDAY)
 class ZoneBacktest(NamedTuple):
     """Errors of a zone's predictor and of simple models."""
 
-    table: pd.DataFrame  # index: model; rmse and mae [K]
+    table: pd.DataFrame  # index: model; rmse and mae [K], load_rmse [load_unit]
     frame: pd.DataFrame  # every forecast of the predictor
     coverage: float | None  # share inside the 80 % intervals
-    verdict: Verdict  # on the temperature
+    verdicts: tuple[Verdict, ...]  # on the temperature and, where something heats or cools, on the load
+    load_unit: str  # "kW", or "-" for stages without a known capacity
 
 
 def backtest_zone(
@@ -49,13 +60,23 @@ def backtest_zone(
     errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
     if errors.empty:
         raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    table = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
-    own = frames[HYBRID]
+    table = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()}).sort_values("rmse")
+    own, predictor = frames[HYBRID], models[0].estimator
     low, high = (f"q_{level:g}" for level in INTERVAL)
     known = own.dropna(subset="y_true")
     coverage = float(known["y_true"].between(known[low], known[high]).mean()) if low in own else None
-    verdict = judge_temperature(own, frames[YESTERDAY], data, coverage)
-    return ZoneBacktest(table.sort_values("rmse").rename_axis("model"), own, coverage, verdict)
+    doubts = Doubts.of(predictor, data.later, data)
+    verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
+    delivered = load_of(pd.concat([data.train, data.later]), settings, plant_roles(data.train))
+    if delivered is not None:
+        loads = _loads(predictor, settings, data, delivered)
+        rules = {name: load for name, load in loads.items() if name != HYBRID}
+        given: dict[str, Any] = {"scaled": is_scaled(settings, data.train), "doubts": doubts.load}
+        verdicts.append(judge_load(loads[HYBRID], rules, delivered.values, data.test_start, **given))
+        errors = pd.DataFrame(loads).sub(delivered.values, axis=0)[data.test_start :].dropna()
+        table = table.reindex([*table.index, *rules]).assign(load_rmse=np.sqrt((errors**2).mean()))
+    unit = "" if delivered is None else delivered.unit
+    return ZoneBacktest(table.rename_axis("model"), own, coverage, tuple(verdicts), unit)
 
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
@@ -68,7 +89,14 @@ def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) 
     if label == HYBRID:
         try:
             return backtest(model, data.later, data.later["T_za"], quantiles=INTERVAL, **given)
-        except ValueError as error:
-            if "interval" not in str(error):
-                raise
+        except TooFewDaysError:
+            pass
     return backtest(model, data.later, data.later["T_za"], **given)
+
+
+def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load) -> dict[str, pd.Series]:
+    """Loads that would have held the measured temperature, by model and by rule."""
+    held = data.later["T_za"].interpolate(limit_direction="both")
+    own = load_of(predictor.predict_load(data.later, held), settings, plant_roles(data.train))
+    assert own is not None  # as the log has a plant
+    return {HYBRID: own.values} | loads_by_rule(data, delivered.values)

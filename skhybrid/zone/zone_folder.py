@@ -7,17 +7,20 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-import numpy as np
 import pandas as pd
 
 from .._files import atomic_path
 from ..exceptions import ModelFileError
 from ..logs.log_findings import without_standstills
 from ..study import propose_settings, read_log, read_settings
+from ..study.doubts import beyond_training, drift_days, drifted
+from ..study.judgement import load_of, plant_roles
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from .day_ahead import DayAhead, day_ahead
-from .forecast_archive import ForecastArchive, open_archive
+from .forecast_archive import BEYOND, ForecastArchive, open_archive
+from .forecast_scores import errors_of, verdicts_of
+from .posted_rows import keep_log, keep_posted, read_posted
 from .zone_model import ZoneModel, stretches
 
 _REFIT_AFTER = pd.Timedelta(days=28)
@@ -29,10 +32,19 @@ _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
 
 class Tick(NamedTuple):
-    """What a tick did."""
+    """Result of a tick."""
 
     forecast: DayAhead
     n_new: int  # rows of the log that were new
+    learned: str  # why the model was fitted again, "" where it was not
+    remarks: tuple[str, ...]
+
+
+class Posted(NamedTuple):
+    """The effect of posted rows."""
+
+    forecast: DayAhead | None  # None where no step is new, or the weather to come is not known
+    n_new: int  # steps of the zone that were new
     learned: str  # why the model was fitted again, "" where it was not
     remarks: tuple[str, ...]
 
@@ -87,7 +99,9 @@ class ZoneFolder:
             settings = read_settings(folder.config)
             frame, _ = read_log(log, settings)
             zone = ZoneModel.fit(settings, frame)
-            archive.add_measured(_measured(frame, zone.history(frame).index[-1]))
+            origin = zone.history(frame).index[-1]
+            archive.add_measured(_measured(frame, settings, origin))
+            keep_log(archive, frame, origin)
             zone.save(folder.model)
         return folder
 
@@ -137,29 +151,69 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            changed = _of_model(settings) != _of_model(zone.settings)
-            zone.settings = settings
             frame, _ = read_log(log, settings)
-            n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
-            remarks = []
-            if why:
-                try:
-                    zone = _fitted_anew(zone, frame)
-                except ValueError as error:
-                    if changed:
-                        raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
-                    remarks, why = [f"the model should be fitted again, because {why}, but {error}"], ""
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             last = archive.last_measured()
-            archive.add_measured(_measured(frame, origin, last))
-            archive.add_forecast(origin, found.frame)
+            archive.add_measured(_measured(frame, settings, origin, last))
+            archive.add_forecast(origin, _with_beyond(found.frame, zone))
+            keep_log(archive, frame, origin)
             if n_new or why:
                 zone.save(self.model)
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
+    def post(
+        self,
+        rows: str | PathLike[str],
+        weather: str | PathLike[str] | None = None,
+        schedule: Schedule | None = None,
+        refit_after: pd.Timedelta = _REFIT_AFTER,
+        *,
+        plain: bool = False,
+    ) -> Posted:
+        """Take in rows beside the log that the archive keeps, as a tick takes in those of a log.
+
+        Rows after the last temperature are weather and plans of the day to come.  Rows that cannot be used change
+        nothing; where only the forecast cannot be made, they are kept, and a remark says why.
+
+        Parameters
+        ----------
+        rows : path-like, a file with the columns of the log, of any number of rows
+        weather, schedule, refit_after
+            As for :meth:`tick`.
+        plain : bool, whether the file is a CSV with commas and a column ``time``, whatever the log is
+
+        Raises
+        ------
+        BlockingIOError
+            If another process is at work in the folder.
+        FileNotFoundError, ValueError
+            If there is no model, or the rows cannot be used.
+        """
+        self._require_model()
+        with open_archive(self.archive) as archive, archive.transaction():
+            self._remove_leftovers()
+            zone, settings = self.load(), read_settings(self.config)
+            frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
+            origin = zone.history(frame).index[-1]
+            archive.add_measured(_measured(frame, settings, origin, archive.last_measured()))
+            found = None
+            try:
+                if n_new or n_ahead or why:
+                    found = day_ahead(zone, frame, weather, schedule)
+            except (ValueError, OSError) as error:
+                remarks.append(f"there is no new forecast: {error}")
+            if found is not None:
+                archive.add_forecast(origin, _with_beyond(found.frame, zone))
+                remarks += found.remarks
+            if n_new or why:
+                zone.save(self.model)
+        return Posted(found, n_new, why, tuple(remarks))
+
     def status(self) -> dict[str, Any]:
-        """What the zone knows and how its forecasts did, as plain values.
+        """Report the last row, drift, verdicts and errors of past forecasts, as plain values.
 
         Raises
         ------
@@ -167,14 +221,15 @@ class ZoneFolder:
             If there is no zone, or its archive cannot be read.
         """
         zone = self.load()
+        days = drift_days(zone.predictor)
         with open_archive(self.archive) as archive:
             return {
                 "name": zone.settings.name,
                 "last row": _shown(archive.last_measured(), zone),
                 "last forecast from": _shown(archive.last_origin(), zone),
                 "learned until": str(zone.learned_until),
-                "drift": drift_of(zone),
-                **_scores(archive, zone),
+                "drift": drift_of(days),
+                **_scores(archive, zone, days),
             }
 
     def _require_model(self) -> None:
@@ -192,17 +247,11 @@ class ZoneFolder:
                 left.unlink(missing_ok=True)
 
 
-def drift_of(zone: ZoneModel) -> dict[str, Any]:
-    """Whether errors have grown since the model learned: ``drifted``, ``since``, ``kind`` and the statistic.
+def drift_of(days: pd.DataFrame) -> dict[str, Any]:
+    """The drift by the last of some days: ``drifted``, ``since``, ``kind`` and the statistic.
 
-    Empty where no whole day has passed since, or the training has too few days to compare with.
+    Empty where no whole day has passed since the training, or it has too few days to compare with.
     """
-    try:
-        days = zone.predictor.drift()
-    except ValueError as error:
-        if "seven or more" not in str(error):
-            raise
-        return {}
     if days.empty:
         return {}
     last = days.iloc[-1]
@@ -222,10 +271,24 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
-    drift = drift_of(zone)
-    if drift.get("drifted"):
-        return len(new), f"its errors have grown since {drift['since']} ({drift['kind']})"
-    return len(new), ""
+    return len(new), "; ".join(drifted(drift_days(zone.predictor)))
+
+
+def _learn(
+    zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta
+) -> tuple[ZoneModel, int, str, list[str]]:
+    """A model with the new rows, their number, why it was fitted again, and remarks."""
+    changed = _of_model(settings) != _of_model(zone.settings)
+    zone.settings = settings
+    n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
+    if not why:
+        return zone, n_new, "", []
+    try:
+        return _fitted_anew(zone, frame), n_new, why, []
+    except ValueError as error:
+        if changed:
+            raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
+        return zone, n_new, "", [f"the model should be fitted again, because {why}, but {error}"]
 
 
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
@@ -241,45 +304,35 @@ def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])
 
 
-def _measured(frame: pd.DataFrame, origin: pd.Timestamp, last: pd.Timestamp | None = None) -> pd.DataFrame:
+def _measured(
+    frame: pd.DataFrame, settings: Settings, origin: pd.Timestamp, last: pd.Timestamp | None = None
+) -> pd.DataFrame:
     """Temperature and heat up to an origin: of all rows, or of those after the last archived ones and a week before."""
     rows = frame.assign(T_za=without_standstills(frame["T_za"])).loc[:origin]
+    load = load_of(rows, settings, plant_roles(rows))
+    if load is not None and load.unit == "kW":
+        rows["Q_hvac"] = load.values
     return rows if last is None else rows[rows.index > _like(last, rows.index) - _CORRECTED]
 
 
-def _scores(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
-    """Errors of the last forecast that has been measured, and of those of the last four weeks."""
+def _with_beyond(forecast: pd.DataFrame, zone: ZoneModel) -> pd.DataFrame:
+    """A forecast that tells in which rows the weather lies beyond what training covered."""
+    weather = forecast.drop(columns=[name for name in forecast if str(name).startswith(("Q_", "u_"))])
+    return forecast.assign(**{BEYOND: beyond_training(weather, zone.covered()).any(axis=1).astype(float)})
+
+
+def _scores(archive: ForecastArchive, zone: ZoneModel, days: pd.DataFrame) -> dict[str, Any]:
+    """Verdicts, and errors of the last forecast that has been measured and of those of the last four weeks."""
     last = archive.last_measured()
     rows = archive.finished(pd.Timestamp(0) if last is None else last - _SCORED)
     if rows.empty:
-        return {"yesterday's forecast": None, "last four weeks": None}
+        return {"verdicts": [], "yesterday's forecast": None, "last four weeks": None}
     newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
     return {
-        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **_errors(newest)},
-        "last four weeks": {"forecasts": rows["origin"].nunique(), **_errors(rows)},
+        "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days)],
+        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **errors_of(newest)},
+        "last four weeks": {"forecasts": rows["origin"].nunique(), **errors_of(rows)},
     }
-
-
-def _errors(rows: pd.DataFrame) -> dict[str, Any]:
-    """Root mean square error, bias and share inside of the 80 % interval; None where nothing can be compared."""
-    out: dict[str, Any] = {}
-    for what, role, low, high in (
-        ("temperature [K]", "T_za", "q_0.1", "q_0.9"),
-        ("load [kW]", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9"),
-    ):
-        measured = rows[f"{role}_measured"]
-        error = (rows[role] - measured).dropna()
-        if error.empty:
-            out[what] = None
-            continue
-        known = rows.loc[error.index].dropna(subset=[low, high])
-        inside = measured[known.index].between(known[low], known[high])
-        out[what] = {
-            "rmse": round(float(np.sqrt((error**2).mean())), 3),
-            "bias": round(float(error.mean()), 3),
-            "coverage": round(float(inside.mean()), 3) if len(known) else None,
-        }
-    return out
 
 
 def _of_model(settings: Settings) -> str:

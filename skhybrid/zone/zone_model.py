@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
+from ..exceptions import TooFewDaysError
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import with_facades
+from ..study.data import SETPOINT, with_facades
 from ..study.run import INTERVAL
 from ..study.settings import Settings, settings_from
 
@@ -80,7 +81,7 @@ class ZoneModel:
         return dict(self.predictor.training_.ranges)
 
     def facts(self) -> dict[str, Any]:
-        """What was learned, in a few words."""
+        """Name, training span and inputs, as plain values."""
         record = self.predictor.training_
         return {
             "name": self.settings.name,
@@ -206,9 +207,7 @@ class ZoneModel:
     def _with_intervals(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
         try:
             return self.predictor.forecast(history, future, quantiles=INTERVAL)
-        except ValueError as error:
-            if "interval" not in str(error):
-                raise
+        except TooFewDaysError:
             return self.predictor.forecast(history, future)
 
     def _plant(self) -> list[str]:
@@ -228,10 +227,9 @@ def complete_rows(frame: pd.DataFrame) -> pd.DataFrame:
         raise ValueError("the log has no room temperature, T_za.")
     held = {role: frame[role].ffill().bfill() for role in SETPOINT_ROLES if role in frame}
     frame = frame.assign(T_za=without_standstills(frame["T_za"]), **held)
-    inputs = frame.drop(columns=["T_za", "setpoint"], errors="ignore")
     known = np.flatnonzero(frame["T_za"].notna().to_numpy())
-    rows = frame[[*inputs, "T_za"]].iloc[: known[-1] + 1 if len(known) else 0]
-    return rows[inputs.loc[rows.index].notna().all(axis=1)]
+    rows = frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
+    return rows[rows.drop(columns="T_za").notna().all(axis=1)]
 
 
 def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:

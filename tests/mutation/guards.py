@@ -7,11 +7,20 @@ as plain Python, because numba keeps compiled callers of a changed kernel.
 
 _FILTERS = ["test_filtering", "test_predictor"]
 _SCHEDULE = ["test_schedule_model", "test_schedule_scheme -k as_of_the_morning or better_than_the_mean"]
-_OBJECTIVES = ["test_identification_gradients", "test_diagnostics", "test_identification -k not (starts or search)"]
+_OBJECTIVES = [
+    "test_identification_gradients",
+    "test_diagnostics",
+    "test_identification -k not (starts or search)",
+    "test_identification -k takes_what",
+]
 _FORECASTERS = "test_forecasting_common -k not (checks or processes or global or torch or network)"
 _UPDATES = "test_online_updating -k whole_table or averaged or learns_the_new or leaves_the_model"
 
 _CLOSED_LOOP = "test_set_points_known -k not (refused or other_schemes or saved)"
+_BY_THE_CLOCK = "test_daily_work -k clock or cannot_be or outdoor or user_is_told or electricity_becomes"
+_LOGS = ["test_log_report", "test_logs_text", "test_datasets_regularize", "test_datasets_readers"]
+_SOURCES = ["test_logs_home_automation", "test_logs_sources -k not postgres", "test_logs_thermostats"]
+_ZONE = "test_zone_folder -k not kill and not command_line and not second_tick and not errors_grow"
 _BOOSTING = "test_forecasting_common -k boosting and not (checks or processes or global or torch)"
 _BAYES = "test_model_selection_bayes -k not (quadrature or probabilities or real or beginning or divergences or saved)"
 
@@ -19,7 +28,7 @@ GUARDS = {
     "filtering/rows.py": ["test_horizon_errors", "test_filtering"],
     "filtering/tree_sums.py": ["test_set_points_known -k trees_as_arrays"],
     "filtering/forecast_sample.py": ["test_schedule_model -k hourly_origins", "test_multi_step -k hourly_and_leads"],
-    "filtering/channel_filter.py": ["test_horizon_errors"],
+    "filtering/channel_filter.py": ["test_identification_gradients -k periodic"],
     "filtering/horizon_errors.py": ["test_horizon_errors"],
     "filtering/lead_rows.py": ["test_horizon_errors", "test_multi_step -k plain_loop or slopes"],
     "filtering/multi_step_errors.py": ["test_multi_step -k plain_loop or slopes"],
@@ -41,7 +50,9 @@ GUARDS = {
     "identification/periodic.py": [*_OBJECTIVES, "test_uncertainty"],
     "identification/loads.py": ["test_load", "test_identification"],
     "identification/*.py": [*_OBJECTIVES, "test_two_zones"],
-    "forecasting/arx_multi_step.py": ["test_forecasting_arx_multi_step -k slopes or sums or lower or penalty"],
+    "forecasting/arx_multi_step.py": [
+        "test_forecasting_arx_multi_step -k slopes or sums or lower or penalty or complete"
+    ],
     "forecasting/arx*.py": ["test_forecasting_arx"],
     "forecasting/boost*.py": ["test_set_points_known -k trees_as_arrays", _BOOSTING],
     "forecasting/pair_regressor.py": [_FORECASTERS],
@@ -56,14 +67,16 @@ GUARDS = {
     "hybrid/drift.py": ["test_drift"],
     "hybrid/plausible_range.py": ["test_runaways -k range or clipped"],
     "hybrid/hourly_aggregation.py": ["test_online_updating -k averaged", _UPDATES],
-    "hybrid/weekly_refit.py": [_UPDATES, "test_hybrid -k full_weeks"],
+    "hybrid/weekly_refit.py": ["test_online_updating -k forecast_the_last_week", _UPDATES, "test_hybrid -k full_weeks"],
     "hybrid/blend.py": ["test_schedule_scheme -k simplex or nothing_is_known or far_worse or groups_of_leads or fade"],
     "hybrid/rolling_blend.py": ["test_schedule_scheme -k fade or loops or residual"],
     "hybrid/members.py": ["test_schedule_scheme -k block or refitted or morning or short_training"],
     "hybrid/closed_loop.py": [_CLOSED_LOOP],
     "hybrid/plant_law.py": [_CLOSED_LOOP],
     "hybrid/law_features.py": [_CLOSED_LOOP],
-    "hybrid/known_rows.py": [_UPDATES],
+    "hybrid/known_rows.py": ["test_online_updating -k last_stamp", _UPDATES],
+    "hybrid/daily_profile.py": ["test_schedule_scheme -k daily_profile"],
+    "hybrid/law_refits.py": [_CLOSED_LOOP],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
     "model_selection/splitters.py": ["test_model_selection -k not processes"],
     "model_selection/scorers.py": ["test_manners -k scorer"],
@@ -83,6 +96,18 @@ GUARDS = {
     "datasets/_benchmark.py": ["test_datasets_benchmark"],
     "logs/stamps.py": ["test_datasets_readers"],
     "logs/even_steps.py": ["test_datasets_regularize"],
+    "logs/*.py": [*_LOGS, *_SOURCES],
+    "study/judgement.py": ["test_verdict", "test_daily_work -k verdict"],
+    "study/load_rules.py": ["test_verdict"],
+    "study/verdict.py": ["test_verdict"],
+    "study/plant.py": [_BY_THE_CLOCK],
+    "study/thermostat.py": [_BY_THE_CLOCK],
+    "zone/building.py": ["test_zone_tools"],
+    "zone/zone_backtest.py": ["test_zone_tools"],
+    "zone/zone_search.py": ["test_zone_tools"],
+    "zone/tomorrow.py": [_BY_THE_CLOCK, _ZONE],
+    "zone/zone_folder.py": ["test_zone_tools", _ZONE],
+    "zone/*.py": [_ZONE, "test_daily_work -k not texts and not sun and not command_line"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }

@@ -28,6 +28,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from datetime import date
 from fnmatch import fnmatch
 from pathlib import Path
 from queue import Queue
@@ -207,8 +208,9 @@ def try_mutant(mutant: dict, benches: Queue, budget: float) -> dict:
 
 # --------------------------------------------------------------------------------------------------------- outcomes
 def read_store() -> list[dict]:
-    """What has been run."""
-    return list(csv.DictReader(STORE.open())) if STORE.exists() else []
+    """What has been run, but for modules that are gone."""
+    rows = csv.DictReader(STORE.open()) if STORE.exists() else []
+    return [row for row in rows if (PACKAGE / row["module"]).exists()]
 
 
 def write_store(rows: list[dict]) -> None:
@@ -230,9 +232,11 @@ def key(row: dict) -> tuple:
 
 def write_report(rows: list[dict]) -> None:
     """A table of modules and a list of survivors."""
-    text = ["# Mutation testing", "", "Made by `python tests/mutation/mutate.py`, which says how.", ""]
-    text += ["| module | mutants | killed | timeout | survived |", "|---|---|---|---|---|"]
     modules = sorted({row["module"] for row in rows})
+    most = max((sum(row["module"] == module for row in rows) for module in modules), default=0)
+    how = f"Made on {date.today()} by `python tests/mutation/mutate.py --sample {most}`, which says how."
+    text = ["# Mutation testing", "", how, "A module that changed since keeps its rows until it is run again.", ""]
+    text += ["| module | mutants | killed | timeout | survived |", "|---|---|---|---|---|"]
     for module in [*modules, None]:
         outcomes = [row["outcome"] for row in rows if module in (None, row["module"])]
         counts = [outcomes.count(kind) for kind in ("killed", "timeout", "survived")]

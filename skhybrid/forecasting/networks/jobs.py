@@ -45,7 +45,7 @@ class _Plan(NamedTuple):
 
     @property
     def shape(self) -> tuple[Any, ...]:
-        """What plans must share to be trained as one stack: equal networks, settings and numbers of windows."""
+        """Key that plans of one stack share: equal networks, settings and numbers of windows."""
         return (self.spec.shape, self.training, self.job.base is not None, self.job.table.n_rows, self.job.split)
 
 
@@ -97,8 +97,8 @@ def _with_network(first: Any, again: JobResult) -> JobResult:
 
 
 def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult | Exception]:
-    """Train plans of one shape in stacks, shallow networks first; neighbours have one activation."""
-    ordered = sorted(plans, key=lambda i: (plans[i].spec.n_layers, plans[i].spec.activation))
+    """Train plans of one shape in stacks, shallow networks first."""
+    ordered = _in_order({i: plan.spec for i, plan in plans.items()})
     networks = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], TrainingResult] = {}
     device = plans[ordered[0]].training.device
@@ -107,6 +107,18 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult |
         chosen = [networks[k] for k in part]
         found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
     return {i: _finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in plans.items()}
+
+
+def _in_order(specs: dict[int, NetworkSpec]) -> list[int]:
+    """Keys by depth, and by activation to and fro, so that many neighbours share one, also where depths meet."""
+    names = sorted({spec.activation for spec in specs.values()})
+    depths = sorted({spec.n_layers for spec in specs.values()})
+
+    def place(i: int) -> tuple[int, int]:
+        rank = names.index(specs[i].activation)
+        return specs[i].n_layers, -rank if depths.index(specs[i].n_layers) % 2 else rank
+
+    return sorted(specs, key=place)
 
 
 def _train(networks: Sequence[tuple[_Plan, int]], verbose: int) -> list[TrainingResult]:

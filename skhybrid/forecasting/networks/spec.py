@@ -38,26 +38,24 @@ class NetworkSpec(NamedTuple):
 
     @property
     def shape(self) -> NetworkSpec:
-        """What networks of a stack must share: all but activation, share of dropout and, of MLPs, number of layers."""
+        """Key that networks of one stack share: all but activation, share of dropout and, of MLPs, number of layers."""
         return self._replace(activation="", dropout=0.0, n_layers=0 if self.kind == "mlp" else self.n_layers)
 
     @property
     def n_dropping(self) -> int:
-        """How often hidden values are dropped: in every layer of an MLP, before the output of others."""
+        """Share of hidden values that are dropped: in every layer of an MLP, before the output of others."""
         if self.kind in N_GATES:
             return self.n_leads
         return 1 if self.kind == "cnn" else self.n_layers
 
-    def draw_kept(self, n_windows: int, generator: torch.Generator) -> Tensor:
-        """Factors (n_dropping, hidden_size, n_windows) of dropout: 0, or 1 / (1 - share) where a value is kept."""
-        width, device = rounded_up(self.hidden_size), generator.device
-        if self.kind in N_GATES:
-            drawn = torch.empty(self.n_dropping, width, n_windows, device=device).uniform_(generator=generator)
-        else:
-            drawn = torch.empty(self.n_dropping, n_windows, width, device=device).uniform_(generator=generator)
-            drawn = drawn.transpose(1, 2)
-        scale = float(1.0 / (1.0 - torch.tensor(self.dropout)))
-        return drawn.ge_(self.dropout).mul_(scale)[:, : self.hidden_size]
+    def kept_shape(self, n_windows: int) -> tuple[int, int, int]:
+        """Shape in which factors of dropout are drawn: time or layer first, windows before values but in cells."""
+        width = rounded_up(self.hidden_size)
+        return (self.n_dropping, *((width, n_windows) if self.kind in N_GATES else (n_windows, width)))
+
+    def by_width(self, kept: Tensor) -> Tensor:
+        """Drawn factors (n_networks, ...) as (n_networks, n_dropping, hidden_size, n_windows)."""
+        return (kept if self.kind in N_GATES else kept.transpose(2, 3))[:, :, : self.hidden_size].contiguous()
 
 
 class Layer(NamedTuple):

@@ -80,12 +80,14 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
     """
     if not any(spec.dropout for spec in stack.specs):
         return None
-    size, device = (stack.spec.n_dropping, stack.spec.hidden_size, n_windows), generators[0].device
-    kept = torch.ones(len(stack.specs), *size, device=device)
-    for row, spec, generator in zip(kept, stack.specs, generators, strict=True):
+    shapes = [spec.kept_shape(n_windows) for spec in (stack.spec, *stack.specs)]
+    drawn = torch.ones(len(stack.specs), *shapes[0], device=generators[0].device)
+    for row, spec, shape, generator in zip(drawn, stack.specs, shapes[1:], generators, strict=True):
         if spec.dropout:
-            row[: spec.n_dropping] = spec.draw_kept(n_windows, generator)
-    return kept
+            row[: shape[0]].uniform_(generator=generator)
+    shares = torch.tensor([spec.dropout for spec in stack.specs], device=drawn.device)[:, None, None, None]
+    kept = drawn.ge_(shares).mul_(1.0 / (1.0 - shares))
+    return stack.spec.by_width(kept)
 
 
 class SquaredErrorsPerNetwork(torch.nn.Module):
@@ -126,7 +128,7 @@ class StackNet(NeuralNet):
         self.module_.flat.grad = None
         step = self.train_step_single(batch, **fit_params)
         self.notify("on_grad_computed", named_parameters=self.module_.named_parameters(), batch=batch, training=True)
-        self._step_optimizer(None)
+        self.optimizer_.step()
         return step
 
     def run_single_epoch(

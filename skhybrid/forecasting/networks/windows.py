@@ -70,7 +70,7 @@ class WindowTable:
         self._inputs = network_inputs(kind, reads_zeta, *views) if fits else None
 
     def inputs(self, rows: Tensor) -> Tensor:
-        """What the network reads of some windows, (n_rows, ...)."""
+        """The network's inputs of some windows, (n_rows, ...)."""
         if self._inputs is not None:
             return self._inputs.index_select(0, rows)
         return network_inputs(self._kind, self._reads_zeta, *self._views.take(rows))

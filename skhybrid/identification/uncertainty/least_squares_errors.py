@@ -19,11 +19,11 @@ from .standard_errors import (
 
 
 def least_squares_uncertainty(
-    problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None = None, overlap: int = 0
+    problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None, overlap: int
 ) -> ParameterUncertainty:
     """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,), by the Hessian of every day.
 
-    ``noise`` [K2]; ``days`` (n,) of the errors, by default evenly spread; errors are correlated over ``overlap`` days.
+    ``noise`` [K2]; ``days`` (n,) of the errors, evenly spread where None; errors are correlated over ``overlap`` days.
     Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)

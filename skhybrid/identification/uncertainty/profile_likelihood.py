@@ -75,7 +75,7 @@ class _Search:
         return min(deviance for deviance, _ in self.tried.values())
 
     def end(self, start: float, step: float, threshold: float) -> float | None:
-        """Where the deviance passes the threshold on one side; None where it does not within the bounds."""
+        """Value at which the deviance passes the threshold on one side; None where it does not within the bounds."""
         low, high = self.parameter.free_bounds
         inside = start
         for _ in range(_STEPS):

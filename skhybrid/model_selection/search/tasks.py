@@ -59,7 +59,7 @@ class _SplitTable(NamedTuple):
 
 @dataclass
 class Problem:
-    """What all tasks of a search share."""
+    """Data and settings that all tasks of a search share."""
 
     estimator: Any
     X: Any

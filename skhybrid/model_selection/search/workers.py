@@ -152,12 +152,15 @@ class Runner:
 
 
 def _parts(keys: Mapping[str, tuple[str, ...]], size: int) -> list[list[str]]:
-    """Names of candidates in parts of at most ``size``; what trains as one stack is cut only if it is larger."""
+    """Names of candidates in parts of at most ``size``; what trains as one stack is cut only if it is larger.
+
+    Small stacks are joined up to half of ``size`` only: the longest part should not be all that is left at the end.
+    """
     parts: list[list[str]] = []
     for _, stack in groupby(sorted(keys, key=lambda name: keys[name]), key=lambda name: keys[name][:2]):
         names = list(stack)
         for piece in (names[start : start + size] for start in range(0, len(names), size)):
-            if not parts or len(parts[-1]) + len(piece) > size:
+            if not parts or len(parts[-1]) + len(piece) > max(1, size // 2):
                 parts.append([])
             parts[-1] += piece
     return parts

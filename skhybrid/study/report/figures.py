@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Mapping
 from os import PathLike
 from typing import Any
@@ -18,11 +19,18 @@ from ...inspection import (
     LeadErrorDisplay,
     ScheduleDisplay,
 )
-from ...inspection.unshown_figure import blank_axes
+from ...inspection.unshown_figure import blank_axes, svg_text
 
 _SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
 _MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
+#: parts of an SVG that the page has itself, its size, and colours that follow the page
+_NO_STYLE = re.compile(
+    r"""<metadata>.*?</metadata>|<style[^>]*>.*?</style>|font-family: [^;"]*;?|(?<=<g) id="[^"]*\""""
+)
+_SIZE = re.compile(r"<svg [^>]*?(?=viewBox)")
+_COLOURS = {"#222222": "currentColor", "#000000": "currentColor", "#dddddd": "var(--line)", "#bbbbbb": "var(--line)"}
+_COLOURS |= {"#0072b2": "var(--mark)", "#d55e00": "var(--warm)"}
 
 
 def as_image(figure: Any, dpi: int = 130) -> str:
@@ -32,10 +40,27 @@ def as_image(figure: Any, dpi: int = 130) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def day_figure(forecast: pd.DataFrame) -> Any:
+def as_svg(figure: Any, label: str, name: str) -> str:
+    """A figure as an SVG element that takes text, lines and fonts of the page, so that it follows its dark mode.
+
+    Parameters
+    ----------
+    figure : matplotlib Figure
+    label : str, said in the place of the figure
+    name : str, of which its identifiers are made; no two of a page are the same
+    """
+    text = svg_text(figure, name)
+    text = _NO_STYLE.sub("", text[text.index("<svg") :].replace("\n", " "))
+    text = _SIZE.sub(f'<svg role="img" aria-label="{label}" ', text, count=1)
+    for colour, own in _COLOURS.items():
+        text = text.replace(colour, own)
+    return text
+
+
+def day_figure(forecast: pd.DataFrame, width: float = 9.0) -> Any:
     """The next day: temperature and, where there is a plant, load."""
     n_axes = 2 if "Q_hvac" in forecast else 1
-    figure, axes = blank_axes(n_axes, (9.0, 2.5 * n_axes + 0.7))
+    figure, axes = blank_axes(n_axes, (width, 2.5 * n_axes + 0.7))
     _draw_day(axes if n_axes == 2 else axes[0], forecast)
     return figure
 
@@ -49,9 +74,9 @@ def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
     DayAheadDisplay.from_predictions(forecast, measured=measured if "T_za" in measured else None, setpoint=held, ax=ax)
 
 
-def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN) -> Any:
+def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = 9.0) -> Any:
     """Measured and forecast temperature over the last days of back-tests, the most important first."""
-    figure, axes = blank_axes(1, (9.0, 3.6))
+    figure, axes = blank_axes(1, (width, 3.6))
     _draw_backtest(axes[0], frames, shown)
     return figure
 

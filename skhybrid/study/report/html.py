@@ -17,11 +17,11 @@ from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
 _NOISE = 0.05  # relative differences below this are noise with a few dozen origins
-_STYLE = """
+STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --page: #ffffff; --card: #f6f8fa;
-  --line: #d0d7de; --mark: #0072b2; --good: #e6f3ec; }
+  --line: #d0d7de; --mark: #0072b2; --warm: #d55e00; --good: #e6f3ec; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6edf3; --soft: #9ba6b2; --page: #0f1318; --card: #181e25;
-  --line: #313a45; --mark: #56b4e9; --good: #17352a; } }
+  --line: #313a45; --mark: #56b4e9; --warm: #f0883e; --good: #17352a; } }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 62rem; padding: 1.2rem 1.1rem 4rem; background: var(--page); color: var(--ink);
   font: 1rem/1.55 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
@@ -44,6 +44,9 @@ td.text { min-width: 12rem; } thead th { color: var(--soft); font-weight: 600; }
 tr.best td { font-weight: 600; }
 figure { margin: 0.8rem 0 1.2rem; } figure img { width: 100%; height: auto; border-radius: 8px; background: #fff;
   border: 1px solid var(--line); padding: 0.3rem; } figcaption { color: var(--soft); font-size: 0.88rem; }
+figure svg { width: 100%; height: auto; } figure svg text { fill: currentColor; font-family: inherit; }
+.narrow-figure { display: none; } @media screen and (max-width: 600px) { .narrow-figure { display: block; }
+  .wide-figure { display: none; } }
 ul { padding-left: 1.2rem; } li { margin: 0.25rem 0; overflow-wrap: anywhere; }
 code { font-size: 0.9em; overflow-wrap: anywhere; }
 @media (max-width: 40rem) { th, td { white-space: normal; padding: 0.3rem 0.3rem; } td.text { min-width: 9rem; }
@@ -97,6 +100,7 @@ def write_report(
     frames: Mapping[str, pd.DataFrame],
     forecast: pd.DataFrame,
     parameters: pd.DataFrame,
+    building: pd.DataFrame | None = None,
     label: str = "hybrid",
     zeta: pd.Series | None = None,
     truth: pd.Series | None = None,
@@ -122,6 +126,7 @@ def write_report(
     frames : mapping of label to DataFrame, back-tests from :func:`skhybrid.model_selection.backtest`
     forecast : DataFrame, the next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured
     parameters : DataFrame, index name, with ``value``, ``std``, ``unit``, ``description``, ``remark``
+    building : DataFrame, optional, index quantity, with ``value``, ``std``, ``unit``, ``remark``
     label : str, the model whose forecast is shown
     zeta, truth : Series, optional
         Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
@@ -143,19 +148,25 @@ def write_report(
         _accuracy(table, frames, label, coverage),
         _learned(schedule, weights, label),
         _week(zeta, truth),
-        _building(parameters, identification, label),
-        _list("Warnings", map(escape, notes)),
-        _list("Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items()), "listed"),
+        _building(parameters, building, identification, label),
+        html_list("Warnings", map(escape, notes)),
+        html_list(
+            "Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items()), "listed"
+        ),
     ]
-    page = (
+    with atomic_path(path) as made:
+        made.write_text(html_page(f"{title}: day-ahead forecast", sections), encoding="utf-8")
+
+
+def html_page(title: str, sections: Iterable[str], head: str = "") -> str:
+    """A page with the style of a report; ``head`` is put before its title, empty sections are left out."""
+    return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}: day-ahead forecast</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"{head}<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(s for s in sections if s)
         + "\n</body>\n</html>\n"
     )
-    with atomic_path(path) as made:
-        made.write_text(page, encoding="utf-8")
 
 
 def _head(
@@ -178,18 +189,22 @@ def _head(
         cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {_day(forecast.index)}"))
-    cards += _energy(forecast) if scaled else []
+    cards += day_energy(forecast) if scaled else []
     if cost is not None:
         cards.append((f"{cost.value:.2f}\u00a0{cost.currency}".strip(), f"cost of the {cost.energy} for it"))
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
-        f'{_verdicts(verdicts)}<p class="verdict">{escape(verdict(table, label))}</p>\n<div class="cards">'
-        + "".join(f'<div class="card"><b>{escape(v)}</b><span>{escape(t)}</span></div>' for v, t in cards)
-        + "</div>"
+        f'{verdict_boxes(verdicts)}<p class="verdict">{escape(verdict(table, label))}</p>\n{html_cards(cards)}'
     )
 
 
-def _verdicts(verdicts: Sequence[Verdict]) -> str:
+def html_cards(cards: Iterable[tuple[str, str]]) -> str:
+    """Boxes with a value and what it is."""
+    boxes = "".join(f'<div class="card"><b>{escape(v)}</b><span>{escape(t)}</span></div>' for v, t in cards)
+    return f'<div class="cards">{boxes}</div>'
+
+
+def verdict_boxes(verdicts: Sequence[Verdict]) -> str:
     """Temperature and load: usable, use with care or not usable, with reasons."""
     kinds = {CARE: "care", NOT: "not"}
     boxes = "".join(
@@ -200,7 +215,7 @@ def _verdicts(verdicts: Sequence[Verdict]) -> str:
     return f'<div class="verdicts">{boxes}</div>\n' if boxes else ""
 
 
-def _energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
+def day_energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
     """Heating and cooling energy of the day [kWh], where there is any."""
     if "Q_hvac" not in forecast or len(forecast) < 2:
         return []
@@ -261,7 +276,7 @@ def _results(table: pd.DataFrame) -> str:
         errors = (_number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
         rows.append((str(name), *errors, _number(row["seconds"], 1), str(row.get("note", ""))))
     return (
-        _table(heads, rows, n_texts=1, of_models=True)
+        html_table(heads, rows, n_texts=1, of_models=True)
         + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
         "measured temperature with the heat that was delivered; stages are converted to heat with the identified "
         "capacities. The time is that of fit and back-test, for the hybrid with its intervals. The two-stage models "
@@ -282,7 +297,7 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
     if weights is None:
         return section
     rows = [(str(name), *(f"{share:.0%}" for share in row)) for name, *row in weights.itertuples()]
-    shares = _table(["share in the forecast", *map(str, weights)], rows)
+    shares = html_table(["share in the forecast", *map(str, weights)], rows)
     return f'{section}{shares}<p class="soft">Weights by part of the horizon, after training.</p>'
 
 
@@ -301,33 +316,34 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     )
 
 
-def _building(parameters: pd.DataFrame, identification: str | None, label: str) -> str:
-    texts = ("description", "remark")
-    rows = [
-        (
-            str(name),
-            _number(row["value"], 3),
-            _number(row["std"], 2),
-            str(row.get("unit", "")),
-            *(str(row.get(column, "")) for column in texts),
-        )
-        for name, row in parameters.iterrows()
-    ]
+def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identification: str | None, label: str) -> str:
     separate = (
         ""
         if identification is None
-        else " These parameters and the unmeasured heat above come from a separate identification "
+        else " These values and the unmeasured heat above come from a separate identification "
         f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
         "its parameters do not describe the building."
     )
+    described = "" if building is None else _values("quantity", building, ("unit", "remark"))
     return (
-        "<h2>Identified parameters</h2>\n<p>Capacitances store heat and resistances resist its flow. The standard "
-        f"error shows how well the data determine a value.{separate}</p>\n"
-        + _table(("parameter", "value", "± std. error", "unit", *texts), rows, n_texts=len(texts))
+        "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
+        "window area that the sun heats through. The standard error shows how well the data determine a value; one "
+        f"that they do not determine is not shown.{separate}</p>\n{described}"
+        "<p>Parameters of the thermal network: capacities store heat and resistances resist its flow.</p>\n"
+        + _values("parameter", parameters, ("unit", "description", "remark"))
     )
 
 
-def _list(title: str, items: Iterable[str], kind: str = "prose") -> str:
+def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
+    """A table of values with standard errors."""
+    rows = [
+        (str(name), _number(row["value"], 3), _number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
+        for name, row in table.iterrows()
+    ]
+    return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
+
+
+def html_list(title: str, items: Iterable[str], kind: str = "prose") -> str:
     items = "".join(f"<li>{item}</li>" for item in items)
     return f'<h2>{title}</h2>\n<ul class="{kind}">{items}</ul>' if items else ""
 
@@ -343,7 +359,7 @@ def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return out
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0, of_models: bool = False) -> str:
+def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0, of_models: bool = False) -> str:
     """A table whose last ``n_texts`` columns are prose; of models, the first is marked as the best."""
     kinds = [""] * (len(heads) - n_texts) + [f' class="text{" soft" if of_models else ""}"'] * n_texts
     head = "".join(f"<th{kind}>{escape(text)}</th>" for kind, text in zip(kinds, heads, strict=True))

@@ -1,0 +1,81 @@
+"""Time of one step of a controller: ``update``, then a forecast from the temperature measured now.
+
+``python benchmarks/control_speed.py`` writes ``results/control_speed.md``, in about a minute on one core.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from _report import write_table
+
+from skhybrid import HybridPredictor, InputDisturbanceID, TwoStagePredictor
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
+
+DAY, TRAIN, STEPS = 96, 28 * 96, 40
+LEVELS = (0.1, 0.5, 0.9)
+#: call -> what a controller asks for, with the rows ahead and the temperature now
+CALLS: dict[str, Callable[[Any, pd.DataFrame, float], object]] = {
+    "forecast": lambda model, future, T: model.forecast(None, future),
+    "forecast, T_za": lambda model, future, T: model.forecast(None, future, T_za=T),
+    "affine_forecast, T_za": lambda model, future, T: model.affine_forecast(None, future, T_za=T),
+    "the same, 3 quantiles": lambda model, future, T: model.affine_forecast(None, future, T_za=T, quantiles=LEVELS),
+    "to_state_space, T_za": lambda model, future, T: model.to_state_space(None, future, T_za=T),
+}
+MODELS = {
+    "default": lambda: HybridPredictor(),
+    "two-stage, ridge": lambda: TwoStagePredictor(InputDisturbanceID(n_starts=2), random_state=0),
+    "gray box (ID)": lambda: InputDisturbanceID(n_starts=2, random_state=0),
+}
+
+
+def measured(model: Any, X: pd.DataFrame, call: Callable[[Any, pd.DataFrame, float], object]) -> np.ndarray:
+    """(STEPS, 2) milliseconds of an update by one row and of the call after it, and the first call left out."""
+    out, now = np.empty((STEPS + 1, 2)), TRAIN + 5 * DAY
+    model.update(X[TRAIN:now])
+    for i in range(STEPS + 1):
+        row, future, T = X[now : now + 1], X[now + 1 : now + 1 + DAY], float(X["T_za"].iloc[now + 1])
+        begin = time.perf_counter()
+        model.update(row)
+        middle = time.perf_counter()
+        call(model, future, T)
+        out[i] = middle - begin, time.perf_counter() - middle
+        now += 1
+    return 1e3 * out[1:]
+
+
+def main() -> None:
+    """Fit the models, time them and write the table."""
+    warnings.simplefilter("ignore", SkhybridWarning)
+    office = make_office(n_days=36, random_state=3)
+    heat = 6.0 * office.X["u_heat"] - 5.0 * office.X["u_cool"]
+    X = office.X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=heat)
+    rows = {}
+    for name, make in MODELS.items():
+        model = make().fit(X[:TRAIN], office.y[:TRAIN])
+        for asked, call in CALLS.items():
+            if "quantiles" in asked and name.startswith("gray box"):
+                continue
+            spent = measured(deepcopy(model), X, call)
+            (update, answer), (_, least) = np.median(spent, axis=0), spent.min(axis=0)
+            rows[name, asked] = {"update, one row [ms]": update, "the call [ms]": answer, "its least [ms]": least}
+    table = pd.DataFrame(rows).T.rename_axis(index=["model", "call after the update"])
+    print(table.round(2))
+    write_table(
+        "control_speed",
+        "Time of one step of a controller",
+        "python benchmarks/control_speed.py",
+        {"Median over 40 steps, on the wall, and the least": table},
+        "make_office, 15 min, 28 days of training and 5 of history; 24 h ahead.",
+    )
+
+
+if __name__ == "__main__":
+    main()

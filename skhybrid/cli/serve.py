@@ -1,0 +1,55 @@
+"""``skhybrid serve``: a zone folder over HTTP."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ._options import as_command, print_json
+from ._output import DONE, Progress
+
+
+@as_command("serve", "skhybrid serve kitchen --weather tomorrow.json --setpoint 21,24")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; any but loopback needs a token."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0 takes a free one.")
+@click.option(
+    "--token",
+    envvar="SKHYBRID_TOKEN",
+    show_envvar=True,
+    help="What requests must send, as Authorization: Bearer TOKEN; better the variable, which others cannot see.",
+)
+@click.option("--weather", type=click.Path(path_type=Path), help="As for zone tick, read anew at each post.")
+@click.option("--setpoint", help="As for zone tick.")
+def command(
+    folder: Path,
+    host: str,
+    port: int,
+    token: str | None,
+    weather: Path | None,
+    setpoint: str | None,
+    say: Progress,
+    as_json: bool,
+) -> int:
+    """Serve the folder of a zone: POST /rows, GET /forecast, /status, /docs and a page at /.
+
+    Rows are taken in as by zone tick, whose lock it shares.  It ends with Ctrl-C.
+    """
+    from ..server import check_token, open_socket, serve
+    from ..study.thermostat import Schedule
+    from ..zone import ZoneFolder
+
+    schedule = None if setpoint is None else Schedule.of_text(setpoint)
+    check_token(host, token)
+    ZoneFolder(folder).load()  # what is wrong with it is said before anyone is answered
+    with open_socket(host, port) as listener:
+        name, found = f"[{host}]" if ":" in host else host, listener.getsockname()[1]
+        if as_json:
+            print_json({"address": f"http://{name}:{found}/", "token": token is not None})
+        say.note(f"serving {folder} at http://{name}:{found}/ (Ctrl-C ends it)")
+        level = "warning" if say.quiet else "info"
+        serve(folder, listener, token=token, weather=weather, schedule=schedule, log_level=level)
+    return DONE

@@ -1,0 +1,219 @@
+"""The routes: rows in; forecast, status, their description and one page out."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+import warnings
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.responses import HTMLResponse, JSONResponse
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+from .. import __version__
+from ..exceptions import ModelFileError
+from ..zone import ZoneFolder
+from .guard import LOOPBACK_NAMES, Guard
+from .page import docs_page, zone_page
+from .schemas import ROWS, Forecast, Posted, Refusal, Row, Status
+from .zone_view import plain_rows, view_zone
+
+_MOST_BYTES = 8 * 2**20  # of a body: months of rows
+_UNITS = {
+    "T_za": "degC",
+    "T_za_low": "degC",
+    "T_za_high": "degC",
+    "Q_hvac": "kW",
+    "Q_hvac_low": "kW",
+    "Q_hvac_high": "kW",
+}
+_BODY = {
+    "required": True,
+    "content": {
+        "application/json": {"schema": {"type": "array", "items": {"$ref": "#/components/schemas/Row"}}},
+        "text/csv": {"schema": {"type": "string", "description": "columns as in the log of the zone"}},
+    },
+}
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    401: {"model": Refusal, "description": "the token is missing or wrong"},
+}
+_NOTHING: dict[int | str, dict[str, Any]] = {404: {"model": Refusal, "description": "there is no forecast yet"}}
+_POST_REFUSALS = _REFUSALS | {
+    403: {"model": Refusal, "description": "a page of another site posts"},
+    409: {"model": Refusal, "description": "another command is at work in the folder; try again"},
+    413: {"model": Refusal, "description": "the body is too large"},
+    415: {"model": Refusal, "description": "the body is neither JSON nor CSV"},
+    422: {"model": Refusal, "description": "the rows cannot be used; nothing was changed"},
+}
+
+
+def make_app(
+    folder: str | PathLike[str],
+    *,
+    token: str | None = None,
+    weather: str | PathLike[str] | None = None,
+    schedule: Any = None,
+) -> FastAPI:
+    """The application that serves a zone folder.
+
+    Parameters
+    ----------
+    folder : path-like
+    token : str, optional, that requests need; without one only requests to this machine's own names are answered
+    weather, schedule : as for :meth:`skhybrid.zone.ZoneFolder.tick`, at each post
+    """
+    zone = ZoneFolder(folder)
+    app = FastAPI(
+        title="skhybrid",
+        version=__version__,
+        summary="Forecast of one zone: temperature and heat of the day to come.",
+        docs_url=None,  # FastAPI's own pages load scripts from a CDN
+        redoc_url=None,
+    )
+    _add_reading(app, zone)
+    _add_posting(app, zone, weather, schedule)
+    _add_refusals(app)
+    _describe_rows(app)
+    if token is None:
+        app.add_middleware(TrustedHostMiddleware, allowed_hosts=LOOPBACK_NAMES, www_redirect=False)
+    app.add_middleware(Guard, token=token)
+    return app
+
+
+def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
+    drawing = threading.Lock()  # matplotlib is not made for several threads
+    drawn: dict[tuple[int, ...], str] = {}  # the page, by what it shows
+
+    @app.get("/forecast", response_model=Forecast, responses=_REFUSALS | _NOTHING)
+    def forecast() -> dict[str, Any]:
+        """The latest forecast."""
+        view = view_zone(zone)
+        if view.origin is None:
+            raise HTTPException(404, "there is no forecast yet; post rows, or run skhybrid zone tick.")
+        return {
+            "name": view.name,
+            "origin": view.origin.isoformat(),
+            "timezone": view.timezone,
+            "step_minutes": view.step / pd.Timedelta("1min"),
+            "interval": 0.8,
+            "scaled": view.scaled,
+            "units": _UNITS,
+            "rows": plain_rows(view.forecast),
+        }
+
+    @app.get("/status", response_model=Status, responses=_REFUSALS)
+    def status() -> dict[str, Any]:
+        """Drift, the last row, and how past forecasts did: as skhybrid zone status."""
+        return zone.status()
+
+    @app.get("/", response_class=HTMLResponse, include_in_schema=False)
+    def page() -> str:
+        files = (zone.archive, zone.model, zone.config)
+        with drawing:
+            now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
+            if now not in drawn:
+                text = zone_page(view_zone(zone), zone.status())
+                drawn.clear()
+                drawn[now] = text
+            return drawn[now]
+
+    @app.get("/docs", response_class=HTMLResponse, include_in_schema=False)
+    def docs() -> str:
+        return docs_page(app.openapi())
+
+
+def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) -> None:
+    one_at_a_time = threading.Lock()
+
+    def take(body: bytes, is_json: bool) -> dict[str, Any]:
+        text, n_rows = _csv_of_json(body) if is_json else _csv_text(body)
+        with (
+            one_at_a_time,
+            tempfile.TemporaryDirectory() as place,
+            warnings.catch_warnings(record=True) as caught,
+        ):
+            warnings.simplefilter("always")
+            path = Path(place) / "rows.csv"
+            path.write_text(text, encoding="utf-8")
+            done = zone.post(path, weather, schedule, plain=is_json)
+        said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning))
+        frame = None if done.forecast is None else done.forecast.frame
+        return {
+            "rows": n_rows,
+            "new_steps": done.n_new,
+            "fitted_again_because": done.learned or None,
+            "forecast_from": None if frame is None else (frame.index[0] - _step_of(frame)).isoformat(),
+            "remarks": [*said, *done.remarks],
+        }
+
+    @app.post("/rows", response_model=Posted, responses=_POST_REFUSALS, openapi_extra={"requestBody": _BODY})
+    async def rows(request: Request) -> dict[str, Any]:
+        """Take in new rows, update the model and forecast, as skhybrid zone tick does."""
+        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if kind not in ("application/json", "text/csv"):
+            raise HTTPException(415, "the content type is neither application/json nor text/csv.")
+        return await run_in_threadpool(take, await _body(request), kind == "application/json")
+
+
+def _add_refusals(app: FastAPI) -> None:
+    def answer(code: int, headers: dict[str, str] | None = None) -> Any:
+        def refuse(request: Request, error: Exception) -> JSONResponse:
+            return JSONResponse({"detail": " ".join(str(error).split())}, code, headers)
+
+        return refuse
+
+    app.add_exception_handler(BlockingIOError, answer(409, {"Retry-After": "5"}))
+    for kind, code in ((ModelFileError, 500), (OSError, 500), (ValueError, 422)):
+        app.add_exception_handler(kind, answer(code))
+
+
+def _describe_rows(app: FastAPI) -> None:
+    """Put the schema of a row, which is read by hand, into the description."""
+    made = app.openapi()
+    made["components"]["schemas"]["Row"] = Row.model_json_schema()
+
+
+async def _body(request: Request) -> bytes:
+    """The body, read as far as it may go."""
+    body = bytearray()
+    async for piece in request.stream():
+        body += piece
+        if len(body) > _MOST_BYTES:
+            raise HTTPException(413, f"the body has more than {_MOST_BYTES // 2**20} MiB; post the rows in parts.")
+    return bytes(body)
+
+
+def _csv_of_json(body: bytes) -> tuple[str, int]:
+    """Rows in JSON as CSV."""
+    try:
+        rows = ROWS.validate_json(body)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = " of ".join(str(part) for part in reversed(first["loc"])) or "the body"
+        raise ValueError(
+            f"the rows cannot be read: {where}: {first['msg'][0].lower()}{first['msg'][1:]} (rows count from 0)."
+        ) from None
+    table = pd.DataFrame([row.model_dump() for row in rows])
+    return table[["time", *table.columns.drop("time")]].to_csv(index=False), len(table)
+
+
+def _csv_text(body: bytes) -> tuple[str, int]:
+    """CSV as text; what is compressed or a database is none."""
+    try:
+        text = body.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError("the CSV is not text in UTF-8.") from None
+    if "\0" in text or text.startswith("BZh") or not text.strip():
+        raise ValueError("the body is no CSV.")
+    return text, max(0, len(text.strip().splitlines()) - 1)
+
+
+def _step_of(frame: pd.DataFrame) -> pd.Timedelta:
+    return frame.index[1] - frame.index[0] if len(frame) > 1 else pd.Timedelta(0)

@@ -1,0 +1,138 @@
+"""The page of a zone, and the page that describes the routes: HTML without scripts or anything from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+import pandas as pd
+
+from ..study.report.figures import as_svg, backtest_figure, day_figure
+from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
+from .zone_view import ZoneView, compared
+
+_REFRESH = '<meta http-equiv="refresh" content="300">\n'
+_WIDE, _NARROW = 9.0, 4.4  # of a figure [in]
+_OLD = pd.Timedelta(days=1)
+
+
+def zone_page(view: ZoneView, status: dict[str, Any]) -> str:
+    """The page of a zone: verdict, tomorrow, yesterday, and the last week."""
+    head = f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(view.name)}</h1>\n'
+    links = " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
+    sections = [
+        head + verdict_boxes(view.verdicts),
+        _tomorrow(view),
+        _yesterday(view),
+        _week(view),
+        _state(status),
+        f'<p class="soft">{links}</p>',
+    ]
+    return html_page(f"{view.name}: forecast", sections, _REFRESH)
+
+
+def _tomorrow(view: ZoneView) -> str:
+    if view.origin is None:
+        return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+    rows = view.forecast
+    low, high = rows["T_za"].min(), rows["T_za"].max()
+    cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "room temperature in the day to come")]
+    if view.scaled:
+        cards += [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
+    old = ""
+    if view.origin.tz is not None and pd.Timestamp.now(view.origin.tz) - view.origin > _OLD:
+        old = " It is more than a day old: no newer rows came in, or the weather to come was not known."
+    scale = "" if view.scaled or "Q_hvac" not in rows else " The heat has no certain scale: no capacity is known."
+    return (
+        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_words(view.origin)}; the band is meant to "
+        f"hold 80 % of the measurements.{scale}{old}</p>\n"
+        + _figure(lambda width: day_figure(rows, width), "Forecast of temperature and heat.", "day")
+    )
+
+
+def _yesterday(view: ZoneView) -> str:
+    if view.past.empty:
+        return "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
+    last = view.past[view.past["origin"] == view.past["origin"].max()].set_index("time")
+    rows = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"}).dropna(axis=1, how="all")
+    return (
+        "<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from "
+        f"{_words(last['origin'].iloc[0])}.</p>\n"
+        + _figure(
+            lambda width: day_figure(rows, width), "The last forecast that has run out, and measurements.", "past"
+        )
+    )
+
+
+def _week(view: ZoneView) -> str:
+    rows = compared(view.past)
+    if rows["origin"].nunique() < 2 or rows["y_true"].isna().all():
+        return ""
+    spans = {_WIDE: pd.Timedelta("7D"), _NARROW: pd.Timedelta("3D")}
+    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + _figure(
+        lambda width: backtest_figure({"forecast": rows}, spans[width], width),
+        "Past forecasts and measurements.",
+        "week",
+    )
+
+
+def _state(status: dict[str, Any]) -> str:
+    """Errors and drift."""
+    rows = []
+    for name, short in (("yesterday's forecast", "last one"), ("last four weeks", "four weeks")):
+        for quantity in ("temperature [K]", "load [kW]"):
+            if errors := (status[name] or {}).get(quantity):
+                shown = (f"{errors[key]:.2f}" for key in ("rmse", "bias"))
+                inside = "–" if errors["coverage"] is None else f"{errors['coverage']:.0%}"
+                rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, inside))
+    drift = status["drift"]
+    words = "cannot be told yet"
+    if drift:
+        words = f"yes, since {drift['since']}" if drift["drifted"] else "no"
+    facts = f"Last row: {status['last row'] or '–'}. Learned until: {status['learned until']}. Drift: {words}."
+    table = html_table(("errors", "RMSE", "bias", "in band"), rows) if rows else ""
+    return f"<h2>State</h2>\n{table}<p>{escape(facts)}</p>"
+
+
+def _words(stamp: pd.Timestamp) -> str:
+    zone = f" ({escape(str(stamp.tz))})" if stamp.tz is not None else ""
+    return f"{stamp:%A} {stamp.day} {stamp:%B %Y, %H:%M}{zone}"
+
+
+def _figure(draw: Callable[[float], Any], caption: str, name: str) -> str:
+    """A figure in two widths, of which the style shows one."""
+    text = escape(caption, quote=True)
+    drawn = "".join(
+        f'<div class="{kind}">{as_svg(draw(width), text, f"{name}-{kind}")}</div>'
+        for kind, width in (("wide-figure", _WIDE), ("narrow-figure", _NARROW))
+    )
+    return f"<figure>{drawn}<figcaption>{text}</figcaption></figure>\n"
+
+
+def docs_page(description: dict[str, Any]) -> str:
+    """The OpenAPI description as one page."""
+    info, parts = description["info"], []
+    for path, methods in description["paths"].items():
+        for method, route in methods.items():
+            codes = "; ".join(f"{code}: {one['description']}" for code, one in route["responses"].items())
+            words = escape(route.get("description") or route.get("summary", ""))
+            title = f"<code>{method.upper()} {escape(path)}</code>"
+            parts.append(f'<h2>{title}</h2>\n<p>{words}</p><p class="soft">{escape(codes)}</p>')
+    for name, schema in description["components"]["schemas"].items():
+        rows = [(key, _kind(one), one.get("description", "")) for key, one in schema.get("properties", {}).items()]
+        table = html_table(("field", "type", "meaning"), rows, n_texts=2) if rows else ""
+        parts.append(f"<h2>{escape(name)}</h2>\n<p>{escape(schema.get('description', ''))}</p>{table}")
+    links = '<p class="soft"><a href="/openapi.json">openapi.json</a> · <a href="/">the page of the zone</a></p>'
+    title, version, summary = (escape(info[key]) for key in ("title", "version", "summary"))
+    head = f'<p class="soft">{title} {version}</p><h1>Routes</h1><p>{summary}</p>'
+    return html_page("Routes", [head, *parts, links])
+
+
+def _kind(field: dict[str, Any]) -> str:
+    """Type of a field in words."""
+    if "anyOf" in field:
+        return " or ".join(_kind(one) for one in field["anyOf"])
+    if "items" in field:
+        return f"list of {_kind(field['items'])}"
+    return str(field.get("type") or field.get("$ref", "").rpartition("/")[2])

@@ -1,0 +1,102 @@
+"""Bodies of requests and answers, with units, for the checks and the OpenAPI description."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+_Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Row(BaseModel):
+    """A row of the log: its time stamp, and a value for each column that zone.toml names, in the unit it has there."""
+
+    model_config = ConfigDict(extra="allow", str_max_length=200)
+    __pydantic_extra__: dict[str, _Number | None]
+    time: str = Field(description="ISO 8601, with an offset where the log of the zone has a time zone")
+
+
+ROWS = TypeAdapter(Annotated[list[Row], Field(min_length=1)])
+
+
+class Posted(BaseModel):
+    """The effect of posted rows."""
+
+    rows: int = Field(description="rows read")
+    new_steps: int = Field(description="steps of the zone that became complete by them")
+    fitted_again_because: str | None = Field(description="why the model was fitted again; null where it was not")
+    forecast_from: str | None = Field(description="origin of the new forecast; null where there is none, see remarks")
+    remarks: list[str] = Field(description="what a user should know of them")
+
+
+class ForecastRow(BaseModel):
+    """One step of a forecast."""
+
+    time: str = Field(description="start of the step, ISO 8601, with an offset where the log has a time zone")
+    T_za: float | None = Field(description="zone temperature [degC]")
+    T_za_low: float | None = Field(description="10 % quantile of the zone temperature [degC]")
+    T_za_high: float | None = Field(description="90 % quantile of the zone temperature [degC]")
+    Q_hvac: float | None = Field(
+        description="mean heat of the plant over the step [kW], negative for cooling; null where it was planned"
+    )
+    Q_hvac_low: float | None = Field(description="10 % quantile of the heat [kW]")
+    Q_hvac_high: float | None = Field(description="90 % quantile of the heat [kW]")
+
+
+class Forecast(BaseModel):
+    """The latest forecast of a zone."""
+
+    name: str = Field(description="name of the zone")
+    origin: str = Field(description="time of the last measurement that the forecast knows, ISO 8601")
+    timezone: str | None = Field(description="time zone of the stamps; null where the log has none")
+    step_minutes: float = Field(description="length of a step [min]")
+    interval: float = Field(description="share of the measurements that lies between low and high [-]")
+    scaled: bool = Field(description="whether the log fixes what a kW is; if not, heats are relative")
+    units: dict[str, str] = Field(description="unit of each quantity")
+    rows: list[ForecastRow] = Field(description="steps after the origin, in the order of time")
+
+
+class Errors(BaseModel):
+    """Errors of forecasts beside what was measured."""
+
+    rmse: float = Field(description="root mean square error, in the unit of the quantity")
+    bias: float = Field(description="mean of forecast minus measurement, in the unit of the quantity")
+    coverage: float | None = Field(description="share of the measurements inside the 80 % interval [-]")
+
+
+class PastErrors(BaseModel):
+    """Errors of forecasts that have run out."""
+
+    origin: str | None = Field(None, alias="from", description="origin, where it is one forecast")
+    forecasts: int | None = Field(None, description="number of forecasts, where there are several")
+    temperature: Errors | None = Field(None, alias="temperature [K]", description="errors of the zone temperature [K]")
+    load: Errors | None = Field(None, alias="load [kW]", description="errors of the heat of the plant [kW]")
+
+
+class Drift(BaseModel):
+    """Whether errors have grown since the model learned; empty where that cannot be told yet."""
+
+    drifted: bool | None = Field(None, description="whether they have")
+    since: str | None = Field(None, description="day of the change")
+    kind: str | None = Field(None, description="kind of the change")
+    statistic: float | None = Field(None, description="of the drift test [-]")
+    threshold: float | None = Field(None, description="above which errors have drifted [-]")
+
+
+class Status(BaseModel):
+    """State of the zone, and errors of its forecasts."""
+
+    name: str = Field(description="name of the zone")
+    last_row: str | None = Field(alias="last row", description="time of the last measurement")
+    last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
+    learned_until: str = Field(alias="learned until", description="last row that the model learned from")
+    drift: Drift = Field(description="drift of the errors")
+    yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
+    four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
+
+
+class Refusal(BaseModel):
+    """Why a request was refused."""
+
+    detail: str = Field(description="one sentence: what, where, and what to do")

@@ -1,0 +1,80 @@
+"""Scores of the archived forecasts of a zone, and the verdicts on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..study.doubts import OUTSIDE, at_ends, drifted
+from ..study.judgement import NO_SCALE, is_scaled, load_of, plant_roles
+from ..study.verdict import Verdict, compare_errors, judge
+from .forecast_archive import BEYOND, ForecastArchive
+from .zone_model import ZoneModel
+
+_DAY = pd.Timedelta(days=1)
+
+
+def errors_of(rows: pd.DataFrame) -> dict[str, Any]:
+    """Root mean square error, bias and share inside of the 80 % interval of temperature, load and stages.
+
+    None where nothing can be compared; heat that the log does not hold in kW is left out where there are stages.
+    """
+    stages = [role for role in plant_roles(rows) if role.startswith("u_") and f"{role}_measured" in rows]
+    out = {"temperature [K]": _errors(rows, "T_za", "q")}
+    if not stages or rows["Q_hvac_measured"].notna().any():
+        out["load [kW]"] = _errors(rows, "Q_hvac", "Q_hvac")
+    return out | {f"{role} [-]": _errors(rows, role) for role in stages}
+
+
+def _errors(rows: pd.DataFrame, role: str, quantiles: str = "") -> dict[str, Any] | None:
+    measured = rows[f"{role}_measured"]
+    error = (rows[role] - measured).dropna()
+    if error.empty:
+        return None
+    inside = _inside(rows, role, quantiles) if quantiles else pd.Series(dtype=float)
+    return {
+        "rmse": round(float(np.sqrt((error**2).mean())), 3),
+        "bias": round(float(error.mean()), 3),
+        "coverage": round(float(inside.mean()), 3) if len(inside) else None,
+    }
+
+
+def _inside(rows: pd.DataFrame, role: str, quantiles: str) -> pd.Series:
+    low, high = f"{quantiles}_0.1", f"{quantiles}_0.9"
+    known = rows.dropna(subset=[low, high, role, f"{role}_measured"])
+    return known[f"{role}_measured"].between(known[low], known[high])
+
+
+def verdicts_of(archive: ForecastArchive, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame) -> list[Verdict]:
+    """The verdicts on temperature and load by finished forecasts, with the drift ``days`` of the model."""
+    stamps = pd.DatetimeIndex(pd.to_datetime(rows["time"]))
+    known = archive.measured(stamps[0] - _DAY)
+    before = known.reindex(stamps - _DAY).set_axis(rows.index)
+    doubts = [*_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
+    measured = rows.filter(like="_measured").rename(columns=lambda name: name.removesuffix("_measured"))
+    out = [_verdict("temperature", rows, (rows["T_za"], measured["T_za"], before["T_za"]), [*drifted(days), *doubts])]
+    roles = [role for role in plant_roles(measured) if role in rows and measured[role].notna().any()]
+    loads = [load_of(frame, zone.settings, roles) for frame in (rows, measured, before)]
+    if loads[0] is not None and loads[0].values.notna().any():
+        scale = [] if is_scaled(zone.settings, zone.settings.columns) else [NO_SCALE]
+        doubts = [*scale, *drifted(days, "its temperature errors"), *doubts]
+        out.append(_verdict("load", rows, [load.values for load in loads if load is not None], doubts))
+    return out
+
+
+def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], doubts: list[str]) -> Verdict:
+    """The verdict on forecasts, beside what was measured then and a day before."""
+    forecast, measured, before = values
+    blocks = pd.to_datetime(rows["origin"]).dt.floor("D")  # forecasts of one day err alike, however many there are
+    rule = compare_errors(forecast - measured, before - measured, blocks, f"yesterday's {quantity}")
+    inside = _inside(rows, *(("T_za", "q") if quantity == "temperature" else ("Q_hvac", "Q_hvac")))
+    coverage = float(inside.mean()) if len(inside) else None
+    return judge(quantity, [rule], n_origins=blocks.nunique(), coverage=coverage, doubts=doubts)
+
+
+def _beyond(ahead: pd.DataFrame) -> list[str]:
+    share = float(ahead[BEYOND].mean()) if BEYOND in ahead else 0.0
+    return [f"{100 * share:.0f} % of the last forecast lies beyond what training covered"] if share > OUTSIDE else []

@@ -1,0 +1,149 @@
+"""Rows that are posted to a zone one by one, beside those of the log that the zone was made from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._ranges import check_range
+from .._table import refuse_infinite_columns, role_of
+from ..logs.conversion import TIMES, Channel
+from ..logs.naming import ENERGY
+from ..logs.zone_csv import to_left_label
+from ..study.data import on_even_steps, read_by_role
+from ..study.settings import Settings
+from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
+
+_TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
+_KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
+_AHEAD_OF_US = pd.Timedelta(days=1)  # that a clock may be, or another time zone
+_SEED = 3  # even rows before the first posted one, which tell the step where one row is posted alone
+
+
+def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = False) -> pd.DataFrame:
+    """Rows of a file by role, at their own stamps.
+
+    Parameters
+    ----------
+    path : path-like, as for :func:`skhybrid.study.read_log`
+    settings : Settings
+    plain : bool, whether the file is a CSV with commas and a column ``time``, whatever the log is
+
+    Raises
+    ------
+    ValueError
+        If the rows cannot be read by the settings, or a value is beyond physics.
+    """
+    if plain:
+        given: dict[str, Any] = {
+            "time_column": "time",
+            "sep": ",",
+            "decimal": ".",
+            "dayfirst": None,
+            "format": "CSV",
+            "log": {},
+        }
+        settings = replace(settings, **given)
+    frame, channels, changed = read_by_role(path, settings)
+    for channel in channels:
+        _refuse_sums(channel)
+    if changed:
+        frame = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])[0]
+    refuse_infinite_columns(frame)
+    for role in frame:
+        if role_of(str(role)) is not None:
+            check_range(frame[role].to_numpy(dtype=np.float64), str(role), str(role), frame.index)
+    frame = frame.sort_index(kind="stable").dropna(how="all")
+    if frame.empty:
+        raise ValueError("no posted row has a value; the columns are those of zone.toml.")
+    return frame[~frame.index.duplicated(keep="last")]
+
+
+def _refuse_sums(channel: Channel) -> None:
+    """Refuse what is read with the help of the rows around it."""
+    if channel.unit in ENERGY or (channel.unit in TIMES and channel.scale == 1.0):
+        raise ValueError(
+            f"{channel.role} is logged in {channel.unit}, which a posted row does not tell without its neighbours; let "
+            "skhybrid zone tick read the log."
+        )
+
+
+def keep_log(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp) -> None:
+    """Keep the rows of a log at even steps, up to an origin and ahead of it."""
+    archive.keep_log(frame[frame.index > origin - _KEPT].loc[:origin], EVEN)
+    archive.keep_log(frame[frame.index > origin], AHEAD)
+    archive.forget_log(EVEN, origin - _KEPT)
+
+
+def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, int]:
+    """Keep posted rows; the log that the archive has by now, at the step of the settings, and the number of rows ahead.
+
+    Rows after the last posted temperature are weather and plans.
+
+    Raises
+    ------
+    ValueError
+        If the rows and the kept log differ in whether their stamps have a time zone, or a measurement is not yet.
+    """
+    known = np.flatnonzero(rows["T_za"].notna().to_numpy()) if "T_za" in rows else np.empty(0, dtype=int)
+    n_measured = int(known[-1]) + 1 if len(known) else 0
+    tz = pd.DatetimeIndex(rows.index).tz
+    if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _AHEAD_OF_US:
+        raise ValueError(
+            f"{rows.index[n_measured - 1]} has a temperature and lies in the future; check the sender's clock."
+        )
+    even = _local(archive.log(EVEN), tz)
+    if len(even) and (pd.DatetimeIndex(even.index).tz is None) != (tz is None):
+        have, give = ("no", "without an offset") if tz is not None else ("a", "with an offset, such as +01:00")
+        raise ValueError(
+            f"the log of this zone has {have} time zone; post stamps {give}, or give timezone in zone.toml."
+        )
+    archive.keep_log(rows.iloc[:n_measured], POSTED)
+    archive.keep_log(rows.iloc[n_measured:], AHEAD)
+    posted = _local(archive.log(POSTED), tz)
+    if len(posted):
+        found = _on_steps(even, posted, settings)
+        even = found.combine_first(even)  # of rows that came at another distance the values found then
+        archive.keep_log(even[even.index.isin(found.index)], EVEN)
+        archive.forget_log(EVEN, posted.index[-1] - _KEPT)
+        whole = found.index[found.index <= posted.index[-1] - _TAIL]
+        if len(whole):
+            archive.forget_log(POSTED, whole[-1])
+    ahead = _local(archive.log(AHEAD), tz)
+    if len(even):
+        last = even.index[-1]
+        archive.forget_log(AHEAD, last + pd.Timedelta("1s"))
+        ahead = ahead[ahead.index > last]
+    if len(ahead) > 1:
+        ahead = on_even_steps(ahead, settings)[0]
+        ahead = ahead[ahead.index > even.index[-1]] if len(even) else ahead
+    return pd.concat([even, ahead]).rename_axis("time"), len(rows) - n_measured
+
+
+def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """Posted rows at even steps, up to the last step that they fill."""
+    if settings.label == "right":
+        posted = to_left_label(posted) if len(posted) > 1 else posted.iloc[:0]
+    if posted.empty:
+        return posted
+    before = even[even.index < posted.index[0]].iloc[-_SEED:]
+    rows = pd.concat([before, posted])
+    if len(rows) < 2:
+        raise ValueError(
+            "the archive has no rows of the log yet; run skhybrid zone tick once, or post two weeks of it."
+        )
+    found, report = on_even_steps(rows, settings)
+    found = found[found.index <= posted.index[-1] + report.source_step - report.step]
+    return found[found.index > before.index[-1]] if len(before) else found
+
+
+def _local(frame: pd.DataFrame, tz: Any) -> pd.DataFrame:
+    """A frame of the archive in a time zone, where it has one."""
+    if frame.empty:
+        return frame.set_axis(pd.DatetimeIndex([], tz=tz), axis=0)
+    aware = pd.DatetimeIndex(frame.index).tz is not None
+    return frame.tz_convert(tz) if aware and tz is not None else frame
