@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import signal
 
-from skhybrid import GrayBoxRC, RCNetwork
+from skhybrid import GrayBoxRC, HybridPredictor, RCNetwork, TwoStagePredictor
 from skhybrid.datasets import make_office
+from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.identification import StateSpace, frequency_response, make_state_space, step_response
 from skhybrid.inspection import BodeDisplay, StepResponseDisplay
+from skhybrid.inspection._hybrid_response import sinusoidal
 
 OFFICE = {
     "C_w": 14.0, "C_za": 1.0, "R_zw": 1.0, "R_zo": 8.6, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0,
@@ -157,3 +161,73 @@ def test_a_display_says_what_it_cannot_draw(office):
         StepResponseDisplay.from_estimator(office, ax=plt.figure().add_subplot())
     with pytest.raises(ValueError, match="there is no model to draw"):
         BodeDisplay.from_estimator({})
+
+
+# ------------------------------------------------------------------------------------------------------- hybrids
+@pytest.fixture(scope="module")
+def hybrid():
+    """A hybrid and the rows after its training."""
+    data = make_office(n_days=12, climate="chicago", start="2023-01-08", sampling_time="1h", random_state=0)
+    X = data.X.assign(Q_hvac=6.0 * data.X["u_heat"] - 6.0 * data.X["u_cool"]).drop(columns=["u_heat", "u_cool"])
+    n = 9 * 24
+    model = HybridPredictor(random_state=0, intervals=False).fit(X[:n], X["T_za"][:n])
+    return model, X[n:]
+
+
+def test_the_step_response_of_a_hybrid_is_that_of_its_forecasts(hybrid):
+    model, X = hybrid
+    display = StepResponseDisplay.from_estimator(model, X=X, duration="10h", truth=None)
+    assert set(display.responses) == {"blend", "network"}
+    n_origins = (len(X) - 11) // 6 + 1
+    running, future = deepcopy(model), X[12:23]
+    running.update(X[:12])
+    base = running.forecast(None, future)["T_za"]
+    more = running.forecast(None, future.assign(Q_hvac=future["Q_hvac"] + 0.5))["T_za"]
+    third = display.by_origin["blend"][2]["Q_hvac"]
+    np.testing.assert_allclose(third, 2 * (more - base), rtol=0, atol=1e-9)
+    assert third.index[-1] == pd.Timedelta("10h")
+    network = running.to_state_space(None, future)
+    path = network.simulate(np.ones(11)) - network.simulate(np.zeros(11))
+    np.testing.assert_allclose(display.by_origin["network"][2]["Q_hvac"], path[:-1, 0], rtol=0, atol=1e-9)
+    (panel,) = display.ax_
+    values = np.array([frame["Q_hvac"] for frame in display.by_origin["blend"]])
+    assert len(values) == n_origins
+    np.testing.assert_allclose(_lines(panel)["blend"].get_ydata(), values.mean(axis=0))
+    edges = panel.collections[list(display.responses).index("blend")].get_paths()[0].vertices[:, 1]
+    assert edges.max() == pytest.approx(values.max())
+    assert np.ptp(values[:, -1]) > 0  # it learns from day to day
+    assert {f"blend, {n_origins} origins", "network"} <= {t.get_text() for t in display.figure_.legends[0].get_texts()}
+
+
+def test_the_frequency_response_of_a_hybrid_is_that_of_a_planned_sinusoid(hybrid):
+    model, X = hybrid
+    display = BodeDisplay.from_estimator({"office": model}, X=X, periods=["4h", "20h"], origin_step="1D", phase=True)
+    ahead = model.affine_forecast(None, X[:41])
+    wave = np.exp(2j * np.pi / 4 * np.arange(41))  # begins 40 h earlier, in place of long before
+    answer = ahead.temperature(wave.real) - ahead.free + 1j * (ahead.temperature(wave.imag) - ahead.free)
+    found = display.by_origin["office, blend"][0]["Q_hvac"].iloc[0]
+    assert abs(answer[-1] / (found * wave[-1]) - 1) < 0.15
+    effect = model.affine_forecast(None, X[:41], member="network").gain[-1, -2::-1]
+    exact = display.by_origin["office, network"][0]
+    np.testing.assert_allclose(sinusoidal(effect, 1 / np.array([4.0, 20.0])), exact, rtol=0.01)
+    assert all(ax.collections for ax in display.ax_)
+    assert BodeDisplay.from_estimator(model, X=X, ax=None).responses["blend"].index[-1] == pd.Timedelta("1D")
+
+
+def test_a_hybrid_needs_rows_after_its_training(hybrid):
+    model, X = hybrid
+    with pytest.raises(ValueError, match="pass X, the table of rows after its training"):
+        StepResponseDisplay.from_estimator(model)
+    with pytest.raises(ValueError, match=r"X has 5 rows, but the response needs 13 \(13 h\)"):
+        StepResponseDisplay.from_estimator(model, X=X[:5])
+
+
+def test_a_two_stage_predictor_is_its_network():
+    data = make_office(n_days=4, sampling_time="1h", random_state=0)
+    model = TwoStagePredictor(GrayBoxRC(known=data.theta), DisturbanceForecaster("profile")).fit(
+        data.X[:72], data.y[:72]
+    )
+    display = StepResponseDisplay.from_estimator(model, X=data.X[72:], duration="6h", truth=model.gray_box_)
+    assert set(display.responses) == {"true", "network"}
+    found, expected = display.responses["network"], display.responses["true"]
+    np.testing.assert_allclose(found, expected[list(found)], rtol=0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""What the members of a blend answer to a kW, how well the training determines it, and what there is to warn of."""
+"""Answers of the members of a blend to a kW, how well the training determines them, and warnings of them."""
 
 from __future__ import annotations
 

@@ -55,11 +55,26 @@ _BLOCKS = {
     "models": """
     Parameters
     ----------
-    estimator : fitted identification, StateSpace or mapping
+    estimator : fitted identification or hybrid, StateSpace or mapping
         A model, or a mapping of label to model.
+    X : DataFrame, optional
+        Rows that follow the training of a hybrid, which takes them in as it goes from origin to origin.
     truth : StateSpace or fitted identification, optional
         True model, drawn as a broad line below the others with the label "true"; see
         :func:`skhybrid.identification.make_state_space`.
+    """,
+    "by_origin": """
+    by_origin : mapping of label to list of DataFrame, optional
+        Responses at several origins, drawn as a band from the least to the most of them.
+    """,
+    "origins": """
+    origin_step : timedelta-like, default="6h"
+        Time between the origins at which the response of a hybrid is taken.
+    """,
+    "hybrids": """
+    A hybrid is drawn by member, its blend and its network, under heating and cooling alone, as the mean over origins
+    in a band from the least to the most of them.  The band is how far the response changes with what is learned and
+    with the hour; it is no error of the gain, which all origins may share.
     """,
     "output": """
     output : int, default=0

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..identification import frequency_response, step_response
 from ._display import Display
+from ._hybrid_response import Responses, default_periods, frequency_responses, is_hybrid, step_responses
 from ._style import MEASURED, grid_or_new, line_style, shared_legend, tidy
 
 _TRUTH = "true"  # label of the true system
@@ -21,8 +22,10 @@ _TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800
 class _ResponseDisplay(Display):
     """Base of the displays of responses to every input: a DataFrame per model, with one column per input."""
 
-    def __init__(self, responses: Mapping[str, pd.DataFrame]) -> None:
-        self.responses = dict(responses)
+    def __init__(
+        self, responses: Mapping[str, pd.DataFrame], by_origin: Mapping[str, Sequence[pd.DataFrame]] | None = None
+    ) -> None:
+        self.responses, self.by_origin = dict(responses), {k: list(v) for k, v in (by_origin or {}).items()}
 
     @classmethod
     def from_predictions(
@@ -40,6 +43,37 @@ class _ResponseDisplay(Display):
         display: Any = cls({"model": responses} if isinstance(responses, pd.DataFrame) else responses)
         return display.plot(ax, **kwargs)
 
+    @classmethod
+    def _of_models(
+        cls, models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame], by_origin: Callable[[Any], Responses]
+    ) -> Self:
+        """The response of every model by its label, the truth first; of a hybrid that of each member, by origin."""
+        given = models if isinstance(models, Mapping) else {type(models).__name__: models}
+        if not given:
+            raise ValueError(
+                "there is no model to draw; pass a fitted identification or hybrid, a StateSpace or a mapping of these."
+            )
+        found = {} if truth is None else {_TRUTH: respond(truth)}
+        several: Responses = {}
+        for label, model in given.items():
+            if not is_hybrid(model):
+                found[str(label)] = respond(model)
+                continue
+            for member, frames in by_origin(model).items():
+                name = f"{label}, {member}" if isinstance(models, Mapping) else member
+                several[name] = frames
+                found[name] = sum(frames[1:], frames[0]) / len(frames)
+        return cls(found, several)
+
+    def _band(self, ax: Any, label: str, name: str, across: Any, drawn: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Shade between the least and the most of all origins."""
+        frames = self.by_origin.get(label, [])
+        if len(frames) > 1:
+            values = np.array([drawn(frame[name].to_numpy()) for frame in frames])
+            color, text = _style_of(label, self.responses)["color"], f"{label}, {len(frames)} origins"
+            edges = values.min(axis=0), values.max(axis=0)
+            ax.fill_between(across, *edges, color=color, alpha=0.2, linewidth=0, zorder=1, label=text)
+
 
 class BodeDisplay(_ResponseDisplay):
     """Magnitude and phase of the response of a temperature to every input, by the period of the input.
@@ -48,24 +82,46 @@ class BodeDisplay(_ResponseDisplay):
     ----------
     responses : mapping of label to DataFrame of complex
         Frequency responses, as returned by :func:`skhybrid.identification.frequency_response`.
+    %(by_origin)s
 
     %(attributes)s
     """
 
     @classmethod
     def from_estimator(
-        cls, estimator: Any, *, truth: Any = None, periods: Any = None, output: int = 0, ax: Any = None, **kwargs: Any
+        cls,
+        estimator: Any,
+        *,
+        X: Any = None,
+        truth: Any = None,
+        periods: Any = None,
+        origin_step: Any = "6h",
+        output: int = 0,
+        ax: Any = None,
+        **kwargs: Any,
     ) -> BodeDisplay:
         """Compute the responses of models and draw them.
 
         %(models)s
         periods : sequence of timedelta-like, optional
-            Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days.
+            Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days, of a hybrid to one
+            day.
+        %(origins)s
         %(output)s
         %(drawing)s
+
+        Notes
+        -----
+        %(hybrids)s
+        A blend weighs its members by lead, so that it has no frequency response in the strict sense: what is drawn is
+        how the temperature two of the longest periods ahead answers a sinusoid, which began long before.
         """
+        hybrids = [model for model in _listed(estimator) if is_hybrid(model)]
+        if hybrids and periods is None:
+            periods = default_periods(max(model.sampling_time_ for model in hybrids))
         respond = partial(frequency_response, periods=periods, output=output)
-        return cls(_responses_of(estimator, truth, respond)).plot(ax, **kwargs)
+        by_origin = partial(frequency_responses, X=X, origin_step=origin_step, periods=periods)
+        return cls._of_models(estimator, truth, respond, by_origin).plot(ax, **kwargs)
 
     def plot(
         self,
@@ -89,7 +145,7 @@ class BodeDisplay(_ResponseDisplay):
         names = _inputs_of(self.responses, inputs)
         n_each = 2 if phase else 1
         n_cols = 2 if phase or len(names) == 4 else 3
-        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4))
+        axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
         for number, name in enumerate(names):
             self._draw_magnitude(axes[n_each * number], name, decibel)
             if phase:
@@ -104,9 +160,9 @@ class BodeDisplay(_ResponseDisplay):
     def _draw_magnitude(self, ax: Any, name: str, decibel: bool) -> None:
         for label, frame in self.responses.items():
             if name in frame:
-                size = np.abs(frame[name].to_numpy())
-                drawn = 20 * np.log10(size) if decibel else size
-                ax.plot(_seconds(frame), drawn, label=label, **_style_of(label, self.responses))
+                drawn = _decibel if decibel else np.abs
+                ax.plot(_seconds(frame), drawn(frame[name].to_numpy()), label=label, **_style_of(label, self.responses))
+                self._band(ax, label, name, _seconds(frame), drawn)
         if not decibel:
             ax.set_yscale("log")
         tidy(ax, ylabel=f"dB re 1 {_unit_of(name)}" if decibel else f"magnitude [{_unit_of(name)}]", title=name)
@@ -114,9 +170,9 @@ class BodeDisplay(_ResponseDisplay):
     def _draw_phase(self, ax: Any, name: str) -> None:
         for label, frame in self.responses.items():
             if name in frame:
-                # unwrap from the longest period, where the phase is near zero, to the shortest
-                angle = np.unwrap(np.angle(frame[name].to_numpy())[::-1])[::-1]
-                ax.plot(_seconds(frame), np.degrees(angle), label=label, **_style_of(label, self.responses))
+                angle = _degrees(frame[name].to_numpy())
+                ax.plot(_seconds(frame), angle, label=label, **_style_of(label, self.responses))
+                self._band(ax, label, name, _seconds(frame), _degrees)
         tidy(ax, ylabel="phase [degrees]", title=name)
 
 
@@ -127,24 +183,40 @@ class StepResponseDisplay(_ResponseDisplay):
     ----------
     responses : mapping of label to DataFrame
         Step responses, as returned by :func:`skhybrid.identification.step_response`.
+    %(by_origin)s
 
     %(attributes)s
     """
 
     @classmethod
     def from_estimator(
-        cls, estimator: Any, *, truth: Any = None, duration: Any = "12h", output: int = 0, ax: Any = None, **kwargs: Any
+        cls,
+        estimator: Any,
+        *,
+        X: Any = None,
+        truth: Any = None,
+        duration: Any = "12h",
+        origin_step: Any = "6h",
+        output: int = 0,
+        ax: Any = None,
+        **kwargs: Any,
     ) -> StepResponseDisplay:
         """Compute the responses of models and draw them.
 
         %(models)s
         duration : timedelta-like, default="12h"
             Time after the step.
+        %(origins)s
         %(output)s
         %(drawing)s
+
+        Notes
+        -----
+        %(hybrids)s
         """
         respond = partial(step_response, duration=duration, output=output)
-        return cls(_responses_of(estimator, truth, respond)).plot(ax, **kwargs)
+        by_origin = partial(step_responses, X=X, origin_step=origin_step, duration=duration)
+        return cls._of_models(estimator, truth, respond, by_origin).plot(ax, **kwargs)
 
     def plot(
         self, ax: Any = None, *, inputs: Sequence[str] | None = None, title: str | None = None
@@ -157,13 +229,14 @@ class StepResponseDisplay(_ResponseDisplay):
         """
         names = _inputs_of(self.responses, inputs)
         n_cols = 2 if len(names) == 4 else 3
-        axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4))
+        axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
         hours = {label: pd.TimedeltaIndex(frame.index) / pd.Timedelta("1h") for label, frame in self.responses.items()}
         longest = max(time.max() for time in hours.values())
         for panel, name in zip(axes, names, strict=True):
             for label, frame in self.responses.items():
                 if name in frame:
                     panel.plot(hours[label], frame[name], label=label, **_style_of(label, self.responses))
+                    self._band(panel, label, name, hours[label], np.asarray)
             tidy(panel, ylabel=f"temperature [{_unit_of(name)}]", title=name)
             panel.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
             panel.set_xlim(0, longest)
@@ -175,14 +248,8 @@ class StepResponseDisplay(_ResponseDisplay):
         return self._drawn_on(axes)
 
 
-def _responses_of(models: Any, truth: Any, respond: Callable[[Any], pd.DataFrame]) -> dict[str, pd.DataFrame]:
-    """Compute the response of every model by its label, the truth first."""
-    given = models if isinstance(models, Mapping) else {type(models).__name__: models}
-    if not given:
-        raise ValueError("there is no model to draw; pass a fitted identification, a StateSpace or a mapping of these.")
-    if truth is not None:
-        given = {_TRUTH: truth, **given}
-    return {str(label): respond(model) for label, model in given.items()}
+def _listed(models: Any) -> list[Any]:
+    return list(models.values()) if isinstance(models, Mapping) else [models]
 
 
 def _inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
@@ -208,6 +275,15 @@ def _style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, An
     if label == _TRUTH:
         return {"color": MEASURED, "linestyle": "-", "linewidth": 3.0, "alpha": 0.45, "zorder": 1.5}
     return {"linewidth": 1.7, **line_style([name for name in responses if name != _TRUTH].index(label))}
+
+
+def _decibel(response: np.ndarray) -> np.ndarray:
+    return 20 * np.log10(np.abs(response))
+
+
+def _degrees(response: np.ndarray) -> np.ndarray:
+    """Phase [degrees], unwrapped from the longest period, where it is near zero, to the shortest."""
+    return np.degrees(np.unwrap(np.angle(response)[::-1])[::-1])
 
 
 def _seconds(frame: pd.DataFrame) -> np.ndarray:

@@ -118,7 +118,8 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
             entries.setdefault(label, handle)
     if len({ax.figure for ax in axes}) == 1 and entries:
         heading_style = {"title": title, "title_fontproperties": {"weight": "bold"}, "alignment": "left"}
-        place = {"loc": "outside upper left", "ncols": min(len(entries), 6)}
+        fitting = int(_PER_INCH * axes[0].figure.get_figwidth() / (max(map(len, entries)) + _HANDLE))
+        place = {"loc": "outside upper left", "ncols": max(1, min(len(entries), 6, fitting))}
         axes[0].figure.legend(entries.values(), entries.keys(), **heading_style, **place, **_LEGEND)
 
 

@@ -1,4 +1,4 @@
-"""How well the training determines the step gain of a network: a jackknife over blocks of days."""
+"""Standard error of the step gain of a network: a jackknife over blocks of days."""
 
 from __future__ import annotations
 
