@@ -22,7 +22,7 @@ import pytest
 
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
-from skhybrid.cli import _output, main
+from skhybrid.cli import _group, _output, main
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model
 from skhybrid.preprocessing import FacadeIrradiance
@@ -775,6 +775,30 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
     assert "Another model forecasts better here: the error of ARX" in lines[-1]
 
 
+COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "search", "zone", "serve", "demo",
+            "export", "zone init", "zone tick", "zone status", "export emhass"}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_help_begins_with_what_a_command_has_and_ends_with_an_example_of_it(name, capsys):
+    assert main([*name.split(), "-h"]) == 0
+    out = capsys.readouterr().out
+    assert f"Example:\n    skhybrid {name} " in out
+    if "Commands:" not in out:
+        options = re.findall(r"^  (?:-., )?(--[\w-]+)", out, re.MULTILINE)
+        assert options[-4:] == ["--json", "--strict", "--quiet", "--help"]
+
+
+@pytest.mark.parametrize("name", ["", "zone", "export"])
+def test_a_list_of_commands_cuts_no_sentence(name, capsys):
+    assert main([*name.split(), "-h"]) == 0
+    listed = capsys.readouterr().out.partition("Commands:")[2]
+    assert listed
+    assert "..." not in listed
+    if name == "zone":
+        assert re.findall(r"^  (\w+)  ", listed, re.MULTILINE) == ["init", "tick", "status"]
+
+
 def test_a_shell_completes_commands():
     given = {"_SKHYBRID_COMPLETE": "bash_complete", "COMP_WORDS": "skhybrid fo", "COMP_CWORD": "1"}
     done = subprocess.run(
@@ -782,3 +806,13 @@ def test_a_shell_completes_commands():
         env={**os.environ, **given},
     )  # fmt: skip
     assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "plain,forecast", "")
+
+
+@pytest.mark.parametrize("words", ["check", "fit", "forecast --log", "update --log", "zone tick kitchen --log",
+                                   "export emhass"])  # fmt: skip
+def test_a_shell_completes_the_file_of_a_log(words):
+    from click.shell_completion import ShellComplete
+
+    *before, last = words.split()
+    found = ShellComplete(_group(), {}, "skhybrid", "_SKHYBRID_COMPLETE").get_completions([*before, last], "th")
+    assert [item.type for item in found] == ["file"]

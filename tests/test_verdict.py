@@ -90,7 +90,7 @@ def test_a_day_beyond_what_training_covered_is_told_with_its_columns():
     day = pd.DataFrame({"T_oa": [5.0] * 7 + [-0.4, -3.0, -4.0], "q_sol": 0.1})
     (reason,) = day_beyond(day, ranges_of(train))
     assert reason.startswith("20 % of the day to come lies beyond what training covered")
-    assert "(the outdoor temperature reaches -4, training had 0 to 10)" in reason
+    assert "(the outdoor temperature reaches -4 degC, training had 0 to 10)" in reason
     assert not day_beyond(day[:8], ranges_of(train))  # within the margin
     assert not day_beyond(day.assign(T_oa=[5.0] * 9 + [-4.0]), ranges_of(train))  # one row in ten
 

@@ -120,7 +120,10 @@ def test_init_tick_and_status_from_the_command_line(log, zone, tmp_path, capsys)
     assert found["last row"] == str(log.index[24 * (DAYS + 2) - 1])
     assert found["drift"]["drifted"] is False
     assert main(["zone", "status", str(zone.path)]) == 0
-    assert "drifted: False" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "drift: none (" in out
+    assert f"temperature [K]: RMSE {yesterday['temperature [K]']['rmse']}, bias " in out
+    assert "% of the measurements inside the 80 % interval" in out
 
 
 def test_a_tick_that_fails_changes_nothing(log, zone, tmp_path):

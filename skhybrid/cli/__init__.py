@@ -88,6 +88,7 @@ def _group() -> Any:
     import click
 
     from .. import __version__
+    from ._options import HELP_NAMES
 
     class Commands(click.Group):
         def list_commands(self, ctx: click.Context) -> list[str]:
@@ -104,5 +105,5 @@ def _group() -> Any:
         "  skhybrid forecast --model zone.skops --log LOG --weather WEATHER --setpoint 21,24"
     )
     return click.version_option(__version__, message="skhybrid %(version)s")(
-        Commands("skhybrid", help=doc, no_args_is_help=False)
+        Commands("skhybrid", help=doc, no_args_is_help=False, context_settings=HELP_NAMES)
     )

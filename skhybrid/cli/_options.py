@@ -13,8 +13,9 @@ import click
 
 from ._output import DONE, FAILED, Progress, one_line
 
-LOG = click.argument("log", metavar="LOG")
+LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
 CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
+HELP_NAMES = {"help_option_names": ["-h", "--help"]}
 MODEL = click.option(
     "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
 )
@@ -40,13 +41,15 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
             return FAILED if strict and (texts or say.n_warnings) and code == DONE else code
 
         for option in (
-            click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
-            click.option("--strict", is_flag=True, help="End with exit code 1 where something is warned of."),
             click.option("-q", "--quiet", is_flag=True, help="Write no progress and no warnings to stderr."),
+            click.option("--strict", is_flag=True, help="End with exit code 1 where something is warned of."),
+            click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
         ):
             run = option(run)
         epilog = "\b\nExample:\n" + "\n".join(f"  {line}" for line in example.splitlines())
-        return click.command(name, epilog=epilog, context_settings={"help_option_names": ["-h", "--help"]})(run)
+        made = click.command(name, epilog=epilog, context_settings=HELP_NAMES)(run)
+        made.params = made.params[3:] + made.params[:3]  # help begins with what only this command has
+        return made
 
     return decorate
 

@@ -16,7 +16,10 @@ from ._output import DONE, Progress
 @CONFIG
 @click.option("--out", type=click.Path(path_type=Path), metavar="backtest.csv", help="File to write all forecasts to.")
 def command(log: str, config: Path | None, out: Path | None, say: Progress, as_json: bool) -> int:
-    """Fit on [train], forecast every day of [test], and compare with simple rules."""
+    """Forecast past days, and compare with simple rules.
+
+    The model is fitted on [train] of the configuration and forecasts every day of [test].
+    """
     settings = settings_at(config)
     from .._files import atomic_path
     from ..study import read_log, split_log

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, as_command, print_json
+from ._options import LOG, as_command, print_json
 from ._output import DONE, Progress
 
 
 @as_command("check", "skhybrid check thermostat.csv --config zone.toml")
 @LOG
-@CONFIG
+@click.option(
+    "--config", type=click.Path(path_type=Path), metavar="zone.toml", help="Configuration to propose, or to use."
+)
 @click.option("--format", "format_", help="Format of the log, where its content does not tell.")
 @click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
 @click.option("--overwrite", is_flag=True, help="Replace a configuration that is there.")
@@ -25,7 +27,9 @@ def command(
     say: Progress,
     as_json: bool,
 ) -> int:
-    """Show what a log holds: columns, units, gaps, sensors, and what can be learned from it.
+    """Show what a log holds, before anything is fitted.
+
+    That is columns, units, gaps and sensors, and what can be learned.
 
     With --config, a configuration is proposed there; what could not be found is a comment in it.  A configuration that
     is there already is used, and left as it is.

@@ -29,7 +29,7 @@ _QUICK_SPANS = {
 )
 @click.option("--quick", is_flag=True, help="Shorter spans, to see that it works.")
 def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:
-    """Forecast the log that ships with the package, beside simple models."""
+    """Study the office log that ships with the package."""
     # imported here so that --help need not wait for it
     from ..datasets import load_small_office
     from ._study import study_to_folder

@@ -13,9 +13,14 @@ from ._output import DONE, Progress
 
 
 @as_command("emhass", "skhybrid export emhass thermostat.csv --config zone.toml --out emhass.json")
-@click.argument("source", metavar="LOG|MODEL|DIR")
+@click.argument("source", metavar="LOG|MODEL|DIR", type=click.Path())
 @CONFIG
-@click.option("--log", metavar="LOG", help="Log to identify on, where a model file or a zone's folder is given.")
+@click.option(
+    "--log",
+    type=click.Path(),
+    metavar="LOG",
+    help="Log to identify on, where a model file or a zone's folder is given.",
+)
 @click.option("--sense", type=click.Choice(["heat", "cool"]), default="heat", show_default=True)
 @click.option(
     "--block",
@@ -43,10 +48,11 @@ def emhass(
     say: Progress,
     as_json: bool,
 ) -> int:
-    """Write thermal_config and thermal_battery of EMHASS, each value with its standard error.
+    """Write EMHASS's thermal_config or thermal_battery.
 
-    They come from a log with its configuration, from a log and the model file or zone's folder that has its
-    configuration, or from a two-stage model file alone.  What the data do not tell is left out, with the reason.
+    Each value has its standard error.  They come from a log with its configuration, from a log and the model file or
+    zone's folder that has its configuration, or from a two-stage model file alone.  What the data do not tell is left
+    out, with the reason.
     """
     from .._files import atomic_path
     from ..zone import emhass_parameters
@@ -73,7 +79,7 @@ def emhass(
 command = click.Group(
     "export",
     commands=[emhass],
-    help="Write what was identified in the form that other programs take.",
+    help="Write what was identified for other programs (EMHASS).",
     epilog="\b\nExample:\n  skhybrid export emhass thermostat.csv --config zone.toml",
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=False,
@@ -113,5 +119,7 @@ def _text(found: Any, written: dict[str, Any], hours: float) -> str:
         f"one time constant differs from it by {found.misfit:.1f} K (root mean square)."
     )
     reasons = [f"- {name}: {reason}." for name, reason in found.left_out.items()]
-    table = found.values.to_string(na_rep="-", float_format="{:.4g}".format)
-    return "\n".join([table, "", change, "", "Not written:", *reasons, "", json.dumps(written, indent=2)])
+    table = found.values.rename(columns={"std": "std. error"}).to_string(na_rep="-", float_format="{:.4g}".format)
+    return "\n".join(
+        [table, "", change, "", "What the log does not tell:", *reasons, "", json.dumps(written, indent=2)]
+    )

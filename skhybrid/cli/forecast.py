@@ -11,6 +11,13 @@ from ._options import MODEL, as_command, print_json
 from ._output import DONE, Progress
 
 _HOURS = 3  # of a row of the table on the terminal
+#: columns of that table, with their units
+_TITLES = {
+    "T_za": ("room", "[degC]"), "Q_hvac": ("heat", "[kW]"), "electricity_kW": ("electricity", "[kW]"),
+    "T_heat_set": ("heat to", "[degC]"), "T_cool_set": ("cool to", "[degC]"), "T_oa": ("outdoors", "[degC]"),
+    "q_sol": ("sun", "[kW/m2]"),
+}  # fmt: skip
+_LOWER = {"T_za": "q_0.1", "Q_hvac": "Q_hvac_0.1"}  # lower ends of the 80 % intervals
 
 
 @as_command(
@@ -18,14 +25,20 @@ _HOURS = 3  # of a row of the table on the terminal
     "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24",
 )
 @MODEL
-@click.option("--log", required=True, metavar="LOG", help="Log up to now; rows after it may hold what is planned.")
+@click.option(
+    "--log",
+    type=click.Path(),
+    required=True,
+    metavar="LOG",
+    help="Log up to now; rows after it may hold what is planned.",
+)
 @click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
 @click.option("--setpoint", help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
 def command(
     model: Path, log: str, weather: Path | None, setpoint: str | None, out: Path | None, say: Progress, as_json: bool
 ) -> int:
-    """Forecast the zone's temperature and the plant's heat from the end of a log.
+    """Forecast the day after a log: room temperature and heat.
 
     With set-points the thermostat acts inside the forecast, within the limits of the plant; with heat or stages planned
     in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
@@ -60,9 +73,26 @@ def forecast_content(found: Any) -> dict[str, Any]:
 
 
 def _text(found: Any) -> str:
-    """A row for some hours, and the sums of the day."""
+    """A row for some hours, with the units on top, and the sums of the day."""
+    import pandas as pd
+
     frame = found.frame
     hours = (frame.index[1] - frame.index[0]).total_seconds() / 3600.0 if len(frame) > 1 else 1.0
-    shown = frame.iloc[:: max(1, round(_HOURS / hours))].round(2)
-    lines = [shown.to_string(na_rep="-"), ""]
-    return "\n".join([*lines, *(f"{name}: {value}" for name, value in found.summary.items())])
+    shown = frame.iloc[:: max(1, round(_HOURS / hours))]
+    power = "[kW]" if "largest load [kW]" in found.summary else "[relative]"
+    cells = {}
+    for name, (title, unit) in _TITLES.items():
+        if name in shown:
+            top = unit.replace("[kW]", power)
+            cells[title, top] = [f"{value:.2f}" for value in shown[name]]
+            if (low := _LOWER.get(name)) in shown:
+                ends = zip(shown[low], shown[low.replace("0.1", "0.9")], strict=True)
+                cells[f"80 % of {title}", top] = [f"{a:.2f} to {b:.2f}" for a, b in ends]
+    table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
+    return "\n".join(
+        [
+            table.replace("nan", "-").rename_axis(None).to_string(),
+            "",
+            *(f"{name}: {value}" for name, value in found.summary.items()),
+        ]
+    )

@@ -15,7 +15,10 @@ from ._output import Progress
 @CONFIG
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", required=True, help="Folder to write to.")
 def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> int:
-    """Fit and back-test the hybrid beside simple models, forecast the next day, and write a report."""
+    """Study a log: back-test, next day, building, and a report.
+
+    The hybrid and the models that it is compared with are fitted on [train] and scored on [test].
+    """
     settings = settings_at(config)
     from ..study import read_log, split_log
     from ._study import study_to_folder

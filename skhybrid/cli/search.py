@@ -14,13 +14,22 @@ from ._output import DONE, Progress
 @LOG
 @CONFIG
 @click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
-@click.option("--models", default="mlp", show_default=True, help="Separated by commas: mlp,cnn,rnn,lstm,ridge.")
-@click.option("--size", type=click.Choice(["small", "paper"]), default="small", show_default=True, help="Sizes.")
-@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+@click.option("--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge, with commas between.")
+@click.option(
+    "--size",
+    type=click.Choice(["small", "paper"]),
+    default="small",
+    show_default=True,
+    help="Sizes to try: a few, or all of the paper.",
+)
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes that train at a time.")
 def command(
     log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool
 ) -> int:
-    """Train the cases of the design matrix on [train], score them on [test]; a stopped search goes on."""
+    """Choose a disturbance model from the design matrix.
+
+    Its cases are trained on [train] and scored on [test]; a stopped search goes on.
+    """
     settings = settings_at(config)
     from ..study import read_log, split_log
     from ..zone.zone_search import search_zone

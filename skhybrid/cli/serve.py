@@ -34,9 +34,10 @@ def command(
     say: Progress,
     as_json: bool,
 ) -> int:
-    """Serve the folder of a zone: POST /rows, GET /forecast, /status, /docs and a page at /.
+    """Serve the folder of a zone over HTTP, with a page.
 
-    Rows are taken in as by zone tick, whose lock it shares.  It ends with Ctrl-C.
+    It answers POST /rows, GET /forecast, /status and /docs, and has a page at /.  Rows are taken in as by zone tick,
+    whose lock it shares.  It ends with Ctrl-C.
     """
     from ..server import check_token, open_socket, serve
     from ..study.thermostat import Schedule

@@ -12,10 +12,12 @@ from ._output import DONE, Progress
 
 @as_command("update", "skhybrid update --model zone.skops --log today.csv")
 @MODEL
-@click.option("--log", required=True, metavar="LOG", help="Log with rows after those that the model knows.")
+@click.option(
+    "--log", type=click.Path(), required=True, metavar="LOG", help="Log with rows after those that the model knows."
+)
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
 def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> int:
-    """Take the new rows of a log into a saved model, so that forecasts start from them."""
+    """Take the new rows of a log into a saved model."""
     from ..study import read_log
     from ..zone import ZoneModel
 

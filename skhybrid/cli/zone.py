@@ -12,7 +12,9 @@ from ._output import DONE, Progress
 from .forecast import forecast_content
 
 _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-_LOG = click.option("--log", required=True, metavar="LOG", help="Log up to now, of two weeks or more.")
+_LOG = click.option(
+    "--log", type=click.Path(), required=True, metavar="LOG", help="Log up to now, of two weeks or more."
+)
 
 
 @as_command("init", "skhybrid zone init kitchen --log thermostat.csv")
@@ -20,7 +22,7 @@ _LOG = click.option("--log", required=True, metavar="LOG", help="Log up to now, 
 @_LOG
 @CONFIG
 def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> int:
-    """Make the folder of a zone: configuration, model, and an archive of what was measured.
+    """Make the folder of a zone: configuration, model and archive.
 
     Without --config one is proposed from the log, as zone.toml in the folder.  If the fit fails, correct it there and
     run the command again.
@@ -55,10 +57,10 @@ def tick(
     say: Progress,
     as_json: bool,
 ) -> int:
-    """Take in the new rows of the log, forecast from its end, and archive both (for cron).
+    """Take in new rows, forecast, and archive both (for cron).
 
-    The model is fitted again where its errors drift, or where it is old.  A tick that fails or is killed leaves the
-    folder whole; the next one makes up for it.
+    The forecast starts from the end of the log.  The model is fitted again where its errors drift, or where it is old.
+    A tick that fails or is killed leaves the folder whole; the next one makes up for it.
     """
     import pandas as pd
 
@@ -80,20 +82,26 @@ def tick(
 @as_command("status", "skhybrid zone status kitchen")
 @_DIR
 def status(folder: Path, say: Progress, as_json: bool) -> int:
-    """Show the verdicts on past forecasts, drift, how yesterday's forecast did, and when the model last learned."""
+    """Show how past forecasts did, and whether the model drifts.
+
+    Verdicts on temperature and load come first.
+    """
     from ..zone import ZoneFolder
 
     found = ZoneFolder(folder).status()
-    if not as_json:
-        found["verdicts"] = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
-    _print(found, as_json)
+    _print(found if as_json else _in_words(found), as_json)
     return DONE
 
 
-command = click.Group(
+class _InOrder(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)  # as a user needs them, not by the alphabet
+
+
+command = _InOrder(
     "zone",
     commands=[init, tick, status],
-    help="Keep a folder per zone: its model, every forecast and what really happened.",
+    help="Keep a folder per zone: model, forecasts and what happened.",
     epilog="\b\nExample:\n  skhybrid zone init kitchen --log thermostat.csv",
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=False,
@@ -103,6 +111,29 @@ command = click.Group(
 def _print(found: dict[str, Any], as_json: bool) -> None:
     """Values by name, one per line."""
     print_json(found) if as_json else print("\n".join(_lines(found)))
+
+
+def _in_words(found: dict[str, Any]) -> dict[str, Any]:
+    """The status of a zone for those who read it."""
+    none_yet = "no forecast has run out yet"
+    drift = found["drift"]
+    grown = f"errors have grown since {drift['since']}" if drift.get("drifted") else "none"
+    told = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
+    words = {
+        "drift": f"{grown} ({drift['statistic']} of {drift['threshold']})" if drift else "not known before a whole day",
+        "verdicts": told or none_yet,
+    }
+    for span in ("yesterday's forecast", "last four weeks"):
+        errors = {k: _errors(v) if isinstance(v, dict) else v for k, v in (found[span] or {}).items()}
+        words[span] = errors or none_yet
+    return found | words
+
+
+def _errors(found: dict[str, Any]) -> str:
+    inside = found["coverage"]
+    return f"RMSE {found['rmse']}, bias {found['bias']}" + (
+        "" if inside is None else f", {100 * inside:.0f} % of the measurements inside the 80 % interval"
+    )
 
 
 def _lines(found: dict[str, Any], indent: str = "") -> list[str]:

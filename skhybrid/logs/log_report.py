@@ -16,7 +16,7 @@ from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
 from .even_steps import usual_step
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
-from .naming import ENERGY, Guess, assign_roles, unit_in_name
+from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
 
 _SHOWN_ROWS = 3
@@ -88,7 +88,7 @@ class LogReport:
         self._assumed: dict[str, str] = {}
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
-        self._guesses = assign_roles(stated, dict(raw.roles) | dict(columns or {}))
+        self._guesses = assign_roles(stated, columns, raw.roles)
         channels = [
             self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
             for name, guess in self._guesses.items()
@@ -192,7 +192,7 @@ class LogReport:
         role = str(guess.role)
         unit, factor = units.get(role, stated), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
-            unit, factor = self._assume(raw.frame[name], role, factor, guess.reason.startswith("it is named"))
+            unit, factor = self._assume(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
         return Channel(role, name, _fitting(unit, role), factor)
 
     def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:

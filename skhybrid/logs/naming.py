@@ -45,6 +45,8 @@ _OTHER = (
     r"event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
 )
 
+#: the reason where a column has the name of its role, whose unit it then has
+NAMED_BY_ROLE = "it is named after its role"
 
 #: names of roles that nobody chooses by accident, as ``T_ctrl`` is
 _STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
@@ -81,7 +83,7 @@ def plain(name: str) -> str:
 def guess_role(name: str, unit: str | None = None) -> Guess:
     """The role that a name and a unit suggest."""
     if _STANDARD.fullmatch(name):
-        return Guess(name, 10, "it is named after its role")
+        return Guess(name, 10, NAMED_BY_ROLE)
     words = plain(name)
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
@@ -126,16 +128,23 @@ def _kind(words: str, unit: str | None) -> str | None:
     return "power" if re.search(r"\bkw\b|power|leistung|vermogen|puissance", words) else None
 
 
-def assign_roles(units: Mapping[str, str | None], given: Mapping[str, str] | None = None) -> dict[str, Guess]:
-    """The role of each column, each role once: those given, then the most certain, then the first.
+def assign_roles(
+    units: Mapping[str, str | None],
+    given: Mapping[str, str] | None = None,
+    of_format: Mapping[str, str] | None = None,
+) -> dict[str, Guess]:
+    """The role of each column, each role once: those given, those of the format, the most certain, then the first.
 
     Parameters
     ----------
     units : mapping of column to unit or None, the columns in their order
-    given : mapping of role to column, optional
+    given, of_format : mapping of role to column, optional; a role that is given is not the format's
     """
-    own = {column: role for role, column in (given or {}).items()}
-    guesses = {c: Guess(own[c], 99, "it was given") if c in own else guess_role(c, u) for c, u in units.items()}
+    known = {column: Guess(role, 99, "this format names it so") for role, column in (of_format or {}).items()}
+    known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
+    for role, column in (given or {}).items():
+        known[column] = Guess(role, 99, NAMED_BY_ROLE if role == column else "it was given")
+    guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
     taken: dict[str, str] = {}
     for column in sorted(guesses, key=lambda c: -guesses[c].certainty):
         role = guesses[column].role

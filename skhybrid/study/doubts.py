@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import TooFewDaysError
+from ..logs.conversion import contract_unit
 
 _MARGIN = 0.05  # of a range, beyond which a value lies outside of it
 OUTSIDE = 0.1  # of a day beyond what training covered, from which on it is a reason to doubt
@@ -68,7 +69,9 @@ def share_of_rows(beyond: pd.DataFrame) -> float:
 
 def _excess(values: pd.Series, low: float, high: float) -> str:
     reached = values.min() if low - values.min() > values.max() - high else values.max()
-    return f"{_INPUTS.get(str(values.name), values.name)} reaches {reached:.3g}, training had {low:.3g} to {high:.3g}"
+    name = _INPUTS.get(str(values.name), str(values.name))
+    unit = "degC" if "temperature" in name else contract_unit(str(values.name)).replace("-", "")
+    return f"{name} reaches {f'{reached:.3g} {unit}'.strip()}, training had {low:.3g} to {high:.3g}"
 
 
 def drift_days(model: Any, rows: Any = None) -> pd.DataFrame:

@@ -68,8 +68,9 @@ class ZoneModel:
 
     @property
     def known_until(self) -> pd.Timestamp:
-        """The last stamp that the model knows."""
-        return pd.Timestamp(self.predictor.known_until_)
+        """The last stamp that the model knows, in the time zone of the log."""
+        stamp = pd.Timestamp(self.predictor.known_until_)
+        return stamp if stamp.tz is None else stamp.tz_convert(self.learned_until.tz)
 
     @property
     def learned_until(self) -> pd.Timestamp:
