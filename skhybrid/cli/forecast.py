@@ -85,7 +85,7 @@ def _text(found: Any) -> str:
         if name in shown:
             top = unit.replace("[kW]", power)
             cells[title, top] = [f"{value:.2f}" for value in shown[name]]
-            if (low := _LOWER.get(name)) in shown:
+            if (low := _LOWER.get(name, "")) in shown:
                 ends = zip(shown[low], shown[low.replace("0.1", "0.9")], strict=True)
                 cells[f"80 % of {title}", top] = [f"{a:.2f} to {b:.2f}" for a, b in ends]
     table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
