@@ -411,6 +411,8 @@ def test_the_conventional_approach_expects_no_disturbance(kind, office):
     held = model.predict_load(X, office.y[test])
     np.testing.assert_allclose(held["u_heat"], load["u_heat"], atol=1e-9)
     assert (held["zeta"] == 0.0).all()
+    later = model.gray_box_.required_heat(X, office.y[test][DAY:], [DAY], np.zeros((1, DAY)))
+    pd.testing.assert_frame_equal(later, load[DAY:])
 
 
 def test_memory_identifies_once(office, tmp_path):
