@@ -816,3 +816,33 @@ def test_a_shell_completes_the_file_of_a_log(words):
     *before, last = words.split()
     found = ShellComplete(_group(), {}, "skhybrid", "_SKHYBRID_COMPLETE").get_completions([*before, last], "th")
     assert [item.type for item in found] == ["file"]
+
+
+def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
+    """Nor does a command name a class of the package."""
+    log = _log()
+    log["hvac_kW"] /= 5.0
+    log.rename(columns={"hvac_kW": "stage"}).to_csv(files / "log.csv")
+    (files / "zone.toml").write_text(CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "stage"'))
+    assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert found["heat loss"]["value"] is None
+    assert found["heat loss"]["remark"] == "not identified: no capacity of the plant is known"
+    assert found["time constant 1"]["value"] > 1.0
+    assert "warning: the scale of the network" in err
+    assert _run(files) == 0
+    out, err = capsys.readouterr()
+    assert "load RMSE [-]" in out
+    assert "[kW]" not in out
+    assert not re.search(r"\b(?:\w+ID|GrayBoxRC|CONV|OD)\b", out + err)
+    page = (files / "out" / "report.html").read_text()
+    assert "load RMSE [-]" in page
+    assert page.count("the scale of the network is not identifiable") == 1
+
+
+def test_the_building_is_told_with_its_units(files, capsys):
+    assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "-q"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^heat loss \[W/K\] +\d+", out, re.MULTILINE)
+    assert "std. error" in out.splitlines()[0]

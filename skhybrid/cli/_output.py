@@ -8,6 +8,8 @@ import sys
 import time
 from typing import Any
 
+from .._warnings import without_class
+
 DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
 _received: list[int] = []  # signals received so far
 
@@ -57,8 +59,8 @@ def report_stop() -> int:
 
 
 def one_line(text: object) -> str:
-    """A message without its line breaks."""
-    return " ".join(str(text).split())
+    """A message without its line breaks, and without the name of the class that it begins with."""
+    return " ".join(without_class(text).split())
 
 
 def stop_on_signals() -> None:
