@@ -7,6 +7,7 @@ import json
 import os
 import re
 import resource
+import shlex
 import signal
 import subprocess
 import sys
@@ -797,6 +798,25 @@ def test_a_list_of_commands_cuts_no_sentence(name, capsys):
     assert "..." not in listed
     if name == "zone":
         assert re.findall(r"^  (\w+)  ", listed, re.MULTILINE) == ["init", "tick", "status"]
+
+
+PAGES = list((Path(__file__).parents[1] / "docs" / "user_guide").glob("*.rst"))
+SHOWN = [line for page in PAGES for line in re.findall(r"^   \$ skhybrid (.+)$", page.read_text(), re.MULTILINE)]
+
+
+@pytest.mark.parametrize("line", sorted(set(SHOWN)))
+def test_the_commands_of_the_user_guide_are_those_of_the_command_line(line):
+    import click
+
+    at, words = _group(), shlex.split(line)
+    while isinstance(at, click.Group):
+        at = at.get_command(click.Context(at), words.pop(0))
+    at.make_context(line, words)
+
+
+def test_the_user_guide_shows_every_command():
+    assert len(SHOWN) > 10
+    assert {name for name in COMMANDS if not any(line.startswith(name) for line in SHOWN)} == set()
 
 
 def test_a_shell_completes_commands():

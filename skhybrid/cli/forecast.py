@@ -89,10 +89,10 @@ def _text(found: Any) -> str:
                 ends = zip(*(shown[end] for end in _ENDS[name]), strict=True)
                 cells[f"80 % of {title}", top] = [f"{a:.2f} to {b:.2f}" for a, b in ends]
     table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
-    return "\n".join(
-        [
-            table.replace("nan", "-").rename_axis(None).to_string(),
-            "",
-            *(f"{name}: {value}" for name, value in found.summary.items()),
-        ]
-    )
+    return "\n".join([table.replace("nan", "-").rename_axis(None).to_string(), "", *summary_lines(found.summary)])
+
+
+def summary_lines(summary: dict[str, Any]) -> list[str]:
+    """Sums and ranges of the day, one per line."""
+    spans = {name: " to ".join(map(str, value)) for name, value in summary.items() if isinstance(value, list | tuple)}
+    return [f"{name}: {value}" for name, value in (summary | spans).items()]
