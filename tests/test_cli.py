@@ -866,3 +866,19 @@ def test_the_building_is_told_with_its_units(files, capsys):
     out = capsys.readouterr().out
     assert re.search(r"^heat loss \[W/K\] +\d+", out, re.MULTILINE)
     assert "std. error" in out.splitlines()[0]
+
+
+def test_progress_on_a_terminal_leaves_a_line_to_what_follows(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    say = _output.Progress(quiet=False)
+    say(1, 3, "reading")
+    say(2, 3, "learning")
+    say.note("a note")
+    say(2, 3, "learning")
+    _output.report_error("it failed.")
+    say(3, 3, "writing")
+    lines = re.sub(r"[^\n]*\r\033\[K", "", capsys.readouterr().err).splitlines()
+    assert [line.split("  ")[-1].partition(",")[0] for line in lines] == [
+        "learning", "a note", "learning", "skhybrid: error: it failed.", "writing"
+    ]  # fmt: skip
+    assert "s left" in lines[0]
