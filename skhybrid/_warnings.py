@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from types import FrameType
@@ -11,6 +12,11 @@ from .exceptions import SkhybridWarning
 _PACKAGE = __name__.partition(".")[0]
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
+
+
+def without_class(message: object) -> str:
+    """A message without the name of the class that it begins with, for those who use no Python."""
+    return re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message))
 
 
 def warn_user(message: str, category: type[SkhybridWarning]) -> None:

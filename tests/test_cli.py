@@ -7,6 +7,7 @@ import json
 import os
 import re
 import resource
+import shlex
 import signal
 import subprocess
 import sys
@@ -799,6 +800,25 @@ def test_a_list_of_commands_cuts_no_sentence(name, capsys):
         assert re.findall(r"^  (\w+)  ", listed, re.MULTILINE) == ["init", "tick", "status"]
 
 
+PAGES = list((Path(__file__).parents[1] / "docs" / "user_guide").glob("*.rst"))
+SHOWN = [line for page in PAGES for line in re.findall(r"^   \$ skhybrid (.+)$", page.read_text(), re.MULTILINE)]
+
+
+@pytest.mark.parametrize("line", sorted(set(SHOWN)))
+def test_the_commands_of_the_user_guide_are_those_of_the_command_line(line):
+    import click
+
+    at, words = _group(), shlex.split(line)
+    while isinstance(at, click.Group):
+        at = at.get_command(click.Context(at), words.pop(0))
+    at.make_context(line, words)
+
+
+def test_the_user_guide_shows_every_command():
+    assert len(SHOWN) > 10
+    assert {name for name in COMMANDS if not any(line.startswith(name) for line in SHOWN)} == set()
+
+
 def test_a_shell_completes_commands():
     given = {"_SKHYBRID_COMPLETE": "bash_complete", "COMP_WORDS": "skhybrid fo", "COMP_CWORD": "1"}
     done = subprocess.run(
@@ -816,3 +836,49 @@ def test_a_shell_completes_the_file_of_a_log(words):
     *before, last = words.split()
     found = ShellComplete(_group(), {}, "skhybrid", "_SKHYBRID_COMPLETE").get_completions([*before, last], "th")
     assert [item.type for item in found] == ["file"]
+
+
+def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
+    """Nor does a command name a class of the package."""
+    log = _log()
+    log["hvac_kW"] /= 5.0
+    log.rename(columns={"hvac_kW": "stage"}).to_csv(files / "log.csv")
+    (files / "zone.toml").write_text(CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "stage"'))
+    assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert found["heat loss"]["value"] is None
+    assert found["heat loss"]["remark"] == "not identified: no capacity of the plant is known"
+    assert found["time constant 1"]["value"] > 1.0
+    assert "warning: the scale of the network" in err
+    assert _run(files) == 0
+    out, err = capsys.readouterr()
+    assert "load RMSE [-]" in out
+    assert "[kW]" not in out
+    assert not re.search(r"\b(?:\w+ID|GrayBoxRC|CONV|OD)\b", out + err)
+    page = (files / "out" / "report.html").read_text()
+    assert "load RMSE [-]" in page
+    assert page.count("the scale of the network is not identifiable") == 1
+
+
+def test_the_building_is_told_with_its_units(files, capsys):
+    assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "-q"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^heat loss \[W/K\] +\d+", out, re.MULTILINE)
+    assert "std. error" in out.splitlines()[0]
+
+
+def test_progress_on_a_terminal_leaves_a_line_to_what_follows(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    say = _output.Progress(quiet=False)
+    say(1, 3, "reading")
+    say(2, 3, "learning")
+    say.note("a note")
+    say(2, 3, "learning")
+    _output.report_error("it failed.")
+    say(3, 3, "writing")
+    lines = re.sub(r"[^\n]*\r\033\[K", "", capsys.readouterr().err).splitlines()
+    assert [line.split("  ")[-1].partition(",")[0] for line in lines] == [
+        "learning", "a note", "learning", "skhybrid: error: it failed.", "writing"
+    ]  # fmt: skip
+    assert "s left" in lines[0]

@@ -11,6 +11,7 @@ import pytest
 
 from skhybrid import HybridPredictor
 from skhybrid.cli import main
+from skhybrid.cli.forecast import _text
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings
@@ -129,6 +130,20 @@ def test_a_log_reaches_tomorrow_without_an_edit(folder, capsys):
     assert cost == pytest.approx(float((price * found["Q_hvac"].abs()).sum()) / 4.0, abs=0.01)
     low, high = forecast.summary["cost of heat, by the ends of the load's intervals [EUR]"]
     assert low < cost < high
+
+
+def test_the_table_of_a_forecast_has_units_and_intervals():
+    index = pd.date_range("2024-01-05", periods=9, freq="1h", tz="Europe/Amsterdam")
+    columns = {"T_za": 20.0, "Q_hvac": -1.5, "q_0.1": 19.5, "q_0.9": 20.5, "T_cool_set": np.nan, "u_other": 1.0}
+    frame = pd.DataFrame(columns, index=index)
+    found = SimpleNamespace(frame=frame, summary={"largest load [kW]": 1.5, "cost [EUR]": [1.1, 2.4]})
+    lines = _text(found).splitlines()
+    assert lines[0].split() == ["room", "80", "%", "of", "room", "heat", "cool", "to"]
+    assert lines[1].split() == ["[degC]", "[degC]", "[kW]", "[degC]"]
+    assert lines[2].split() == ["2024-01-05", "00:00", "20.00", "19.50", "to", "20.50", "-1.50", "-"]
+    assert [line[:16] for line in lines[3:5]] == ["2024-01-05 03:00", "2024-01-05 06:00"]
+    assert lines[-1] == "cost [EUR]: 1.1 to 2.4"
+    assert "[relative]" in _text(SimpleNamespace(frame=frame, summary={}))
 
 
 def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):

@@ -8,8 +8,11 @@ import sys
 import time
 from typing import Any
 
+from .._warnings import without_class
+
 DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
 _received: list[int] = []  # signals received so far
+_unended: list[str] = []  # the line of progress that the terminal shows without a line break
 
 
 class Progress:
@@ -29,13 +32,16 @@ class Progress:
             self.note(line)
             return
         check_stopped()
-        end = "\n" if number == total else ""
-        print(f"\r\033[K{line}{left}", end=end, file=sys.stderr, flush=True)
+        print(f"\r\033[K{line}{left}", end="", file=sys.stderr, flush=True)
+        _unended.append(line)
+        if number == total:
+            end_line()
 
     def note(self, text: str) -> None:
         """Write a line."""
         check_stopped()
         if not self.quiet:
+            end_line()
             print(text, file=sys.stderr, flush=True)
 
     def warn(self, text: str) -> None:
@@ -44,21 +50,30 @@ class Progress:
         self.note(f"warning: {one_line(text)}")
 
 
+def end_line() -> None:
+    """End the line of progress, so that what follows has a line of its own."""
+    if _unended:
+        _unended.clear()
+        print(file=sys.stderr, flush=True)
+
+
 def report_error(text: str) -> None:
     """Write the one line on stderr that says what went wrong."""
+    end_line()
     print(f"skhybrid: error: {text}", file=sys.stderr)
 
 
 def report_stop() -> int:
     """Write that the command was stopped; its exit code."""
     _raise_again_every(0.0)
+    end_line()
     print("skhybrid: stopped", file=sys.stderr)
     return STOPPED
 
 
 def one_line(text: object) -> str:
-    """A message without its line breaks."""
-    return " ".join(str(text).split())
+    """A message without its line breaks, and without the name of the class that it begins with."""
+    return " ".join(without_class(text).split())
 
 
 def stop_on_signals() -> None:

@@ -32,7 +32,7 @@ def study_to_folder(
         print((out / "metrics.json").read_text(encoding="utf-8"))
         return DONE
     print("\n".join(map(str, result.verdicts)) + "\n")
-    print(format_table(result.table))
+    print(format_table(result.table, scaled=result.scaled))
     print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
     return DONE
 

@@ -17,7 +17,7 @@ _TITLES = {
     "T_heat_set": ("heat to", "[degC]"), "T_cool_set": ("cool to", "[degC]"), "T_oa": ("outdoors", "[degC]"),
     "q_sol": ("sun", "[kW/m2]"),
 }  # fmt: skip
-_LOWER = {"T_za": "q_0.1", "Q_hvac": "Q_hvac_0.1"}  # lower ends of the 80 % intervals
+_ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # of the 80 % intervals
 
 
 @as_command(
@@ -85,14 +85,14 @@ def _text(found: Any) -> str:
         if name in shown:
             top = unit.replace("[kW]", power)
             cells[title, top] = [f"{value:.2f}" for value in shown[name]]
-            if (low := _LOWER.get(name, "")) in shown:
-                ends = zip(shown[low], shown[low.replace("0.1", "0.9")], strict=True)
+            if name in _ENDS and set(_ENDS[name]) <= set(shown):
+                ends = zip(*(shown[end] for end in _ENDS[name]), strict=True)
                 cells[f"80 % of {title}", top] = [f"{a:.2f} to {b:.2f}" for a, b in ends]
     table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
-    return "\n".join(
-        [
-            table.replace("nan", "-").rename_axis(None).to_string(),
-            "",
-            *(f"{name}: {value}" for name, value in found.summary.items()),
-        ]
-    )
+    return "\n".join([table.replace("nan", "-").rename_axis(None).to_string(), "", *summary_lines(found.summary)])
+
+
+def summary_lines(summary: dict[str, Any]) -> list[str]:
+    """Sums and ranges of the day, one per line."""
+    spans = {name: " to ".join(map(str, value)) for name, value in summary.items() if isinstance(value, list | tuple)}
+    return [f"{name}: {value}" for name, value in (summary | spans).items()]

@@ -9,6 +9,9 @@ import click
 from ._options import CONFIG, LOG, as_command, print_json, settings_at
 from ._output import DONE, Progress
 
+#: columns of the table on the terminal
+_TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time": "time [s]", "error": "failed with"}
+
 
 @as_command("search", "skhybrid search thermostat.csv --config zone.toml --store search --models mlp,ridge")
 @LOG
@@ -39,5 +42,6 @@ def command(
     if as_json:
         print_json(table.to_dict(orient="records"))
     else:
-        print(table.head(20).to_string(index=False, float_format="{:.3g}".format))
+        shown = table.head(20).rename(columns=_TITLES).reindex(columns=list(_TITLES.values())).dropna(axis=1, how="all")
+        print(shown.to_string(index=False, float_format="{:.3g}".format, na_rep="-"))
     return DONE

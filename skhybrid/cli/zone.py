@@ -9,7 +9,7 @@ import click
 
 from ._options import CONFIG, as_command, print_json
 from ._output import DONE, Progress
-from .forecast import forecast_content
+from .forecast import forecast_content, summary_lines
 
 _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 _LOG = click.option(
@@ -75,7 +75,7 @@ def tick(
     if as_json:
         _print(found | forecast_content(done.forecast) | {"remarks": list(done.remarks)}, as_json)
     else:
-        _print(found | done.forecast.summary, as_json)
+        print("\n".join([*_lines(found), *summary_lines(done.forecast.summary)]))
     return DONE
 
 

@@ -59,15 +59,18 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
     for role in plants:
         ran = moved["hours run"].get(role, 0.0)
-        if not ran >= _FEW_HOURS:
-            cannot.append(f"the effect of {role}: it ran for {0.0 if np.isnan(ran) else ran:.1f} h at its most.")
+        if not ran > 0.0:
+            cannot.append(f"the effect of {role}: it never ran.")
+            steps.append(f"log days on which {role} runs, if the plant can.")
+        elif not ran >= _FEW_HOURS:
+            cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
             steps.append(f"let {role} run: two days of random set-points (skhybrid.plan_experiment) tell its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")
             steps.append(f"give the nameplate capacity or the coefficient of performance of {role}.")
         else:
-            can.append(f"the effect of {role}, which ran for {ran:.0f} h at its most.")
+            can.append(f"the effect of {role}, which ran for {ran:.0f} full-load hours.")
     if not any(role.startswith("q_sol") for role in have):
         cannot.append("the heat of the sun: no column has irradiance; it becomes part of the unmeasured heat.")
         steps.append("add the global irradiance, from a sensor or a weather service.")

@@ -56,9 +56,10 @@ class RegularizeReport:
             lines.append(f"{self.out_of_order} rows out of order: sorted")
         if self.duplicates:
             lines.append(f"{self.duplicates} rows with a duplicate stamp: dropped")
-        lines += [f"{name}: {n} rows of short gaps filled" for name, n in self.filled.items()]
+        lines += [f"{name}: {n} row{'s' * (n > 1)} of short gaps filled" for name, n in self.filled.items()]
         lines += [
-            f"{name}: {n} rows left missing, first {self.first_missing[name]}" for name, n in self.missing.items()
+            f"{name}: {n} row{'s' * (n > 1)} left missing, first {self.first_missing[name]}"
+            for name, n in self.missing.items()
         ]
         return "\n".join(lines)
 

@@ -142,8 +142,8 @@ def assign_roles(
     """
     known = {column: Guess(role, 99, "this format names it so") for role, column in (of_format or {}).items()}
     known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
-    for name, column in (given or {}).items():
-        known[column] = Guess(name, 99, NAMED_BY_ROLE if name == column else "it was given")
+    for own, column in (given or {}).items():
+        known[column] = Guess(own, 99, NAMED_BY_ROLE if own == column else "it was given")
     guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
     taken: dict[str, str] = {}
     for column in sorted(guesses, key=lambda c: -guesses[c].certainty):

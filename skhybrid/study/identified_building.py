@@ -12,6 +12,7 @@ from .doubts import ends_of, in_words
 
 _NOT = "not identified"  # how the remarks on values begin that the log does not tell
 UNTOLD = f"{_NOT}: the log does not tell it"
+_NO_SCALE = f"{_NOT}: no capacity of the plant is known"
 _UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
 #: what a room's values usually are; a value outside is worth a look
 _USUAL = {"heat loss": (5.0, 5000.0), "solar aperture": (0.0, 100.0), "time constant": (0.1, 500.0)}
@@ -28,6 +29,7 @@ def describe(gray_box: Any) -> pd.DataFrame:
         unit = name.rpartition(" [")[2].removesuffix("]")
         quantity = name.rpartition(" [")[0]
         remark = doubtful.get(quantity.rpartition(" ")[2]) or _remark(name, value, std)
+        remark = _NO_SCALE if unit != "h" and not has_scale(gray_box) else remark
         rows[quantity] = {"value": value, "std": std, "unit": unit, "remark": remark}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
 
@@ -86,6 +88,12 @@ def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
     return out
 
 
+def has_scale(gray_box: Any) -> bool:
+    """Whether measured heat or a given parameter fixes what a kW is; time constants need neither."""
+    measured = any(str(name).startswith("Q_") for name in gray_box.state_space_.input_names)
+    return measured or any(name[0] in "CRAQ" for name in gray_box.known or ())
+
+
 def _remark(name: str, value: float, std: float) -> str:
     """A remark on an uncertain or implausible value; "" on others."""
     relative = std / abs(value) if value else np.inf
@@ -106,7 +114,12 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
     table["description"] = table["description"].map(in_words)
     relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
     remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [UNTOLD, "uncertain"], "")
-    special = _not_identified(gray_box) | dict.fromkeys(gray_box.known or (), "given, not identified")
+    scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
+    special = (
+        _not_identified(gray_box)
+        | dict.fromkeys(scaled, _NO_SCALE)
+        | dict.fromkeys(gray_box.known or (), "given, not identified")
+    )
     table["remark"] = [special.get(str(name), text) for name, text in zip(table.index, remark, strict=True)]
     return table.rename_axis("parameter")
 

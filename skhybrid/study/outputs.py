@@ -22,15 +22,17 @@ from .run import StudyResult
 from .tariff import Cost, energy_cost
 
 
-def format_table(table: pd.DataFrame) -> str:
+def format_table(table: pd.DataFrame, *, scaled: bool = True) -> str:
     """The comparison as text, the best model first and marked, and a verdict.
 
     Parameters
     ----------
     table : DataFrame, as in :class:`StudyResult`
+    scaled : bool, whether its loads are certain kW
     """
     width = max(len(str(name)) for name in table.index) + 2
-    lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  load RMSE [kW]  time [s]", "-" * (width + 46)]
+    load_head = f"{'load RMSE [kW]' if scaled else 'load RMSE [-]':>14}"
+    lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  {load_head}  time [s]", "-" * (width + 46)]
     for place, (name, row) in enumerate(table.iterrows()):
         load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"
         mark = "* " if place == 0 else "  "

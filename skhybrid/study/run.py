@@ -14,6 +14,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from .._warnings import without_class
 from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
@@ -151,7 +152,11 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         zeta,
         parameter_table(identification),
         [],
-        list(dict.fromkeys([*remarks, *(str(w.message) for w in caught if issubclass(w.category, UserWarning))])),
+        list(
+            dict.fromkeys(
+                [*remarks, *(without_class(w.message) for w in caught if issubclass(w.category, UserWarning))]
+            )
+        ),
         time.perf_counter() - begun,
         describe(identification),
     )

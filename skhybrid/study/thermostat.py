@@ -44,8 +44,8 @@ class Schedule(NamedTuple):
         if (heat > cool).any():
             at = int(np.argmax(heat > cool))
             raise ValueError(
-                f"[thermostat] heats to {heat[at]:g} and cools to {cool[at]:g} degC at {at // 60}:{at % 60:02d}; swap "
-                "or mend them."
+                f"the thermostat heats to {heat[at]:g} and cools to {cool[at]:g} degC at {at // 60}:{at % 60:02d}; "
+                "swap or mend them."
             )
         return found
 

@@ -96,7 +96,7 @@ def judge(
     care = hardest.high >= 1.0
     failed = hardest.low > 1.0
     if n_origins < _FEW:
-        care, reasons = True, [*reasons, f"it was tested on {n_origins} forecasts only"]
+        care, reasons = True, [*reasons, f"it was tested on {n_origins} forecast{'s' * (n_origins != 1)} only"]
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
         reasons.append(f"its 80 % intervals held {100 * coverage:.0f} % of the measurements")

@@ -145,7 +145,7 @@ def write_report(
     sections = [
         _head(title, table, frames, forecast, label, verdicts, scaled, cost),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
-        _accuracy(table, frames, label, coverage),
+        _accuracy(table, frames, label, coverage, scaled),
         _learned(schedule, weights, label),
         _week(zeta, truth),
         _building(parameters, building, identification, label),
@@ -245,7 +245,7 @@ def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
 
 
 def _accuracy(
-    table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str, coverage: float | None = None
+    table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str, coverage: float | None, scaled: bool
 ) -> str:
     ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
     hours = frames[label]["lead"].max() / pd.Timedelta("1h")
@@ -262,15 +262,15 @@ def _accuracy(
         "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
-        + _results(table)
+        + _results(table, scaled)
         + interval
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
     )
 
 
-def _results(table: pd.DataFrame) -> str:
-    heads = ("model", "RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]", "description")
+def _results(table: pd.DataFrame, scaled: bool) -> str:
+    heads = ("model", "RMSE [K]", "MAE [K]", f"load RMSE [{'kW' if scaled else '-'}]", "time [s]", "description")
     rows = []
     for name, row in table.iterrows():
         errors = (_number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
@@ -279,8 +279,9 @@ def _results(table: pd.DataFrame) -> str:
         html_table(heads, rows, n_texts=1, of_models=True)
         + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
         "measured temperature with the heat that was delivered; stages are converted to heat with the identified "
-        "capacities. The time is that of fit and back-test, for the hybrid with its intervals. The two-stage models "
-        "share one identification, whose time is counted for the first of them.</p>\n"
+        f"capacities{'' if scaled else ', whose scale this log does not tell'}. The time is that of fit and "
+        "back-test, for the hybrid with its intervals. The two-stage models share one identification, whose time is "
+        "counted for the first of them.</p>\n"
     )
 
 
