@@ -294,7 +294,10 @@ def test_what_a_user_is_told_of_weather_that_training_did_not_have():
         learned_until=pd.Timestamp("2024-01-01"),
     )
     history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])
-    ahead = pd.DataFrame({"T_oa": np.r_[np.full(9, 5.0), 10.6]})
+    ahead = pd.DataFrame({"T_oa": np.r_[np.full(8, 5.0), 10.6, 10.6]})
     (said,) = _remarks(zone, history, ahead, planned=False)
-    assert said.startswith("10 % of tomorrow's T_oa lies outside of 0 to 10")
+    assert said == (
+        "20 % of the day to come lies beyond what training covered (the outdoor temperature reaches 10.6 degC, "
+        "training had 0 to 10)"
+    )
     assert _remarks(zone, history, ahead.clip(upper=10.4), planned=False) == []
