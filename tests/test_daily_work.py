@@ -296,5 +296,8 @@ def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])
     ahead = pd.DataFrame({"T_oa": np.r_[np.full(8, 5.0), 10.6, 10.6]})
     (said,) = _remarks(zone, history, ahead, planned=False)
-    assert said.startswith("20 % of the day to come lies beyond what training covered")
+    assert said == (
+        "20 % of the day to come lies beyond what training covered (the outdoor temperature reaches 10.6 degC, "
+        "training had 0 to 10)"
+    )
     assert _remarks(zone, history, ahead.clip(upper=10.4), planned=False) == []

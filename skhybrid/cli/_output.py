@@ -8,8 +8,6 @@ import sys
 import time
 from typing import Any
 
-from .._warnings import without_class
-
 DONE, FAILED, MISUSED, STOPPED = 0, 1, 2, 130
 _received: list[int] = []  # signals received so far
 _unended: list[str] = []  # the line of progress that the terminal shows without a line break
@@ -73,6 +71,8 @@ def report_stop() -> int:
 
 def one_line(text: object) -> str:
     """A message without its line breaks, and without the name of the class that it begins with."""
+    from .._warnings import without_class  # here, since signals are handled by now
+
     return " ".join(without_class(text).split())
 
 

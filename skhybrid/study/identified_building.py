@@ -28,8 +28,9 @@ def describe(gray_box: Any) -> pd.DataFrame:
     for name, value, std in with_errors(gray_box, lambda theta: quantities(gray_box, theta)).itertuples():
         unit = name.rpartition(" [")[2].removesuffix("]")
         quantity = name.rpartition(" [")[0]
-        remark = doubtful.get(quantity.rpartition(" ")[2]) or _remark(name, value, std)
-        remark = _NO_SCALE if unit != "h" and not has_scale(gray_box) else remark
+        relative = unit != "h" and not has_scale(gray_box)
+        remark = _NO_SCALE if relative else _remark(name, value, std)
+        remark = doubtful.get(quantity.rpartition(" ")[2]) or remark
         rows[quantity] = {"value": value, "std": std, "unit": unit, "remark": remark}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
 
@@ -116,8 +117,8 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
     remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [UNTOLD, "uncertain"], "")
     scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
     special = (
-        _not_identified(gray_box)
-        | dict.fromkeys(scaled, _NO_SCALE)
+        dict.fromkeys(scaled, _NO_SCALE)
+        | _not_identified(gray_box)
         | dict.fromkeys(gray_box.known or (), "given, not identified")
     )
     table["remark"] = [special.get(str(name), text) for name, text in zip(table.index, remark, strict=True)]
