@@ -31,8 +31,8 @@ from _energyplus import (
 STEP = pd.Timedelta(hours=1) / STEPS_PER_HOUR
 #: between heating and cooling set-points; equal ones end the run [K]
 LEAST_BAND = 0.2
-#: capacity of each plant, heating and cooling, by floor area [W/m2]
-CAPACITY = 25.0
+#: capacity of each plant, heating and cooling, by floor area [W/m2]; a cold morning takes hours with it
+CAPACITY = {"small_office_chicago": 25.0, "apartment_newark": 35.0}
 #: what serves air loops, water and boilers
 _SERVICES = (
     "AirLoopHVAC", "AirTerminal:", "AvailabilityManager", "Branch", "Boiler", "Chiller", "Coil", "Connector",
@@ -50,13 +50,13 @@ def row_of(stamp: pd.Timestamp) -> int:
     return round((stamp - pd.Timestamp(YEAR, 1, 1)) / STEP)
 
 
-def with_ideal_plants(document: dict) -> dict:
-    """A document whose conditioned zones have ideal plants of limited capacity, and a source of heat that is off."""
+def with_ideal_plants(document: dict, capacity: float) -> dict:
+    """A document whose conditioned zones have ideal plants of a capacity [W/m2], and a source of heat that is off."""
     kept = {kind: value for kind, value in document.items() if not kind.startswith(_SERVICES)}
     names = [c["zone_name"] for c in document["ZoneHVAC:EquipmentConnections"].values()]
     kinds = ("plant", "supply", "return", "air", "list", "added")
     named = {(kind, zone): f"{zone} {kind}" for zone in names for kind in kinds}
-    power = {zone: CAPACITY * area for zone, area in floor_areas(document, tuple(names)).items()}
+    power = {zone: capacity * area for zone, area in floor_areas(document, tuple(names)).items()}
     kept["ZoneHVAC:IdealLoadsAirSystem"] = {
         named["plant", zone]: {
             "zone_supply_air_node_name": named["supply", zone],
@@ -111,7 +111,7 @@ class Plant:
         document = prepare(load_model(building.model), weather_files[building.climate])
         names = schedules_of(document, building.zones)
         reference = read_schedules(document, building.climate, tuple(sorted(set().union(*names.values()))))
-        self.document = with_ideal_plants(document)
+        self.document = with_ideal_plants(document, CAPACITY[building.name])
         self.schedules = occupy(building, {kind: names[kind] for kind in GAINS}, reference)
         if building.use == "home":
             programme = programme_home(names["heat"], names["cool"], reference)

@@ -17,8 +17,8 @@ WEIGHTS = (20, 50, 200)
 RULE, KNOWN, FORECAST, HELD = "tuned rule", "MPC, gains known", "MPC, hybrid's network", "MPC, network, heat held"
 _LEADS = ("15 min", "1 h", "4 h", "12 h", "24 h")
 NOTE = (
-    "EnergyPlus 25.2 in closed loop: set-points of one zone, whose plant is ideal with 25 W/m2 of heating and as much "
-    "of cooling; the other zones keep their thermostats. A plan of 24 h is made every hour, of cost and 50 ct per K h "
+    "EnergyPlus 25.2 in closed loop: set-points of one zone, whose plant is ideal with 25 W/m2 (office) or 35 W/m2 "
+    "(apartment) of heating and as much of cooling; the other zones keep their thermostats. A plan of 24 h is made every hour, of cost and 50 ct per K h "
     "beside the band of the model's set-points; a kWh of heat or cold costs 8 ct, on working days 16 ct in winter from "
     "6 to 10 and 17 to 21 h, in summer from 13 to 19 h. The thermostat tracks the planned temperatures. Weather is "
     "known but where a weather forecast is named (medium error). Models are trained on six weeks, and the hybrid alone "
