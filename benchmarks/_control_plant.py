@@ -50,13 +50,12 @@ def row_of(stamp: pd.Timestamp) -> int:
     return round((stamp - pd.Timestamp(YEAR, 1, 1)) / STEP)
 
 
-def with_ideal_plants(document: dict, capacity: float) -> dict:
-    """A document whose conditioned zones have ideal plants of a capacity [W/m2], and a source of heat that is off."""
+def with_ideal_plants(document: dict, power: dict[str, float]) -> dict:
+    """A document whose conditioned zones have ideal plants of some power [W], and a source of heat that is off."""
     kept = {kind: value for kind, value in document.items() if not kind.startswith(_SERVICES)}
-    names = [c["zone_name"] for c in document["ZoneHVAC:EquipmentConnections"].values()]
+    names = list(power)
     kinds = ("plant", "supply", "return", "air", "list", "added")
     named = {(kind, zone): f"{zone} {kind}" for zone in names for kind in kinds}
-    power = {zone: capacity * area for zone, area in floor_areas(document, tuple(names)).items()}
     kept["ZoneHVAC:IdealLoadsAirSystem"] = {
         named["plant", zone]: {
             "zone_supply_air_node_name": named["supply", zone],
@@ -102,7 +101,7 @@ def without_ramps(heat: np.ndarray, cool: np.ndarray) -> np.ndarray:
 
 
 class Plant:
-    """A building with its people, ready to be run, and the ``bands`` (N_STEPS, 2) that its zones' set-points leave."""
+    """A building with its people, ready to be run; by zone the ``bands`` (N_STEPS, 2) and the ``power`` [W]."""
 
     def __init__(self, building: Building, seed: int) -> None:
         from pyenergyplus.dataset import weather_files
@@ -111,7 +110,10 @@ class Plant:
         document = prepare(load_model(building.model), weather_files[building.climate])
         names = schedules_of(document, building.zones)
         reference = read_schedules(document, building.climate, tuple(sorted(set().union(*names.values()))))
-        self.document = with_ideal_plants(document, CAPACITY[building.name])
+        conditioned = tuple(c["zone_name"] for c in document["ZoneHVAC:EquipmentConnections"].values())
+        areas = floor_areas(document, conditioned)
+        self.power = {zone: CAPACITY[building.name] * area for zone, area in areas.items()}
+        self.document = with_ideal_plants(document, self.power)
         self.schedules = occupy(building, {kind: names[kind] for kind in GAINS}, reference)
         if building.use == "home":
             programme = programme_home(names["heat"], names["cool"], reference)

@@ -18,36 +18,37 @@ RULE, KNOWN, FORECAST, HELD = "tuned rule", "MPC, gains known", "MPC, hybrid's n
 _LEADS = ("15 min", "1 h", "4 h", "12 h", "24 h")
 NOTE = (
     "EnergyPlus 25.2 in closed loop: set-points of one zone, whose plant is ideal with 25 W/m2 (office) or 35 W/m2 "
-    "(apartment) of heating and as much of cooling; the other zones keep their thermostats. A plan of 24 h is made every hour, of cost and 50 ct per K h "
-    "beside the band of the model's set-points; a kWh of heat or cold costs 8 ct, on working days 16 ct in winter from "
-    "6 to 10 and 17 to 21 h, in summer from 13 to 19 h. The thermostat tracks the planned temperatures. Weather is "
-    "known but where a weather forecast is named (medium error). Models are trained on six weeks, and the hybrid alone "
-    "adapts, as it does by default. Rules start the season's set-point 0 to 4 h before people or a peak come, 0 "
-    "to 1 K into the band; the tuned one is the best of the last three weeks of training, the one in hindsight the "
-    'best of the tested fortnights. "Heat held": the unmeasured heat that the network sees now stays for the horizon. '
-    "J = cost + price of comfort x K h; the three prices judge the same runs. RMSE: forecasts under the heat that was "
-    "delivered. Intervals: 95 %, t distribution over fortnights, which take the fortnights as independent."
+    "(apartment) of heating and as much of cooling; the other zones keep their thermostats. A plan of 24 h is made "
+    "every hour, of cost and 50 ct per K h beside the band of the model's set-points; a kWh of heat or cold costs 8 "
+    "ct, on working days 16 ct in winter from 6 to 10 and 17 to 21 h, in summer from 13 to 19 h. The plan knows the "
+    "plant's power, and the thermostat tracks the planned temperatures. Weather is known but where a weather forecast"
+    " is named (medium error). Models are trained on six weeks, and the hybrid alone adapts, as it does by default. "
+    "Rules start the season's set-point 0 to 4 h before people or a peak come, 0 to 1 K into the band; the tuned one "
+    'is the best of the last three weeks of training, the one in hindsight the best of the tested fortnights. "Heat '
+    'held": the unmeasured heat that the network sees now stays for the horizon. J = cost + price of comfort x K h; '
+    "the three prices judge the same runs. RMSE: forecasts under the heat that was delivered. Intervals: 95 %, t "
+    "distribution over fortnights, which take the fortnights as independent."
 )
 
 
 def _frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
-    """Rows of fortnights that every controller of their case has."""
+    """Rows of the controllers that have as many fortnights as any in their case."""
     frame = pd.DataFrame(rows)
     for weight in WEIGHTS:
         frame[f"J{weight}"] = frame["cost"] + weight * frame["K h"]
-    key = [*CASE, "fortnight"]
-    there = frame.groupby(CASE)["controller"].transform("nunique")
-    return frame[frame.groupby(key)["controller"].transform("nunique") == there]
+    n = frame.groupby([*CASE, "controller"])["fortnight"].transform("size")
+    return frame[n == n.groupby([frame[c] for c in CASE]).transform("max")]
 
 
 def money(frame: pd.DataFrame) -> pd.DataFrame:
     """Mean of a fortnight by case and controller."""
-    columns = ["cost", "energy", "K h", *(f"J{w}" for w in WEIGHTS)]
+    shown = {"cost [ct]": "cost", "energy [kWh]": "energy", "discomfort [K h]": "K h"}
+    shown |= {f"J at {w} ct [ct]": f"J{w}" for w in WEIGHTS}
     groups = frame.groupby([*CASE, "controller"], sort=False)
-    out = groups[columns].mean().round({"cost": 0, "energy": 1, "K h": 2} | {f"J{w}": 0 for w in WEIGHTS})
-    out["fortnights"] = groups.size()
-    names = {"cost": "cost [ct]", "energy": "energy [kWh]", "K h": "discomfort [K h]"}
-    return out.rename(columns=names | {f"J{w}": f"J at {w} ct [ct]" for w in WEIGHTS})
+    means = groups[list(shown.values())].mean()
+    digits = {"K h": 2}
+    out = pd.DataFrame({name: means[c].map(f"{{:.{digits.get(c, 0)}f}}".format) for name, c in shown.items()})
+    return out.assign(fortnights=groups.size())
 
 
 def forecasts(frame: pd.DataFrame, plants: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -75,6 +76,18 @@ def _wide(frame: pd.DataFrame, column: str) -> pd.DataFrame:
     return frame.pivot_table(index=[*CASE, "fortnight"], columns="controller", values=column, sort=False)
 
 
+def _wide(frame: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Values by fortnight and controller."""
+    return frame.pivot_table(index=[*CASE, "fortnight"], columns="controller", values=column, sort=False)
+
+
+def _text(mean: float, low: float, high: float, digits: int) -> str:
+    """A difference and its interval."""
+    if not np.isfinite(low):
+        return f"{mean:+.{digits}f}"
+    return f"{mean:+.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
 def differences(frame: pd.DataFrame, reference: str, columns: Sequence[str]) -> pd.DataFrame:
     """Mean difference of every controller from one, by season, and its interval."""
     found = []
@@ -86,8 +99,7 @@ def differences(frame: pd.DataFrame, reference: str, columns: Sequence[str]) -> 
             for name in wide.columns.drop(reference):
                 paired = (wide[name] - wide[reference]).dropna().to_numpy()
                 if len(paired):
-                    mean, low, high = interval(paired)
-                    text = f"{mean:.3g} ({low:.3g} to {high:.3g})" if np.isfinite(low) else f"{mean:.3g}"
+                    text = _text(*interval(paired), 2 if column[:1] in "RK" else 0)
                     found.append((season, name, column, text, len(paired)))
     table = pd.DataFrame(found, columns=["season", "controller", "column", "difference", "fortnights"])
     wide = table.pivot_table(

@@ -126,11 +126,16 @@ def plan(
 
 
 def tracked(heat: float, T: float, band: np.ndarray) -> tuple[float, float]:
-    """Set-points of a step whose plan is some heat [kW] and a temperature [degC] at its end."""
+    """Set-points of a step whose plan is some heat [kW] and a temperature [degC] at its end.
+
+    A plan leaves the band where the plant would not do, which the thermostat may prove wrong.
+    """
     low, high = float(band[0]), float(band[1])
     if heat > _RUNNING:
+        T = max(T, low)
         return T, max(high, T + LEAST_BAND)
     if heat < -_RUNNING:
+        T = min(T, high)
         return min(low, T - LEAST_BAND), T
     return low, max(high, low + LEAST_BAND)
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
-import sys
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -201,8 +200,8 @@ class Bench:
         forecaster.observe(log[training.index[-1] + log.index.freq : first - log.index.freq])
         inputs = self._year(columns)
         weather = weather_forecasts(inputs, self.case.seed) if maker.weather else None
-        ends = float(training["Q_hvac"].min()), float(training["Q_hvac"].max())
-        return Planner(forecaster, inputs, self.band, self.price, ends, row_of(first), weather)
+        power = self.plant.power[self.case.zone] / 1000.0
+        return Planner(forecaster, inputs, self.band, self.price, (-power, power), row_of(first), weather)
 
     def _year(self, columns: list[str]) -> pd.DataFrame:
         """Weather, and gains where they are known, by row of the year; the measured columns are left out."""
@@ -327,15 +326,16 @@ def main(arguments: list[str] | None = None) -> None:
         kind = type(values[0])
         parser.add_argument(f"--{field}s", nargs="+", type=kind, choices=list(dict.fromkeys(values)))
     parser.add_argument("--controllers", nargs="+", choices=CONTROLLERS, default=list(CONTROLLERS))
+    parser.add_argument("--tables", action="store_true", help="run nothing, write the tables of what is kept")
     parser.add_argument("--store", type=Path, default=STORE)
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args(arguments)
-    if importlib.util.find_spec("pyenergyplus") is None:
+    if not options.tables and importlib.util.find_spec("pyenergyplus") is None:
         parser.exit(0, "control.py needs EnergyPlus: pip install skhybrid[energyplus]\n")
     warnings.simplefilter("ignore", SkhybridWarning)
     chosen = [getattr(options, f"{field}s") for field in Case._fields]
     bench_of = _bench(options.store)
-    for case in matrix():
+    for case in () if options.tables else matrix():
         if all(values is None or value in values for value, values in zip(case, chosen, strict=True)):
             fill(case, options.store, bench_of, tuple(options.controllers))
     expected = [(case, *row) for case in matrix() for row in rows_of(case)]
@@ -343,7 +343,7 @@ def main(arguments: list[str] | None = None) -> None:
     kept += rules_of_excited(kept)
     plants = [read_row(p) for case in matrix() if (p := options.store / case.folder / "plant.json").is_file()]
     missing = [(case, *row) for case, *row in expected if not path_of(options.store, case, *row).is_file()]
-    command = " ".join(["python benchmarks/control.py", *sys.argv[1:]])
+    command = "python benchmarks/control.py"
     write_results(kept, plants, missing, len(expected), command, options.results)
 
 
