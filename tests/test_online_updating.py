@@ -258,11 +258,11 @@ def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, ei
 
 PLACES = {
     "schedule": (
-        ("schedule_scheme.ARXMember.fit", "fit"),
+        ("members.ARXMember.fit", "fit"),
         ("schedule_scheme.BlendRecord", "fit"),
         ("known_rows.KnownRows.appended", "update"),
         ("schedule_scheme.KnownRows.of", "partial_fit"),
-        ("schedule_scheme.ARXMember.fit", "partial_fit"),
+        ("members.ARXMember.fit", "partial_fit"),
         ("known_rows.KnownRows.retrained", "partial_fit"),
     ),
     "two-stage": (
