@@ -405,6 +405,18 @@ def old(files, result, monkeypatch):
     return folder
 
 
+def test_a_report_is_one_file(files, result, monkeypatch, capsys):
+    monkeypatch.setattr("skhybrid.study.run_study", lambda *_: result)
+    given = ["report", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]
+    assert main([*given, str(files / "page.html")]) == 0
+    assert "Temperature: " in (files / "page.html").read_text(encoding="utf-8")
+    assert str(files / "page.html") in capsys.readouterr().out
+    assert main([*given, str(files)]) == 1
+    assert "is a folder; give a file" in capsys.readouterr().err
+    assert main([*given, str(files / "page.html"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdicts"]
+
+
 def _contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -776,8 +788,8 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
     assert "Another model forecasts better here: the error of ARX" in lines[-1]
 
 
-COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "search", "zone", "serve", "demo",
-            "export", "zone init", "zone tick", "zone status", "export emhass"}  # fmt: skip
+COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "serve",
+            "demo", "export", "zone init", "zone tick", "zone status", "export emhass"}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -29,6 +29,7 @@ _COMMANDS = (
     "backtest",
     "identify",
     "run",
+    "report",
     "search",
     "zone",
     "serve",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..study import Settings, StudyData, run_study, write_outputs
+from ..study import Settings, StudyData, StudyResult, run_study, write_outputs
 from ..study.outputs import format_table
 from ._output import DONE, Progress, check_stopped
 
@@ -22,7 +22,7 @@ def study_to_folder(
     as_json: bool = False,
 ) -> int:
     """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
-    _refuse_unwritable(out)
+    refuse_unwritable(out)
     result = run_study(settings, data, progress)
     truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
     written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
@@ -31,16 +31,21 @@ def study_to_folder(
     if as_json:
         print((out / "metrics.json").read_text(encoding="utf-8"))
         return DONE
-    print("\n".join(map(str, result.verdicts)) + "\n")
-    print(format_table(result.table, scaled=result.scaled))
+    print_result(result)
     print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
     return DONE
 
 
-def _refuse_unwritable(out: Path) -> None:
-    """Refuse a folder before minutes of work, not after them."""
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"--out {out} is a file; give a folder.")
+def print_result(result: StudyResult) -> None:
+    """Print the verdicts and the comparison of a study."""
+    print("\n".join(map(str, result.verdicts)) + "\n")
+    print(format_table(result.table, scaled=result.scaled))
+
+
+def refuse_unwritable(out: Path, kind: str = "folder") -> None:
+    """Refuse a folder, or a file, before minutes of work, not after them."""
+    if out.exists() and out.is_dir() != (kind == "folder"):
+        raise ValueError(f"--out {out} is a {'file' if kind == 'folder' else 'folder'}; give a {kind}.")
     nearest = next(p for p in out.absolute().parents if p.exists())
     if not nearest.is_dir() or not os.access(out if out.exists() else nearest, os.W_OK):
-        raise ValueError(f"--out {out} cannot be written to; give another folder.")
+        raise ValueError(f"--out {out} cannot be written to; give another {kind}.")

@@ -106,11 +106,26 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     _write_csv(result.forecast, out / "forecast.csv")
     _write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
     _write_csv(result.parameters, out / "parameters.csv", digits=6)
-    metrics = json.dumps(_metrics(result), indent=2, allow_nan=False, default=str)
-    (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
+    (out / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
+    write_page(result, out / "report.html", truth)
+    names = [HYBRID, *result.table.index.drop(HYBRID)]
+    ordered = {name: result.frames[name] for name in names if name in result.frames}
+    study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
+
+
+def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
+    """Write the report of a study, one HTML page.
+
+    Parameters
+    ----------
+    result : StudyResult
+    path : path-like
+    truth : Series, optional
+        As in :func:`write_outputs`.
+    """
     write_report(
-        out / "report.html",
+        path,
         title=result.settings.name,
         table=result.table,
         frames=result.frames,
@@ -129,9 +144,11 @@ def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
         cost=_cost(result),
         notes=result.warnings,
     )
-    names = [HYBRID, *result.table.index.drop(HYBRID)]
-    ordered = {name: result.frames[name] for name in names if name in result.frames}
-    study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
+
+
+def metrics_text(result: StudyResult) -> str:
+    """Errors, verdicts and settings of a study as JSON."""
+    return json.dumps(_metrics(result), indent=2, allow_nan=False, default=str)
 
 
 def _cost(result: StudyResult) -> Cost | None:
