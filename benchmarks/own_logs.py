@@ -74,6 +74,7 @@ def walk(case: Case, folder: Path) -> dict[str, object]:
         "read": f"{found['rows']} rows, {', '.join(sorted(roles))}",
         "edits": len(missing),
         "forecast": "too short to learn from",
+        "verdict": "-",
     }
     if case.weather is not None:
         given = ("forecast", "--model", str(model), "--log", str(case.log), "--weather", str(case.weather))
@@ -91,7 +92,14 @@ def walk(case: Case, folder: Path) -> dict[str, object]:
             low, high = day["lowest temperature [degC]"], day["highest temperature [degC]"]
             load = f"{day['heating [kWh]']} kWh" if "heating [kWh]" in day else "kW without a scale"
             out["forecast"] = f"{low} to {high} degC, {load}"
+            out["verdict"] = _verdict(case.log, config)
     return out | {"seconds": time.perf_counter() - begun}
+
+
+def _verdict(log: Path, config: Path) -> str:
+    """The verdicts of a back-test on temperature and load."""
+    code, text = _call("backtest", str(log), "--config", str(config), "--json", "--quiet")
+    return text if code else "; ".join(f"{one['quantity']}: {one['level']}" for one in json.loads(text)["verdicts"])
 
 
 def _call(*arguments: str) -> tuple[int, str]:
@@ -113,7 +121,8 @@ def main() -> None:
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("log").round({"seconds": 1})
     note = (
         "`check` proposes a configuration, `fit` learns and `forecast` forecasts the day after the log under "
-        "set-points.  Edits: roles without which there is no forecast (T_za, T_oa) that nobody but the user can name."
+        "set-points; the verdict is that of `backtest`.  Edits: roles without which there is no forecast (T_za, T_oa) "
+        "that nobody but the user can name."
     )
     title = "From a log to tomorrow, by the command line alone"
     write_table("own_logs", title, COMMAND, {"Every log": table}, note, given.out)
