@@ -23,7 +23,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -154,7 +154,7 @@ def assess(row: Row, name: str, store: Path) -> None:
     print(f"{row.data.name} | {name}: {ratio} in {time.perf_counter() - begun:.0f} s", flush=True)
 
 
-def _step(model, later: pd.DataFrame, origin: int) -> np.ndarray:  # type: ignore[no-untyped-def]
+def _step(model: Any, later: pd.DataFrame, origin: int) -> np.ndarray:
     """(5,) change of the forecast from an origin by 1 kW from there on [K/kW]."""
     base = later.iloc[: origin + DAY + 1]
     more = base.assign(Q_hvac=base["Q_hvac"] + (np.arange(len(base)) >= origin))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..study import Settings, StudyData, StudyResult, run_study, write_outputs
-from ..study.outputs import format_table
+from ..study import Settings, StudyData, StudyResult, read_log, run_study, split_log, write_outputs
+from ..study.outputs import format_table, metrics_text
 from ._output import DONE, Progress, check_stopped
 
 
@@ -26,20 +26,28 @@ def study_to_folder(
     result = run_study(settings, data, progress)
     truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
     written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
+    return tell(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
+
+
+def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
+    """A log in its spans, with notes on what was read."""
+    frame, report = read_log(log, settings)
+    for line in report.splitlines():
+        progress.note(line)
+    return split_log(frame, settings)
+
+
+def tell(result: StudyResult, progress: Progress, written: str, *, as_json: bool) -> int:
+    """Print the warnings, the verdicts and the comparison of a study, and what was written; the exit code."""
     for text in result.warnings:
         progress.warn(text)
     if as_json:
-        print((out / "metrics.json").read_text(encoding="utf-8"))
+        print(metrics_text(result))
         return DONE
-    print_result(result)
-    print(f"\n{out}{os.sep}: {', '.join(path.name for path in written)}")
-    return DONE
-
-
-def print_result(result: StudyResult) -> None:
-    """Print the verdicts and the comparison of a study."""
     print("\n".join(map(str, result.verdicts)) + "\n")
     print(format_table(result.table, scaled=result.scaled))
+    print(f"\n{written}")
+    return DONE
 
 
 def refuse_unwritable(out: Path, kind: str = "folder") -> None:

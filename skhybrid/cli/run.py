@@ -20,10 +20,6 @@ def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bo
     The hybrid and the models that it is compared with are fitted on [train] and scored on [test].
     """
     settings = settings_at(config)
-    from ..study import read_log, split_log
-    from ._study import study_to_folder
+    from ._study import read_study, study_to_folder
 
-    frame, report = read_log(log, settings)
-    for line in report.splitlines():
-        say.note(line)
-    return study_to_folder(settings, split_log(frame, settings), out, say, as_json=as_json)
+    return study_to_folder(settings, read_study(log, settings, say), out, say, as_json=as_json)

@@ -18,7 +18,7 @@ _MEMBERS = ("blend", "network")
 
 
 class Plan(NamedTuple):
-    """Return the heat decided for the rows ahead; 0 where nothing is planned."""
+    """Inputs that are decided for the rows ahead; 0 where nothing is planned."""
 
     inputs: tuple[str, ...]  # roles
     values: np.ndarray  # (H, m) [kW, or stages]

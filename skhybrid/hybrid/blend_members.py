@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._table import ZoneTable
+from ..control import is_plant
 from ..schedule import HeatResponse, LeadFit
 from .members import ARXMember, DailyProfileMember, Member
 from .without_heat import WithoutHeat
@@ -21,7 +22,7 @@ def make_others(fit: LeadFit, training: ZoneTable, purpose: str) -> list[Member]
     multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
     others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
     if plan:
-        roles: Sequence[str] = [role for role in training.inputs if role[:2] in ("u_", "Q_")]
+        roles: Sequence[str] = [role for role in training.inputs if is_plant(role)]
     else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
         roles = fit.undetermined if fit.blocks.any() else ()
     if not roles:

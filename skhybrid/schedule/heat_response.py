@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from .._table import ZoneTable
+from ..control import is_plant
 from ..filtering import simulate_path
 from .channels import equipment, known_heat
 from .fit import LeadFit
@@ -39,7 +40,7 @@ class HeatResponse:
 
     def heat(self, table: ZoneTable) -> np.ndarray:
         """(N, 2) heat [kW] less the training's mean: known, which an emitter may delay, and of fitted capacities."""
-        others = {role for role in table.inputs if role[:2] in ("u_", "Q_")} - self.roles
+        others = set(filter(is_plant, table.inputs)) - self.roles
         idle = table.replace(inputs={r: np.zeros(table.n_rows) if r in others else v for r, v in table.inputs.items()})
         coefs = dict(zip(self.fit.channel_names, self.rest.coef, strict=False))
         fitted = sum((coefs[one.name] * one.series for one in equipment(self.fit.plan, idle)), np.zeros(table.n_rows))

@@ -10,6 +10,7 @@ import pandas as pd
 
 from ..study.report.figures import as_svg, backtest_figure, day_figure
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
+from ..study.verdict import Verdict
 from .zone_view import ZoneView, compared
 
 _REFRESH = '<meta http-equiv="refresh" content="300">\n'
@@ -22,7 +23,7 @@ def zone_page(view: ZoneView, status: dict[str, Any]) -> str:
     head = f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(view.name)}</h1>\n'
     links = " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
     sections = [
-        head + verdict_boxes(view.verdicts),
+        head + verdict_boxes([Verdict(**one) for one in status["verdicts"]]),
         _tomorrow(view),
         _yesterday(view),
         _week(view),

@@ -8,13 +8,11 @@ import numpy as np
 import pandas as pd
 
 from ..study.judgement import is_scaled
-from ..study.verdict import Verdict, compare_errors, judge
 from ..zone import ZoneFolder
 from ..zone.forecast_archive import open_archive
 
-_JUDGED = pd.Timedelta(days=28)
-_DAY = pd.Timedelta(days=1)
-_LEVELS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}
+_PAST = pd.Timedelta(days=28)
+_LEVELS = ["q_0.1", "q_0.9"]
 
 
 class ZoneView(NamedTuple):
@@ -27,7 +25,6 @@ class ZoneView(NamedTuple):
     origin: pd.Timestamp | None  # of the last forecast
     forecast: pd.DataFrame  # by time, with the columns of the archive; empty where there is none
     past: pd.DataFrame  # forecasts of the last four weeks that have run out, and what was measured
-    verdicts: tuple[Verdict, ...]
 
 
 def view_zone(folder: ZoneFolder) -> ZoneView:
@@ -43,16 +40,12 @@ def view_zone(folder: ZoneFolder) -> ZoneView:
     scaled = is_scaled(zone.settings, zone.covered())
     with open_archive(folder.archive) as archive:
         last = archive.last_measured()
-        since = pd.Timestamp(0) if last is None else last - _JUDGED
-        past, measured = archive.finished(since), archive.measured(since - _DAY)
-        origin, forecast = archive.last_origin(), archive.latest()
+        since = pd.Timestamp(0) if last is None else last - _PAST
+        past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
     past = past.assign(
         **{name: _local(pd.DatetimeIndex(pd.to_datetime(past[name])), tz) for name in ("origin", "time")}
     )
-    forecast, measured = (frame.set_axis(_local(frame.index, tz), axis=0) for frame in (forecast, measured))
-    verdicts = tuple(
-        _verdict(past, measured, role, scaled) for role in _LEVELS if past[f"{role}_measured"].notna().any()
-    )
+    forecast = forecast.set_axis(_local(forecast.index, tz), axis=0)
     return ZoneView(
         zone.settings.name,
         None if tz is None else str(tz),
@@ -61,45 +54,12 @@ def view_zone(folder: ZoneFolder) -> ZoneView:
         None if origin is None else _local(pd.DatetimeIndex([origin]), tz)[0],
         forecast.dropna(axis=1, how="all"),
         past,
-        verdicts,
     )
 
 
 def _local(index: Any, tz: Any) -> pd.DatetimeIndex:
     index = pd.DatetimeIndex(index)
     return index if index.tz is None or tz is None else index.tz_convert(tz)
-
-
-def _verdict(past: pd.DataFrame, measured: pd.DataFrame, role: str, scaled: bool) -> Verdict:
-    """The verdict on forecasts whose days do not overlap, beside the measurements of the day before."""
-    rows = past[past["origin"].isin(_apart(past))]
-    truth = rows[f"{role}_measured"]
-    before = pd.Series(measured[role].reindex(pd.DatetimeIndex(rows["time"]) - _DAY).to_numpy(), index=rows.index)
-    quantity = "temperature" if role == "T_za" else "load"
-    compared = compare_errors(rows[role] - truth, before - truth, rows["origin"], f"yesterday's {quantity}")
-    known = rows[list(_LEVELS[role])].notna().all(axis=1) & truth.notna()
-    low, high = (rows.loc[known, level] for level in _LEVELS[role])
-    inside = truth[known].between(low, high)
-    doubts = (
-        [] if scaled or role == "T_za" else ["its kW have no certain scale, since no capacity of the plant is known"]
-    )
-    return judge(
-        quantity,
-        [compared],
-        n_origins=rows.loc[truth.notna(), "origin"].nunique(),
-        coverage=float(inside.mean()) if len(inside) else None,
-        doubts=doubts,
-    )
-
-
-def _apart(past: pd.DataFrame) -> list[Any]:
-    """Origins of forecasts whose spans do not overlap, from the last one back."""
-    kept: list[Any] = []
-    ends = past.groupby("origin")["time"].max()
-    for origin, end in reversed(list(ends.items())):
-        if not kept or end <= kept[-1]:
-            kept.append(origin)
-    return kept
 
 
 def plain_rows(forecast: pd.DataFrame) -> list[dict[str, Any]]:
@@ -117,5 +77,5 @@ def plain_rows(forecast: pd.DataFrame) -> list[dict[str, Any]]:
 def compared(past: pd.DataFrame) -> pd.DataFrame:
     """Past forecasts of temperature as a back-test."""
     names = {"T_za": "y_pred", "T_za_measured": "y_true"}
-    rows = past[["origin", "time", *names, *_LEVELS["T_za"]]].rename(columns=names)
-    return rows if np.isfinite(rows["q_0.1"]).any() else rows.drop(columns=list(_LEVELS["T_za"]))
+    rows = past[["origin", "time", *names, *_LEVELS]].rename(columns=names)
+    return rows if np.isfinite(rows["q_0.1"]).any() else rows.drop(columns=_LEVELS)

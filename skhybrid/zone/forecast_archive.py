@@ -103,8 +103,8 @@ class ForecastArchive:
 
     def latest(self) -> pd.DataFrame:
         """The rows of the last forecast by time, with the columns of the forecast; empty where there is none."""
-        rows = self._database.execute("SELECT * FROM forecast WHERE origin = (SELECT max(origin) FROM forecast)")
-        return self._by_time(rows).drop(columns="origin").astype(np.float64)
+        query = "SELECT * FROM forecast WHERE origin = (SELECT max(origin) FROM forecast)"
+        return _by_time(self._read(query)).drop(columns="origin")
 
     def measured(self, since: pd.Timestamp) -> pd.DataFrame:
         """Measured temperature [degC] and delivered heat [kW] by time.
@@ -114,8 +114,7 @@ class ForecastArchive:
         since : Timestamp, the earliest
         """
         texts = _texts(pd.DatetimeIndex([since]))
-        rows = self._database.execute("SELECT * FROM measured WHERE time >= ? ORDER BY time", texts)
-        return self._by_time(rows).astype(np.float64)
+        return _by_time(self._read("SELECT * FROM measured WHERE time >= ? ORDER BY time", texts))
 
     def keep_log(self, frame: pd.DataFrame, kind: int) -> None:
         """Keep rows of the log by role.
@@ -167,11 +166,6 @@ class ForecastArchive:
         """
         (text,) = _texts(pd.DatetimeIndex([before]))
         self._database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
-
-    @staticmethod
-    def _by_time(rows: sqlite3.Cursor) -> pd.DataFrame:
-        found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description]).set_index("time")
-        return found.set_axis(_stamps(found.index), axis=0)
 
     def _columns(self, table: str) -> list[str]:
         return [row[1] for row in self._database.execute(f"PRAGMA table_info({table})")]
@@ -225,6 +219,10 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
             f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
             "archive."
         ) from error
+
+
+def _by_time(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.drop(columns="time").set_axis(_stamps(pd.Index(rows["time"])), axis=0)
 
 
 def _stamps(texts: pd.Index) -> pd.DatetimeIndex:
