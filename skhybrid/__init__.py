@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         zone,
     )
     from .forecasting import ARXRegressor, DisturbanceForecaster
-    from .hybrid import HybridPredictor, SchedulePredictor, TwoStagePredictor
+    from .hybrid import BuildingPredictor, HybridPredictor, SchedulePredictor, TwoStagePredictor
     from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
     from .thermal import RCNetwork
 
@@ -33,13 +33,14 @@ if TYPE_CHECKING:
 
 _NAMES_OF = {
     "forecasting": ("ARXRegressor", "DisturbanceForecaster"),
-    "hybrid": ("HybridPredictor", "SchedulePredictor", "TwoStagePredictor"),
+    "hybrid": ("BuildingPredictor", "HybridPredictor", "SchedulePredictor", "TwoStagePredictor"),
     "identification": ("GrayBoxRC", "InputDisturbanceID", "OutputDisturbanceID", "PeriodicDisturbanceID"),
     "thermal": ("RCNetwork",),
 }
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 __all__ = [
     "ARXRegressor",
+    "BuildingPredictor",
     "DisturbanceForecaster",
     "GrayBoxRC",
     "HybridPredictor",

@@ -92,7 +92,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         X : DataFrame or array-like of shape (n_samples, n_features)
             Consecutive rows; history is read only up to each origin.
         origins : sequence of int
-            Row numbers of X.
+            Row numbers of X; -1 is the last known row, where X follows it.
         horizon : timedelta-like, optional
             How far ahead; default is the estimator's own, or one day.
 
@@ -155,6 +155,24 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
             origins = np.concatenate([[-1], origins]) if measured else np.array([-1])
         return origins, np.append(origins[1:], segment.n_rows - 1) - origins
 
+    def rolled_origins(self, X: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of X from which :meth:`predict` forecasts, and the number of rows that each of them covers.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows without gaps.
+
+        Returns
+        -------
+        origins, counts : ndarray of shape (n_origins,), int
+            -1 is the last known row, where X follows it.
+        """
+        check_is_fitted(self)
+        table, n_tail = self._with_history(X)
+        self._refuse_lost_past(table, n_tail)
+        return self._rolled_origins(table.rows(slice(n_tail, None)), n_tail)
+
     def _paths_from(
         self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any, paths_of: _Paths, shape: tuple[int, ...]
     ) -> np.ndarray:
@@ -163,7 +181,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         table, n_tail = self._with_history(X)
         self._refuse_lost_past(table, n_tail)
         n_here = table.n_rows - n_tail
-        rows = checked_origins(origins, n_here)
+        rows = checked_origins(origins, n_here, min(n_tail, 1))
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))

@@ -30,10 +30,12 @@ class Plan(NamedTuple):
         return cls(tuple(inputs), np.column_stack(values) if values else np.empty((n_rows, 0)))
 
 
-def read_inputs(inputs: Any, trained: Sequence[str], column_of: Callable[[str], Any]) -> tuple[str, ...]:
-    """Roles of the inputs that a controller decides on, given by role or column; those of training's plant only."""
+def read_inputs(
+    inputs: Any, trained: Sequence[str], column_of: Callable[[str], Any], boundaries: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Roles of the inputs of a plan, given by role or column: those of training's plant, and some ``boundaries``."""
     names = [inputs] if isinstance(inputs, str) else inputs
-    plant = [role for role in trained if is_plant(role)]
+    plant = [role for role in trained if is_plant(role) or role in boundaries]
     if not isinstance(names, list | tuple) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"inputs={inputs!r} must be a list of different names, such as {plant!r}.")
     by_name = {**{column_of(role): role for role in plant}, **{role: role for role in plant}}

@@ -1,6 +1,7 @@
 """Hybrid predictors: a thermal network joined to a forecast of its disturbance (design 6), and a drift monitor."""
 
 from ..control import AffineForecast, ControlModel
+from .building_predictor import BuildingPredictor
 from .drift import DriftMonitor
 from .predictor import HybridPredictor
 from .schedule_predictor import SchedulePredictor
@@ -8,6 +9,7 @@ from .two_stage_predictor import TwoStagePredictor
 
 __all__ = [
     "AffineForecast",
+    "BuildingPredictor",
     "ControlModel",
     "DriftMonitor",
     "HybridPredictor",

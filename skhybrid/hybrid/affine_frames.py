@@ -57,8 +57,8 @@ class AffineFramesMixin(FramesForecastMixin):
             As in :meth:`forecast`.  Columns of the ``inputs`` may be absent; what they hold is a first plan, at which
             the tangent is taken where a stage's heat bends at part load.
         inputs : sequence of str, default=("Q_hvac",)
-            What is decided: heating and cooling of the training table, kW or stages; what is not named is read from
-            ``future``.
+            What is decided: heating and cooling of the training table, kW or stages; of the schedule model also a
+            boundary temperature of its network.  What is not named is read from ``future``.
         T_za : float, optional
             As in :meth:`forecast`: the first row of ``future`` is *now* [degC].
         member : {"blend", "network"}, default="blend"
@@ -85,7 +85,8 @@ class AffineFramesMixin(FramesForecastMixin):
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
-        roles = read_inputs(inputs, list(self._scheme.rows.training.inputs), self._column_of)
+        trained, boundaries = list(self._scheme.rows.training.inputs), self._scheme.planned_boundaries
+        roles = read_inputs(inputs, trained, self._column_of, boundaries)
         ahead, plan = self._planned(history, future, roles, T_za)
         found = self._present_scheme().affine(ahead, plan, read_member(member))
         warn_bent(plan, found.bent)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -22,6 +22,7 @@ from .._table import (
 )
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
+from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .affine_frames import AffineFramesMixin
 from .closed_loop import ClosedLoop
@@ -178,8 +179,54 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
 
+    @one_blas_thread
+    def predict_from(
+        self,
+        X: Any,
+        origins: Sequence[int] | np.ndarray,
+        horizon: Any = None,
+        boundary: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """Forecast the rows after each of the given origins.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; history is read only up to each origin.
+        origins : sequence of int
+            Row numbers of X; -1 is the last known row, where X follows it.
+        horizon : timedelta-like, optional
+            How far ahead; default is the estimator's own, or one day.
+        boundary : mapping of role to array of shape (n_origins, n_leads), optional
+            Boundary temperatures of the network, such as a neighbour's, as forecast from each origin [degC], in place
+            of those in X (schedule model only).
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads), float64
+            Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
+        """
+        if not boundary:
+            return super().predict_from(X, origins, horizon)
+
+        def paths(table: ZoneTable, rows: np.ndarray, n_leads: int) -> np.ndarray:
+            return self._present_scheme().forecast_under(table, rows, n_leads, boundary).temperature
+
+        return self._paths_from(X, origins, horizon, paths, ())
+
     def _column_of(self, role: str) -> Any:
         return (self._reading()["columns"] or {}).get(role, role)
+
+    def left_out_errors(self) -> LeftOut:
+        """Errors of forecasts of the training, each by what has not learned from its days.
+
+        Returns
+        -------
+        LeftOut
+            ``errors`` (n_origins, n_leads), measured less forecast [K], and ``origins`` (n_origins,), training rows.
+        """
+        check_is_fitted(self)
+        return self._scheme.left_out_errors(self._most_leads(self.sampling_time_))
 
     @unchanged_on_failure
     @one_blas_thread

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from functools import cache
 from typing import Any, NamedTuple, Protocol, Self
@@ -34,6 +34,22 @@ class NumberedTable(NamedTuple):
     first: int = 0  # the table's first row, where it holds the last ones only
     whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
     before: ZoneTable | None = None  # some of the rows before ``first``
+
+    def with_boundary(self, values: Mapping[str, np.ndarray], origin: int, n_back: int) -> NumberedTable:
+        """Rows from ``n_back`` before an origin on, with other values (n_leads,) of some inputs after it; nothing later.
+
+        The first of them is measured where any row before it is.
+        """
+        table, n_leads = self.table, len(next(iter(values.values())))
+        first = max(0, origin - n_back)
+        while first and not np.isfinite(self.T[first]):
+            first = max(0, first - n_back)
+        kept = table.rows(slice(first, origin + 1 + n_leads))
+        n_ahead = first + kept.n_rows - origin - 1
+        inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
+        T = self.T[first : first + kept.n_rows]
+        kept, before = kept.replace(inputs={**kept.inputs, **inputs}), table.rows(slice(first))
+        return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before if first else None)
 
 
 class RollingMember(Protocol):

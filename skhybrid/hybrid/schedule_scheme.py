@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, last_rows
+from .._table import ZoneTable, concatenate_tables, last_rows, listed
 from .._time import rows_of
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
@@ -184,6 +184,20 @@ class ScheduleScheme(Scheme):
         rows, moved = self._numbered(table)
         return self._blend(rows, origins + moved, n_leads, self.adapt)
 
+    def forecast_under(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
+    ) -> Paths:
+        for role, values in boundary.items():
+            if role not in self.planned_boundaries:
+                raise ValueError(f"boundary names {role!r}; the network's are {listed(self.planned_boundaries)}.")
+            if np.shape(values) != (len(origins), n_leads) or not np.isfinite(values).all():
+                raise ValueError(
+                    f"boundary gives {role!r} values of the shape {np.shape(values)}; give a finite temperature for "
+                    f"each of {len(origins)} origins and {n_leads} leads."
+                )
+        rows, moved = self._numbered(table)
+        return self._blend(rows, origins + moved, n_leads, self.adapt, boundary)
+
     def _numbered(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
         T = table.history.get("T_za", np.full(table.n_rows, np.nan))
@@ -198,7 +212,14 @@ class ScheduleScheme(Scheme):
         whole = concatenate_tables(tables)
         return NumberedTable(whole, whole.history["T_za"], self.rows.training.n_rows, joined=True)
 
-    def _blend(self, rows: NumberedTable, origins: np.ndarray, n_leads: int, adapt: str | None) -> Paths:
+    def _blend(
+        self,
+        rows: NumberedTable,
+        origins: np.ndarray,
+        n_leads: int,
+        adapt: str | None,
+        boundary: Mapping[str, np.ndarray] | None = None,
+    ) -> Paths:
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
@@ -207,8 +228,11 @@ class ScheduleScheme(Scheme):
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
-            plausible = PlausibleRange(lowest[i], highest[i])
-            paths.temperature[i], paths.zeta[i] = blend.forecast(views, n_leads, plausible)
+            plausible, ahead = PlausibleRange(lowest[i], highest[i]), views
+            if boundary is not None:
+                values = {role: paths_of[i] for role, paths_of in boundary.items()}
+                ahead = blend.views(rows.with_boundary(values, int(origins[i]), self._n_back))
+            paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, plausible)
             paths.zeta_now[i] = blend.heat_now(views)
         return paths
 
@@ -274,8 +298,7 @@ class ScheduleScheme(Scheme):
             rows = self._joined([*self.rows.tables, ahead])
             blend = RollingBlend(self._members, self._record, rows, self.adapt)
         else:
-            back = int(self._record.sample.leads[-1]) + self._record.rows_per_day + _MORE_ROWS
-            rows = self._last_rows(max(0, blend.row - back), ahead)
+            rows = self._last_rows(max(0, blend.row - self._n_back), ahead)
         views = blend.views(rows)
         if blend.row < self.rows.n_rows - 1:
             blend = blend.fork()
@@ -285,6 +308,15 @@ class ScheduleScheme(Scheme):
             blend = blend.fork()
             blend.advance(views, self.rows.n_rows)
         return blend, views
+
+    @property
+    def _n_back(self) -> int:
+        """Rows before the last one that a forecast from it looks back on."""
+        return int(self._record.sample.leads[-1]) + self._record.rows_per_day + _MORE_ROWS
+
+    @property
+    def planned_boundaries(self) -> tuple[str, ...]:
+        return tuple(role for role in self.network.boundaries if role != "T_oa")
 
     def _start(self, ahead: Ahead) -> tuple[RollingBlend, list[Any]]:
         """The blend at the origin of rows ahead, and the rows that it reads."""

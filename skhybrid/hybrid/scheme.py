@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -105,6 +106,12 @@ class Scheme(ABC):
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast from each origin; anything at rows beyond the table."""
 
+    def forecast_under(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
+    ) -> Paths:
+        """:meth:`forecast`, with boundary temperatures (n_origins, n_leads) in place of the table's ahead."""
+        raise ValueError(f"boundary temperatures of the {self.name} scheme are those in X; leave boundary out.")
+
     @abstractmethod
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast the rows of ``future``, which follow the last known one: (1, n_rows) paths.
@@ -119,6 +126,11 @@ class Scheme(ABC):
     @abstractmethod
     def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
         """The network from the first row ahead on, whose inputs are those of the plan."""
+
+    @property
+    def planned_boundaries(self) -> tuple[str, ...]:
+        """Boundary temperatures that a plan may hold."""
+        return ()
 
     @abstractmethod
     def stages(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The schedule model as a discrete system whose inputs are the roles of the plant."""
+"""The schedule model as a discrete system whose inputs are the roles of the plant, or boundary temperatures."""
 
 from __future__ import annotations
 
@@ -41,13 +41,17 @@ def into_heated(fit: LeadFit, state: OriginState) -> np.ndarray:
 
 
 def plant_inputs(fit: LeadFit, state: OriginState, roles: Sequence[str]) -> np.ndarray:
-    """(n + 1, m) effect of a unit of each role over a step, in proportion."""
+    """(n + 1, m) effect of a unit of each role over a step, in proportion; a role may be a boundary temperature."""
     _, effect = emitting(fit, state)
     direct, known, stages = into_heated(fit, state), dict(fit.plan.known), dict(fit.plan.stages)
-    columns = [
-        known[role] * effect if role in known else stages[role] * _coef(fit, state, role) * direct for role in roles
-    ]
-    return np.column_stack(columns) if columns else np.empty((len(effect), 0))
+    boundaries = fit.plan.network.boundaries
+
+    def column(role: str) -> np.ndarray:
+        if role in boundaries:
+            return np.append(state.matrices.B[:, boundaries.index(role)], 0.0)
+        return known[role] * effect if role in known else stages[role] * _coef(fit, state, role) * direct
+
+    return np.column_stack([column(role) for role in roles]) if roles else np.empty((len(effect), 0))
 
 
 def bends_at(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.ndarray) -> Bends:

@@ -1,0 +1,222 @@
+"""Forecasts of all zones of a building from those of each zone: by itself, then under its neighbours' forecasts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from .._joining import refuse_no_frames
+from .._table import as_numbers
+from .base import BaseHybrid
+from .coupled_zone import CoupledZone
+from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
+
+#: a frame of a zone's predictor under given boundaries
+_Frame = Callable[[BaseHybrid, Any, str], pd.DataFrame]
+
+
+@contextmanager
+def of_zone(zone: str) -> Iterator[None]:
+    """Name the zone in errors of its predictor."""
+    try:
+        yield
+    except ValueError as error:
+        raise type(error)(f"zone {zone!r}: {error}") from None
+
+
+class BuildingForecastMixin:
+    """``predict``, ``forecast`` and their kin of :class:`BuildingPredictor`."""
+
+    zones_: list[str]
+    own_: dict[str, BaseHybrid]
+    coupled_: dict[str, CoupledZone]
+    _columns: ZoneColumns
+    _last: dict[str, float]
+    _single: bool
+
+    def _prepared(self, X: Any) -> Any:
+        raise NotImplementedError
+
+    def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
+        """What was measured of each zone."""
+        raise NotImplementedError
+
+    def _with_measured(self, X: Any, T: pd.DataFrame) -> Any:
+        """X with the measured temperatures as boundaries of neighbours, the last known one where one is missing."""
+        if not isinstance(X, pd.DataFrame):
+            return X
+        return _with_next(X, {z: carried_on(T[z].to_numpy(dtype=float), self._last[z]) for z in self.zones_})
+
+    def predict(self, X: Any) -> Any:
+        """Forecast every row from the last origin before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows; what was measured is read only up to each origin.
+
+        Returns
+        -------
+        DataFrame or ndarray of shape (n_samples, n_zones), float64
+            [degC]; a frame by zone where X is one, and of shape (n_samples,) after a one-dimensional ``y``.
+        """
+        check_is_fitted(self)
+        X = self._checked(X)
+        first = self.own_[self.zones_[0]]
+        origins, leads = first.rolled_origins(X)
+        out = np.column_stack([np.full(len(X), np.nan)] * len(self.zones_))
+        if origins[0] >= 0:
+            out[0] = [model.predict(X[:1])[0] for model in self.own_.values()]
+        if leads.max():
+            paths = self._paths(X, origins, int(leads.max()))
+            for origin, count, path in zip(origins, leads, paths, strict=True):
+                out[origin + 1 : origin + 1 + count] = path[:count]
+        if self._single:
+            return out[:, 0]
+        return pd.DataFrame(out, X.index, self.zones_) if isinstance(X, pd.DataFrame) else out
+
+    def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
+        """Forecast the rows after each of the given origins.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        origins : sequence of int
+            Row numbers of X; -1 is the last known row, where X follows it.
+        horizon : timedelta-like, optional
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads, n_zones), float64
+            Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
+        """
+        check_is_fitted(self)
+        return self._paths(self._checked(X), np.asarray(origins), horizon)
+
+    def _checked(self, X: Any) -> Any:
+        if not isinstance(X, pd.DataFrame):
+            validate_data(self, X, reset=False, skip_check_array=True)
+        return self._prepared(X)
+
+    def _paths(self, X: Any, origins: np.ndarray, horizon: Any) -> np.ndarray:
+        """(n_origins, n_leads, n_zones); ``horizon`` may be a number of rows."""
+        step = next(iter(self.own_.values())).sampling_time_
+        span = horizon * step if isinstance(horizon, int) else horizon
+        own = {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                own[zone] = model.predict_from(X, origins, span)
+        out = np.stack(list(own.values()), axis=-1)
+        if not len(origins) or not self.coupled_:
+            return out
+        X = self._with_measured(X, self._known(X))
+        ahead = {zone: _held(path) for zone, path in own.items()}
+        for zone, one in self.coupled_.items():
+            boundary = {NEXT + other: ahead[other] for other in one.neighbours}
+            share, j = one.share(out.shape[1]), self.zones_.index(zone)
+            out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
+        return out
+
+    def forecast(
+        self,
+        history: pd.DataFrame | None,
+        future: pd.DataFrame,
+        T_za: Any = None,
+        setpoint: Any = None,
+        quantiles: Sequence[float] | None = None,
+    ) -> pd.DataFrame:
+        """Forecast all zones from the last row of a history, under given heat or under their thermostats.
+
+        Parameters
+        ----------
+        history : DataFrame or None
+            Rows up to the origin, with ``T_za_<zone>``; None: all that is known.
+        future : DataFrame
+            The rows to forecast, with the known future inputs.
+        T_za : mapping of zone to float, Series or sequence, optional
+            Temperatures measured at the first row of ``future``, which then is *now* [degC].
+        setpoint : mapping of zone to set-point, or one for all zones, optional
+            As in :meth:`HybridPredictor.forecast`; without it the columns ``T_heat_set_<zone>`` and
+            ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
+        quantiles : sequence of float, optional
+            Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
+
+        Returns
+        -------
+        DataFrame with the index of ``future``
+            The columns of :meth:`HybridPredictor.forecast` with the zone's name: ``T_za_<zone>`` [degC],
+            ``zeta_<zone>`` [kW], ``q_0.1_<zone>`` [degC], ``Q_hvac_<zone>`` [kW] ...
+
+        Raises
+        ------
+        ValueError
+            As there; the message names the zone.
+        """
+        check_is_fitted(self)
+        refuse_no_frames(history, future)
+        known, ahead = None if history is None else self._prepared(history), self._prepared(future)
+        now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
+
+        def of(model: BaseHybrid, rows: Any, zone: str) -> pd.DataFrame:
+            levels = quantiles if model is self.own_[zone] else None
+            before = known if known is None or rows is ahead else self._with_measured(known, self._known(known))
+            return model.forecast(before, rows, now.get(zone), wanted.get(zone), levels)
+
+        return self._joined(of, ahead, first_lead=0 if now else 1)
+
+    def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
+        """A value per zone; one that is no mapping holds for all set-points, and is in the order of zones else."""
+        if given is None:
+            return {}
+        if isinstance(given, pd.Series):
+            given = given.to_dict()
+        if not isinstance(given, Mapping):
+            if name == "setpoint":
+                return dict.fromkeys(self.zones_, given)
+            given = dict(zip(self.zones_, np.atleast_1d(as_numbers(given, name)), strict=False))
+        by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
+        if set(by_zone) != set(self.zones_):
+            raise ValueError(f"{name} is given for {sorted(by_zone)}; give a value for each of {self.zones_}.")
+        return by_zone
+
+    def _joined(self, of: _Frame, rows: pd.DataFrame, first_lead: int) -> pd.DataFrame:
+        """Frames of all zones; ``of`` a predictor under rows, those of neighbours with what was forecast of them."""
+        own = {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                own[zone] = of(model, rows, zone)
+        found = dict(own)
+        for zone, one in self.coupled_.items():
+            under = _with_next(rows, {other: own[other]["T_za"].to_numpy() for other in one.neighbours})
+            with of_zone(zone):
+                found[zone] = _blended(own[zone], of(one.model, under, zone), one, first_lead)
+        return pd.concat([frame.add_suffix(f"_{zone}") for zone, frame in found.items()], axis=1)
+
+
+def _with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """X with temperatures (n,) of zones as boundaries of their neighbours."""
+    return X.assign(**{NEXT + zone: values for zone, values in T.items()})
+
+
+def _held(paths: np.ndarray) -> np.ndarray:
+    """Paths (n_origins, n_leads) in which the last value is held after the last row of the table."""
+    return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
+
+
+def _blended(own: pd.DataFrame, coupled: pd.DataFrame, one: CoupledZone, first_lead: int) -> pd.DataFrame:
+    """A zone's frame from that by itself and that with neighbours; quantiles move along, by the errors' spread."""
+    n = len(own) - 1 + first_lead
+    share, widths = np.zeros(len(own)), np.ones(len(own))
+    share[1 - first_lead :], widths[1 - first_lead :] = one.share(n), one.widths(n)
+    out = own.copy()
+    for name in coupled.columns.intersection(own.columns):
+        out[name] = (1.0 - share) * own[name] + share * coupled[name]
+    for name in own.columns.difference(coupled.columns):  # q_0.1 and Q_hvac_0.1
+        of = "T_za" if str(name).startswith("q_") else "Q_hvac"
+        out[name] = out[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
+    return out

@@ -1,0 +1,272 @@
+"""BuildingPredictor: day-ahead forecasts of all zones of a building, which exchange heat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.metrics import r2_score
+from sklearn.utils import Tags
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from .._summary import SummaryMixin
+from .._table import as_numbers
+from .._time import rows_of
+from .._transaction import unchanged_on_failure
+from ..forecasting.quantiles import LeftOut
+from ..thermal import get_network
+from .base import BaseHybrid
+from .building_forecast import BuildingForecastMixin, of_zone
+from .coupled_zone import CoupledZone, couple, with_neighbours
+from .predictor import HybridPredictor, takes_two_stages
+from .preprocess import fit_preprocess, preprocessed
+from .schedule_predictor import DEFAULT_NETWORK
+from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, found_neighbours, neighbours_of
+
+_SETTLED = 10  # days before the one on which the answer to a neighbour is computed
+
+
+class BuildingPredictor(BuildingForecastMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Day-ahead forecast of temperature and load of all zones of a building.
+
+    Each zone has a predictor of its own, and a second one that takes its neighbours' temperatures as boundaries.  What
+    the first ones forecast of the neighbours drives the second, and a zone's forecast is a blend of its two, by their
+    errors on left-out days of the training: zones that hardly exchange heat are forecast by themselves.
+
+    Columns of one zone end with its name: ``T_za_north``, ``Q_hvac_north`` or ``Q_north``, ``u_heat_north``,
+    ``q_sol_north``, ``T_heat_set_north``.  All others, such as ``T_oa``, ``q_sol``, a facade's irradiance or the stage
+    ``u_heat`` of a boiler that serves several zones, are shared.  The user guide has the equations.
+
+    Parameters
+    ----------
+    estimator : HybridPredictor, SchedulePredictor or TwoStagePredictor, optional
+        The predictor of a zone; default ``HybridPredictor()``.  Its ``preprocess`` is applied to the whole table, once.
+        Zones of the two-stage scheme are forecast by themselves.
+    adjacency : sequence of pairs of zones, optional
+        Which zones exchange heat, by the floor plan; ``[]``: none.  Default: the three whose temperatures change most
+        like a zone's own, which a floor plan does better.
+    n_jobs : int, optional
+        Zones that are fitted at once (joblib).
+
+    Attributes
+    ----------
+    zones_ : list of str
+    own_ : dict of str to estimator
+        The fitted predictor of each zone by itself.
+    coupled_ : dict of str to CoupledZone
+        Of zones with neighbours: ``neighbours``, the fitted ``model``, ``shares``.
+    shares_ : DataFrame
+        How much of the forecast with neighbours counts, by zone and group of leads.
+    n_features_in_, feature_names_in_
+
+    Examples
+    --------
+    >>> from skhybrid import BuildingPredictor
+    >>> from skhybrid.datasets import make_office
+    >>> office = make_office(n_days=16, random_state=0)
+    >>> X = office.X.drop(columns="T_za")
+    >>> y = office.y.to_frame("south").assign(north=office.y - 1.0)
+    >>> X = X.assign(T_za_south=y["south"], T_za_north=y["north"])
+    >>> building = BuildingPredictor().fit(X[:-96], y[:-96])
+    >>> building.predict(X[-96:]).shape
+    (96, 2)
+    """
+
+    def __init__(self, estimator=None, *, adjacency=None, n_jobs=None):
+        self.estimator = estimator
+        self.adjacency = adjacency
+        self.n_jobs = n_jobs
+
+    @unchanged_on_failure
+    def fit(self, X: Any, y: Any) -> Self:
+        """Learn from a training table.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Consecutive rows by the data contract.
+        y : DataFrame or array-like of shape (n_samples, n_zones)
+            Measured temperature of each zone [degC], NaN where missing; the columns of a frame are the zones' names, or
+            ``T_za_<zone>``.  One-dimensional: a single zone.
+
+        Raises
+        ------
+        ValueError
+            If zones of X and y differ, ``adjacency`` names others, or a zone's table is refused; the message names it.
+        """
+        template = HybridPredictor() if self.estimator is None else self.estimator
+        if not isinstance(template, BaseHybrid):
+            raise ValueError(f"estimator={template!r} is no hybrid predictor; give a HybridPredictor, or leave it out.")
+        validate_data(self, X, y, skip_check_array=True)
+        self.preprocess_ = fit_preprocess(template.preprocess, X, y)
+        X = self._prepared(X)
+        T = self._targets(y, X)
+        self._columns = ZoneColumns.of(X, T, template.columns)
+        T.columns = list(self._columns.zones)
+        self.zones_ = list(self._columns.zones)
+        neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
+        self._last = {zone: np.nan for zone in self.zones_}
+        X = self._with_measured(X, T)
+        tasks = [(zone, ()) for zone in self.zones_] + [(z, others) for z, others in neighbours.items() if others]
+        made = Parallel(self.n_jobs)(delayed(self._fit_zone)(template, X, T[zone], *rest) for zone, *rest in tasks)
+        self.own_ = dict(zip(self.zones_, made, strict=False))
+        self._couple(X, {zone: model for (zone, others), model in zip(tasks, made, strict=True) if others}, neighbours)
+        self._take_in(T)
+        self.training_ = self.own_[self.zones_[0]].training_
+        return self
+
+    def _prepared(self, X: Any) -> Any:
+        return X if self.preprocess_ is None else preprocessed(self.preprocess_, X, None)
+
+    def _targets(self, y: Any, X: Any) -> pd.DataFrame:
+        """The temperatures (n, n_zones); those of an array have the names of X in their order, or numbers."""
+        if y is None:
+            raise ValueError("This estimator requires y to be passed, but the target y is None.")
+        self._single = np.ndim(y) == 1
+        if isinstance(y, pd.DataFrame):
+            return y.copy()
+        if isinstance(y, pd.Series):
+            return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name))
+        values = as_numbers(y, "y")
+        values = values.reshape(len(values), -1)
+        here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
+        if here and len(here) != values.shape[1]:
+            raise ValueError(f"y has {values.shape[1]} columns, X {len(here)} named {MEASURED}<zone>; give one per zone.")
+        index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
+        return pd.DataFrame(values, index, here or [f"zone_{j}" for j in range(values.shape[1])])
+
+    def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
+        if self.adjacency is not None:
+            found = neighbours_of(self.zones_, self.adjacency)
+            if by_itself and any(found.values()):
+                raise ValueError("adjacency does nothing with the two-stage scheme; leave it out.")
+            return found
+        return {} if by_itself or not named or len(self.zones_) == 1 else found_neighbours(T)
+
+    def _fit_zone(self, template: BaseHybrid, X: Any, y: pd.Series, neighbours: tuple[str, ...]) -> BaseHybrid:
+        """The predictor of a zone, by itself or with its neighbours."""
+        settings: dict[str, Any] = {"preprocess": None}
+        if isinstance(X, pd.DataFrame):
+            settings["columns"] = {**(template.columns or {}), **self._columns.of_zone(str(y.name))} or None
+        if neighbours:
+            network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
+            settings |= {"network": with_neighbours(network, neighbours), "intervals": False}
+        with of_zone(str(y.name)):
+            return clone(template).set_params(**settings).fit(X, y if isinstance(X, pd.DataFrame) else y.to_numpy())
+
+    def _couple(self, X: Any, models: Mapping[str, BaseHybrid], neighbours: Mapping[str, tuple[str, ...]]) -> None:
+        """Weigh the forecasts with neighbours."""
+        wanted = models or all(model.intervals for model in self.own_.values())
+        own = {zone: model.left_out_errors() for zone, model in self.own_.items()} if wanted else {}
+        self.coupled_: dict[str, CoupledZone] = {}
+        errors: dict[str, LeftOut] = dict(own)
+        for zone, model in models.items():
+            others = neighbours[zone]
+            self.coupled_[zone], errors[zone] = couple(model, zone, others, own, self._answer(X, model, others))
+        self._left_out = errors
+
+    def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str]) -> np.ndarray:
+        """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""
+        n_leads = model.left_out_errors().errors.shape[1]
+        n_known = min(len(X) - n_leads, rows_of(f"{_SETTLED}D", model.sampling_time_))
+        history, future = X[-n_leads - n_known : -n_leads], X[-n_leads:]
+        return model.affine_forecast(history, future, [NEXT + other for other in neighbours]).gain
+
+    def _take_in(self, T: pd.DataFrame) -> None:
+        """Keep the last known temperature of each zone."""
+        self._last = {zone: float(carried_on(T[zone].to_numpy(float), self._last[zone])[-1]) for zone in self.zones_}
+
+    @property
+    def shares_(self) -> pd.DataFrame:
+        """How much of the forecast with neighbours counts, by zone and group of leads."""
+        check_is_fitted(self)
+        return pd.DataFrame({zone: one.shares for zone, one in self.coupled_.items()}).T
+
+    @unchanged_on_failure
+    def update(self, X: Any, y: Any = None) -> Self:
+        """Take in new rows without learning, as :meth:`HybridPredictor.update` does.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Rows that follow the last known one, with ``T_za_<zone>`` as measured, NaN where missing.
+        y : DataFrame or array-like of shape (n_samples, n_zones), optional
+            The measured temperatures, where X has none.
+
+        Raises
+        ------
+        ValueError
+            If the rows do not follow, or hold no measurement; the estimator is then what it was.
+        """
+        check_is_fitted(self)
+        X = self._prepared(X)
+        T = self._known(X, y)
+        X = self._with_measured(X, T)
+        self.own_ = {zone: self._advanced(zone, model, X, T) for zone, model in self.own_.items()}
+        self.coupled_ = {z: one.with_model(self._advanced(z, one.model, X, T)) for z, one in self.coupled_.items()}
+        self._take_in(T)
+        return self
+
+    def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
+        """What was measured of each zone."""
+        if y is not None:
+            T = self._targets(y, X)
+            T.columns = [str(c).removeprefix(MEASURED) for c in T.columns]
+            return T[self.zones_] if set(self.zones_) <= set(T.columns) else T.set_axis(self.zones_, axis=1)
+        return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, X.index)
+
+    def _measured(self, X: Any, zone: str) -> np.ndarray:
+        column = self._columns.measured(zone)
+        return as_numbers(X[column], str(column)) if column in X else np.full(len(X), np.nan)
+
+    def _advanced(self, zone: str, model: BaseHybrid, X: Any, T: pd.DataFrame) -> BaseHybrid:
+        with of_zone(zone):
+            return copy(model).update(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
+
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
+        """Coefficient of determination of :meth:`predict`, the mean of the zones; missing rows are left out.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        y : array-like of shape (n_samples, n_zones)
+        sample_weight : array-like of shape (n_samples,), optional
+        """
+        predicted = np.asarray(self.predict(X))
+        measured = as_numbers(y, "y").reshape(predicted.shape)
+        seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
+        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+    def drift(self, X: Any = None) -> pd.DataFrame:
+        """Report day by day whether what was learned of each zone still holds: :meth:`HybridPredictor.drift`.
+
+        Parameters
+        ----------
+        X : DataFrame, optional
+
+        Returns
+        -------
+        DataFrame
+            With the zone as first level of the index.
+        """
+        check_is_fitted(self)
+        return pd.concat({zone: model.drift(X) for zone, model in self.own_.items()}, names=["zone"])
+
+    def _facts(self) -> dict[str, str]:
+        pairs = sorted({tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours})
+        return {"zones": ", ".join(self.zones_), "neighbours": ", ".join(map("-".join, pairs)) or "none"}
+
+    def _tables(self) -> dict[str, pd.DataFrame]:
+        return {"share of the forecast with neighbours": self.shares_} if self.coupled_ else {}
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        tags.target_tags.single_output = True
+        tags.regressor_tags.poor_score = True  # scikit-learn's checks draw rows that are not consecutive time steps
+        return tags

@@ -1,0 +1,82 @@
+"""A zone with its neighbours' temperatures as boundaries, blended with the zone by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from ..forecasting.quantiles import LeftOut
+from ..thermal import RCNetwork
+from .base import BaseHybrid
+from .blend import GROUP_NAMES, blend_weights, by_lead, lead_groups, moments
+from .zone_columns import NEXT
+
+_PULL = 1.0  # toward equal shares: what a training says of the coupling holds for its own control
+
+
+def with_neighbours(network: RCNetwork, neighbours: Sequence[str]) -> RCNetwork:
+    """A zone's network with a resistance between its measured node and the air of each neighbour, a boundary."""
+    node = network.measured_nodes[0]
+    partitions = {f"R_{node}_{other}": (node, NEXT + other) for other in neighbours}
+    return replace(network, name=f"{network.name} with neighbours", resistors={**network.resistors, **partitions})
+
+
+@dataclass(frozen=True)
+class CoupledZone:
+    """The predictor of a zone that knows its neighbours, and how much of its forecast counts."""
+
+    neighbours: tuple[str, ...]
+    model: BaseHybrid
+    weights: np.ndarray  # (n_groups, 2) of the zone by itself, and of this one
+    ratio: np.ndarray  # (n_leads,) spread of the blend's errors relative to those of the zone by itself
+
+    @property
+    def roles(self) -> list[str]:
+        """Boundaries of the network that are neighbours."""
+        return [NEXT + other for other in self.neighbours]
+
+    @property
+    def shares(self) -> pd.Series:
+        """How much of this forecast counts, by group of leads."""
+        return pd.Series(self.weights[:, 1], list(GROUP_NAMES))
+
+    def with_model(self, model: BaseHybrid) -> CoupledZone:
+        """The same with another state of the predictor."""
+        return replace(self, model=model)
+
+    def share(self, n_leads: int) -> np.ndarray:
+        """(n_leads,) how much of this forecast counts."""
+        return by_lead(self.weights, len(self.ratio), n_leads)[:, 1]
+
+    def widths(self, n_leads: int) -> np.ndarray:
+        """(n_leads,) factor on the width of the intervals of the zone by itself; the last one holds on."""
+        return self.ratio[np.minimum(np.arange(n_leads), len(self.ratio) - 1)]
+
+
+def couple(
+    model: BaseHybrid, zone: str, neighbours: tuple[str, ...], own: Mapping[str, LeftOut], gain: np.ndarray
+) -> tuple[CoupledZone, LeftOut]:
+    """Weigh a zone's predictor with neighbours by its left-out errors, and the errors of the blend.
+
+    Its errors are those under the neighbours' true temperatures, and what the errors of their own forecasts make of
+    them by its ``gain`` (n_leads, n_leads, n_neighbours) [K/K].
+    """
+    by_itself, coupled = own[zone], model.left_out_errors()
+    parts = (by_itself, coupled, *(own[other] for other in neighbours))
+    origins = parts[0].origins
+    for part in parts[1:]:
+        origins = np.intersect1d(origins, part.origins)
+    alone, errors, *others = (part.errors[np.searchsorted(part.origins, origins)] for part in parts)
+    for k, missed in enumerate(others):
+        errors = errors + missed @ gain[:, :, k].T
+    n_leads = alone.shape[1]
+    both = np.stack([alone, errors], axis=-1)
+    groups = lead_groups(np.arange(1, n_leads + 1), n_leads)
+    weights = blend_weights(moments(both, groups, np.ones(alone.shape)), pull=_PULL)
+    blended = np.sum(both * by_lead(weights, n_leads, n_leads), axis=-1)
+    spread = [np.sqrt(np.mean(e**2, axis=0)) if len(e) else np.ones(n_leads) for e in (blended, alone)]
+    ratio = np.clip(spread[0] / np.maximum(spread[1], 1e-9), 0.2, 1.5)
+    return CoupledZone(neighbours, model, weights, ratio), LeftOut(blended, origins)

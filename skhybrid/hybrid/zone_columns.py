@@ -1,0 +1,123 @@
+"""Columns of a building's zones: whose each of them is by its name, and which of them are neighbours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._table import SETPOINT_ROLES, listed, role_of
+from ..control import is_plant
+
+MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
+NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
+_SETPOINTS = tuple(f"{role}_" for role in SETPOINT_ROLES)
+_MOST_FOUND = 3  # neighbours of a zone that are taken from data
+_LEAST_CORRELATION = 0.2  # of the temperatures' changes
+
+
+@dataclass(frozen=True)
+class ZoneColumns:
+    """The zones of a frame and their columns: a column whose name ends with that of a zone is its own."""
+
+    zones: tuple[str, ...]
+    columns: Mapping[str, Any]  # role -> column
+
+    @classmethod
+    def of(cls, X: Any, y: pd.DataFrame, columns: Mapping[str, Any] | None) -> ZoneColumns:
+        """Zones by the columns of ``y``, which are their names or roles such as ``T_za_north``."""
+        names = tuple(str(c).removeprefix(MEASURED) for c in y.columns)
+        for name in names:
+            if not re.fullmatch(r"\w+", name) or names.count(name) > 1:
+                raise ValueError(f"y has the zone {name!r}; give each zone one column, with a name of letters and digits.")
+        given = {role: column for role, column in (columns or {}).items() if column is not None}
+        here = [c for c in X.columns if role_of(c)] if isinstance(X, pd.DataFrame) else []
+        by_role = {str(c): c for c in here if c not in given.values()} | given
+        measured = [role.removeprefix(MEASURED) for role in by_role if role.startswith(MEASURED)]
+        if measured:
+            for found, others, where in ((measured, names, "y"), (names, measured, "X")):
+                absent = [name for name in found if name not in others]
+                if absent:
+                    raise ValueError(
+                        f"{where} has no temperature of the zone {absent[0]!r}; X has those of {listed(measured)}, y of "
+                        f"{listed(names)}: give both the same zones."
+                    )
+        return cls(names, by_role)
+
+    def owner(self, role: str) -> str | None:
+        """The zone to which a role belongs; None where all share it."""
+        own = is_plant(role) or role.startswith(("q_sol_", MEASURED, *_SETPOINTS))
+        ends = [zone for zone in self.zones if role.endswith(f"_{zone}")]
+        return max(ends, key=len) if own and ends else None
+
+    def of_zone(self, zone: str) -> dict[str, Any]:
+        """The column of each role as a predictor of that zone alone has it; None for columns of other zones."""
+        owners = {role: self.owner(role) for role in self.columns}
+        out = {role: self.columns[role] for role, owner in owners.items() if owner is None}
+        for role, owner in owners.items():
+            if owner == zone:
+                plain = self.plain(role, zone)
+                out[role if plain in out else plain] = self.columns[role]
+        # the plants of others would be read by their names, their temperatures are not
+        others = (role for role, owner in owners.items() if owner not in (None, zone) and role not in out)
+        return out | {role: None for role in others if not role.startswith(MEASURED)}
+
+    @staticmethod
+    def plain(role: str, zone: str) -> str:
+        """A zone's role without its name: ``Q_hvac`` for ``Q_hvac_north`` and ``Q_north``."""
+        base = role.removesuffix(f"_{zone}")
+        return {"Q": "Q_hvac", "q_sol": role}.get(base, base if role_of(base) else role)
+
+    def measured(self, zone: str) -> Any:
+        """The column of a zone's measured temperature."""
+        return self.columns.get(MEASURED + zone, MEASURED + zone)
+
+    def input_of(self, role: str) -> list[tuple[str, str]]:
+        """The zones that a plant's role acts on, and the role as each of them has it."""
+        owner = self.owner(role)
+        return [(zone, role if owner is None else self.plain(role, zone)) for zone in ([owner] if owner else self.zones)]
+
+
+def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """The neighbours of each zone by pairs of zones."""
+    out: dict[str, list[str]] = {zone: [] for zone in zones}
+    for pair in adjacency:
+        ends = tuple(pair) if not isinstance(pair, str) else (pair,)
+        unknown = [end for end in ends if end not in out]
+        if unknown:
+            raise ValueError(f"adjacency names the zone {unknown[0]!r}, but y has {listed(zones)}.")
+        if len(ends) != 2 or ends[0] == ends[1]:
+            raise ValueError(f"adjacency holds {pair!r}; give pairs of two different zones.")
+        for one, other in (ends, ends[::-1]):
+            if other not in out[one]:
+                out[one].append(other)
+    return {zone: tuple(found) for zone, found in out.items()}
+
+
+def found_neighbours(T: pd.DataFrame) -> dict[str, tuple[str, ...]]:
+    """Up to three zones whose temperatures (n, n_zones) change most like a zone's own from hour to hour.
+
+    What all zones do at an hour of the day, such as warming up in the morning, is taken off first.
+    """
+    if not isinstance(T.index, pd.DatetimeIndex) or len(T) < 2:
+        return {str(zone): tuple(str(z) for z in T if z != zone) for zone in T}
+    hourly = T.groupby(T.index.floor("h")).mean().diff()
+    unusual = hourly - hourly.groupby(hourly.index.hour).transform("mean")
+    r = unusual.corr().to_numpy(copy=True)
+    np.fill_diagonal(r, -1.0)
+    names = [str(zone) for zone in T]
+    ranked = np.argsort(-r, axis=1)[:, :_MOST_FOUND]
+    return {z: tuple(names[j] for j in ranked[i] if r[i, j] > _LEAST_CORRELATION) for i, z in enumerate(names)}
+
+
+def carried_on(T: np.ndarray, last: float) -> np.ndarray:
+    """Temperatures (n,) in which the last known one stands where one is missing; ``last`` before the first."""
+    seen = np.flatnonzero(np.isfinite(T))
+    if not len(seen):
+        return np.full(len(T), last)
+    at = np.searchsorted(seen, np.arange(len(T)), side="right") - 1
+    return np.where(at >= 0, T[seen[np.maximum(at, 0)]], last if np.isfinite(last) else T[seen[0]])
