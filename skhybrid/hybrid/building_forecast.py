@@ -50,7 +50,7 @@ class BuildingForecastMixin:
         """X with the measured temperatures as boundaries of neighbours, the last known one where one is missing."""
         if not isinstance(X, pd.DataFrame):
             return X
-        return _with_next(X, {z: carried_on(T[z].to_numpy(dtype=float), self._last[z]) for z in self.zones_})
+        return with_next(X, {z: carried_on(T[z].to_numpy(dtype=float), self._last[z]) for z in self.zones_})
 
     def predict(self, X: Any) -> Any:
         """Forecast every row from the last origin before it.
@@ -141,7 +141,7 @@ class BuildingForecastMixin:
         T_za : mapping of zone to float, Series or sequence, optional
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping of zone to set-point, or one for all zones, optional
-            As in :meth:`HybridPredictor.forecast`; without it the columns ``T_heat_set_<zone>`` and
+            As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free.  Without it the columns ``T_heat_set_<zone>`` and
             ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
@@ -180,6 +180,8 @@ class BuildingForecastMixin:
                 return dict.fromkeys(self.zones_, given)
             given = dict(zip(self.zones_, np.atleast_1d(as_numbers(given, name)), strict=False))
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
+        if name == "setpoint":
+            by_zone = {zone: (None, None) for zone in self.zones_ if zone not in by_zone} | by_zone
         if set(by_zone) != set(self.zones_):
             raise ValueError(f"{name} is given for {sorted(by_zone)}; give a value for each of {self.zones_}.")
         return by_zone
@@ -192,13 +194,13 @@ class BuildingForecastMixin:
                 own[zone] = of(model, rows, zone)
         found = dict(own)
         for zone, one in self.coupled_.items():
-            under = _with_next(rows, {other: own[other]["T_za"].to_numpy() for other in one.neighbours})
+            under = with_next(rows, {other: own[other]["T_za"].to_numpy() for other in one.neighbours})
             with of_zone(zone):
                 found[zone] = _blended(own[zone], of(one.model, under, zone), one, first_lead)
         return pd.concat([frame.add_suffix(f"_{zone}") for zone, frame in found.items()], axis=1)
 
 
-def _with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
+def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """X with temperatures (n,) of zones as boundaries of their neighbours."""
     return X.assign(**{NEXT + zone: values for zone, values in T.items()})
 

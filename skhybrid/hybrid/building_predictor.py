@@ -21,7 +21,8 @@ from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
 from ..thermal import get_network
 from .base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, of_zone
+from .building_forecast import of_zone
+from .building_plans import BuildingPlansMixin, JointErrors
 from .coupled_zone import CoupledZone, couple, with_neighbours
 from .predictor import HybridPredictor, takes_two_stages
 from .preprocess import fit_preprocess, preprocessed
@@ -31,7 +32,7 @@ from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, found_neighbo
 _SETTLED = 10  # days before the one on which the answer to a neighbour is computed
 
 
-class BuildingPredictor(BuildingForecastMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Day-ahead forecast of temperature and load of all zones of a building.
 
     Each zone has a predictor of its own, and a second one that takes its neighbours' temperatures as boundaries.  What
@@ -168,7 +169,8 @@ class BuildingPredictor(BuildingForecastMixin, SummaryMixin, MultiOutputMixin, R
         for zone, model in models.items():
             others = neighbours[zone]
             self.coupled_[zone], errors[zone] = couple(model, zone, others, own, self._answer(X, model, others))
-        self._left_out = errors
+        index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
+        self._joint = JointErrors.of(errors, index) if errors else None
 
     def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str]) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""

@@ -1,0 +1,249 @@
+"""Loads of all zones of a building, forecasts that are affine in their heat, and joint samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
+
+from .._joining import refuse_no_frames
+from .._table import listed
+from ..control import AffineForecast, is_plant
+from ..forecasting.quantiles import LeftOut, quantile_columns
+from .base import BaseHybrid
+from .building_forecast import BuildingForecastMixin, of_zone, with_next
+from .coupled_zone import CoupledZone
+
+_NEAR = 1.5  # hours within which the errors of the training are drawn
+_LEAST_DRAWN = 10  # forecasts of the training from about that hour of the day, below which those of any are drawn
+
+
+class JointErrors(NamedTuple):
+    """Errors of forecasts of the training, of all zones at once."""
+
+    values: np.ndarray  # (n_origins, n_leads, n_zones) [K]
+    hours: np.ndarray  # (n_origins,) hour of the day of each origin
+
+    @classmethod
+    def of(cls, errors: Mapping[str, LeftOut], index: pd.Index) -> JointErrors:
+        """Of the origins that all zones have."""
+        parts = list(errors.values())
+        origins = parts[0].origins
+        for part in parts[1:]:
+            origins = np.intersect1d(origins, part.origins)
+        values = [part.errors[np.searchsorted(part.origins, origins)] for part in parts]
+        return cls(np.stack(values, axis=-1).astype(np.float32), _hours(index)[origins])
+
+    def drawn(self, hour: float, n_samples: int, n_rows: int, rng: np.random.RandomState) -> np.ndarray:
+        """(n_samples, n_rows, n_zones) errors of forecasts from that hour; the last lead's hold on."""
+        near = np.flatnonzero(np.abs((self.hours - hour + 12) % 24 - 12) <= _NEAR)
+        near = near if len(near) >= _LEAST_DRAWN else np.arange(len(self.hours))
+        leads = np.minimum(np.arange(n_rows), self.values.shape[1] - 1)
+        return self.values[rng.choice(near, n_samples)][:, leads]
+
+
+def _hours(index: pd.Index) -> np.ndarray:
+    return index.hour.to_numpy() if isinstance(index, pd.DatetimeIndex) else np.zeros(len(index))
+
+
+class BuildingPlansMixin(BuildingForecastMixin):
+    """``predict_load``, ``affine_forecast`` and ``sample`` of :class:`BuildingPredictor`."""
+
+    _joint: JointErrors | None
+
+    def predict_load(self, X: pd.DataFrame, setpoint: Any, limits: Any = None) -> pd.DataFrame:
+        """Heating and cooling that brings each zone to its set-points, under the forecast disturbances.
+
+        Parameters
+        ----------
+        X : DataFrame of n_samples rows
+            As in :meth:`HybridPredictor.predict_load`.
+        setpoint : mapping of zone to set-point, or one for all zones
+            As there; a zone that a mapping leaves out is free.
+        limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
+            What one plant gives to all zones together [kW], each a number or one value per row; or what each zone's own
+            plant can do.  Where all zones together need more, every zone gets the same share of what it needs.
+
+        Returns
+        -------
+        DataFrame of length n_samples
+            The columns of :meth:`HybridPredictor.predict_load` with the zone's name, such as ``Q_hvac_<zone>`` [kW].
+
+        Raises
+        ------
+        ValueError
+            As there; the message names the zone.
+        """
+        check_is_fitted(self)
+        wanted = self._by_zone(setpoint, "setpoint")
+        X = self._prepared(X)
+        rows = self._with_measured(X, self._known(X))
+        of_zones = dict(limits) if isinstance(limits, Mapping) else {}
+        if limits is None or of_zones:
+            return self._loads(rows, wanted, of_zones)
+        free = self._loads(rows, wanted, {})
+        return self._loads(rows, wanted, self._shared_out(free, *limits))
+
+    def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
+        def of(model: BaseHybrid, under: Any, zone: str) -> pd.DataFrame:
+            return model.predict_load(under, wanted[zone], limits.get(zone))
+
+        return self._joined(of, rows, first_lead=1)
+
+    def _shared_out(self, loads: pd.DataFrame, lowest: Any, highest: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Limits of each zone [kW] that add up to those of a plant, by what the zones need of it."""
+        heat = np.column_stack([loads[f"Q_hvac_{zone}"].to_numpy() for zone in self.zones_])
+        sides = []
+        for sign, limit in ((-1.0, lowest), (1.0, highest)):
+            most = np.broadcast_to(np.inf if limit is None else sign * np.asarray(limit, dtype=float), len(heat))
+            needed = np.maximum(sign * heat, 0.0)
+            total = needed.sum(axis=1)
+            usual = needed.mean(axis=0) + 1e-9
+            scale = np.minimum(1.0, most / np.maximum(total, 1e-9))[:, None]
+            spare = np.maximum(most - total, 0.0)[:, None] * (usual / usual.sum())
+            sides.append(sign * (needed * scale + spare))
+        return {zone: (sides[0][:, j], sides[1][:, j]) for j, zone in enumerate(self.zones_)}
+
+    def affine_forecast(
+        self, history: pd.DataFrame | None, future: pd.DataFrame, inputs: Sequence[str] | None = None, T_za: Any = None
+    ) -> AffineForecast:
+        """Forecast as an affine function of the heat that is planned for the zones: ``T = free + gain @ q``.
+
+        Parameters
+        ----------
+        history, future, T_za
+            As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
+        inputs : sequence of str, optional
+            What is decided: roles of heating and cooling, such as ``"Q_hvac_north"``; default is all of them.
+
+        Returns
+        -------
+        AffineForecast
+            ``free`` (H, n_zones) [degC], ``gain`` (H, H, n_inputs, n_zones) [K per kW or stage], ``zeta`` (H, n_zones).
+
+        Raises
+        ------
+        ValueError
+            As in :meth:`forecast`, and if an input was not in training.
+        """
+        check_is_fitted(self)
+        refuse_no_frames(history, future)
+        roles = self._inputs(inputs)
+        ahead, now = self._prepared(future), self._by_zone(T_za, "T_za")
+        known = None if history is None else self._prepared(history)
+        plan = np.column_stack([self._planned(ahead, role) for role in roles])
+        acts = [(k, *one) for k, role in enumerate(roles) for one in self._columns.input_of(role)]
+        chosen = {zone: [(k, own) for k, on, own in acts if on == zone] for zone in self.zones_}
+        own = {z: _Affine.of(model, known, ahead, chosen[z], now.get(z), plan, z) for z, model in self.own_.items()}
+        found = dict(own)
+        before = known if known is None else self._with_measured(known, self._known(known))
+        for zone, one in self.coupled_.items():
+            rows = with_next(ahead, {other: own[other].path for other in one.neighbours})
+            with_others = _Affine.of(one.model, before, rows, chosen[zone], now.get(zone), plan, zone, one.roles)
+            found[zone] = own[zone].blended(with_others.through(own, one), one, 0 if now else 1)
+        free = np.column_stack([f.path - np.tensordot(f.gain, plan, axes=2) for f in found.values()])
+        gain = np.stack([f.gain for f in found.values()], axis=-1)
+        return AffineForecast(free, gain, np.column_stack([f.zeta for f in found.values()]), future.index, tuple(roles))
+
+    def _inputs(self, inputs: Sequence[str] | None) -> list[str]:
+        plant = [role for role in self._columns.columns if is_plant(role)]
+        names = plant if inputs is None else list(inputs)
+        unknown = [name for name in names if name not in plant]
+        if unknown or not names:
+            raise ValueError(
+                f"inputs names {unknown[0] if unknown else 'nothing'!r}; heating and cooling of training are {listed(plant)}."
+            )
+        return names
+
+    def _planned(self, rows: pd.DataFrame, role: str) -> np.ndarray:
+        column = self._columns.columns[role]
+        return rows[column].to_numpy(dtype=float) if column in rows else np.zeros(len(rows))
+
+    def sample(
+        self,
+        history: pd.DataFrame | None,
+        future: pd.DataFrame,
+        n_samples: int = 100,
+        T_za: Any = None,
+        random_state: Any = None,
+    ) -> np.ndarray:
+        """Draw joint paths of all zones: each zone's quantiles, in the order of errors that zones made together.
+
+        Parameters
+        ----------
+        history, future, T_za
+            As in :meth:`forecast`, under given heat.
+        n_samples : int, default=100
+        random_state : int, RandomState or None
+
+        Returns
+        -------
+        ndarray of shape (n_samples, H, n_zones), float64
+            [degC]; the correlation of zones, and along the day, is that of left-out forecasts of the training.
+
+        Raises
+        ------
+        ValueError
+            As in :meth:`forecast`, and if no intervals were learned.
+        """
+        check_is_fitted(self)
+        levels = (np.arange(n_samples) + 0.5) / n_samples
+        frame = self.forecast(history, future, T_za, quantiles=levels)
+        names = quantile_columns(levels)
+        bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
+        assert self._joint is not None  # as there are intervals
+        step = self.own_[self.zones_[0]].sampling_time_
+        origin = _hours(frame.index[:1] - (step if T_za is None else 0 * step))[0]
+        drawn = self._joint.drawn(origin, n_samples, len(frame), check_random_state(random_state))
+        ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
+        return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
+
+
+class _Affine(NamedTuple):
+    """A zone's forecast under a plan, and its slope by all inputs of the plan."""
+
+    path: np.ndarray  # (H,) [degC]
+    gain: np.ndarray  # (H, H, n_inputs) [K per kW or stage]
+    zeta: np.ndarray  # (H,)
+    beside: np.ndarray  # (H, H, n_neighbours) slope by the neighbours' temperatures [K/K]
+
+    @classmethod
+    def of(
+        cls,
+        model: BaseHybrid,
+        history: Any,
+        rows: pd.DataFrame,
+        chosen: Sequence[tuple[int, str]],
+        now: float | None,
+        plan: np.ndarray,
+        zone: str,
+        boundaries: Sequence[str] = (),
+    ) -> _Affine:
+        """By a predictor, of which ``chosen`` are the inputs: their places in the plan (H, n_inputs), and its roles."""
+        H, roles = len(rows), [*(role for _, role in chosen), *boundaries]
+        gain = np.zeros((H, H, plan.shape[1]))
+        with of_zone(zone):
+            if not roles:
+                frame = model.forecast(history, rows, now)
+                return cls(frame["T_za"].to_numpy(), gain, frame["zeta"].to_numpy(), np.zeros((H, H, 0)))
+            found = model.affine_forecast(history, rows, roles, now)
+        at = [k for k, _ in chosen]
+        gain[:, :, at] = found.gain[:, :, : len(at)]
+        values = np.column_stack([plan[:, at], *(rows[name].to_numpy(dtype=float) for name in boundaries)])
+        return cls(found.temperature(values), gain, found.zeta, found.gain[:, :, len(at) :])
+
+    def through(self, own: Mapping[str, _Affine], one: CoupledZone) -> _Affine:
+        """With what the plan does by way of the neighbours."""
+        by_others = (np.einsum("ij,jkm->ikm", self.beside[:, :, n], own[z].gain) for n, z in enumerate(one.neighbours))
+        return self._replace(gain=self.gain + sum(by_others))
+
+    def blended(self, other: _Affine, one: CoupledZone, first_lead: int) -> _Affine:
+        n = len(self.path) - 1 + first_lead
+        share = np.zeros(len(self.path))
+        share[1 - first_lead :] = one.share(n)
+        mean = [a + (share * (b - a).T).T for a, b in zip(self[:3], other[:3], strict=True)]
+        return _Affine(mean[0], mean[1], mean[2], self.beside)
