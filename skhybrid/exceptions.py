@@ -7,6 +7,7 @@ from sklearn.exceptions import NotFittedError
 __all__ = [
     "ExcitationWarning",
     "GainWarning",
+    "MeasurementWarning",
     "ModelFileError",
     "PlanWarning",
     "RoleWarning",
@@ -39,6 +40,10 @@ class ExcitationWarning(SkhybridWarning):
 
 class GainWarning(SkhybridWarning):
     """The response of a forecast to a kW is not to be relied on."""
+
+
+class MeasurementWarning(SkhybridWarning):
+    """Nothing was measured of a zone, which is forecast from what was known before and from its neighbours."""
 
 
 class PlanWarning(SkhybridWarning):

@@ -94,6 +94,11 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
                 f"network {network.name} has several measured temperatures; {type(self).__name__} forecasts one zone, "
                 "so fit the identification itself."
             )
+        if np.ndim(y) == 2 and np.shape(y)[1] > 1:
+            raise ValueError(
+                f"y has {np.shape(y)[1]} columns, but {type(self).__name__} forecasts one zone; fit BuildingPredictor, "
+                "which forecasts all zones of a building."
+            )
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)

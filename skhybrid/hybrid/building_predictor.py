@@ -18,6 +18,8 @@ from .._summary import SummaryMixin
 from .._table import as_numbers
 from .._time import rows_of
 from .._transaction import unchanged_on_failure
+from .._warnings import warn_user
+from ..exceptions import MeasurementWarning
 from ..forecasting.quantiles import LeftOut
 from ..thermal import get_network
 from .base import BaseHybrid
@@ -111,7 +113,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         T.columns = list(self._columns.zones)
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
-        self._last = {zone: np.nan for zone in self.zones_}
+        self._last = dict.fromkeys(self.zones_, np.nan)
         X = self._with_measured(X, T)
         tasks = [(zone, ()) for zone in self.zones_] + [(z, others) for z, others in neighbours.items() if others]
         made = Parallel(self.n_jobs)(delayed(self._fit_zone)(template, X, T[zone], *rest) for zone, *rest in tasks)
@@ -137,7 +139,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         values = values.reshape(len(values), -1)
         here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
         if here and len(here) != values.shape[1]:
-            raise ValueError(f"y has {values.shape[1]} columns, X {len(here)} named {MEASURED}<zone>; give one per zone.")
+            raise ValueError(
+                f"y has {values.shape[1]} columns, X {len(here)} named {MEASURED}<zone>; give one per zone."
+            )
         index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
         return pd.DataFrame(values, index, here or [f"zone_{j}" for j in range(values.shape[1])])
 
@@ -208,6 +212,12 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         check_is_fitted(self)
         X = self._prepared(X)
         T = self._known(X, y)
+        for zone in self._silent(T):
+            warn_user(
+                f"zone {zone!r} has no temperature from {T.index[0]} to {T.index[-1]}: it is forecast from what was "
+                "known before and from its neighbours.",
+                MeasurementWarning,
+            )
         X = self._with_measured(X, T)
         self.own_ = {zone: self._advanced(zone, model, X, T) for zone, model in self.own_.items()}
         self.coupled_ = {z: one.with_model(self._advanced(z, one.model, X, T)) for z, one in self.coupled_.items()}
@@ -221,6 +231,12 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             T.columns = [str(c).removeprefix(MEASURED) for c in T.columns]
             return T[self.zones_] if set(self.zones_) <= set(T.columns) else T.set_axis(self.zones_, axis=1)
         return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, X.index)
+
+    def _silent(self, T: pd.DataFrame) -> list[str]:
+        """Zones of which nothing was measured for an hour or more, where others were measured."""
+        seen = np.isfinite(T.to_numpy(dtype=float)).any(axis=0)
+        long = len(T) * self.own_[self.zones_[0]].sampling_time_ >= pd.Timedelta("1h")
+        return [zone for zone, known in zip(self.zones_, seen, strict=True) if not known and long and seen.any()]
 
     def _measured(self, X: Any, zone: str) -> np.ndarray:
         column = self._columns.measured(zone)
@@ -261,7 +277,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return pd.concat({zone: model.drift(X) for zone, model in self.own_.items()}, names=["zone"])
 
     def _facts(self) -> dict[str, str]:
-        pairs = sorted({tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours})
+        pairs = sorted(
+            {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}
+        )
         return {"zones": ", ".join(self.zones_), "neighbours": ", ".join(map("-".join, pairs)) or "none"}
 
     def _tables(self) -> dict[str, pd.DataFrame]:

@@ -49,7 +49,9 @@ class NumberedTable(NamedTuple):
         inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
         T = self.T[first : first + kept.n_rows]
         kept, before = kept.replace(inputs={**kept.inputs, **inputs}), table.rows(slice(first))
-        return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before if first else None)
+        return NumberedTable(
+            kept, T, self.begin, self.joined, first, lambda: (table, self.T), before if first else None
+        )
 
 
 class RollingMember(Protocol):

@@ -33,7 +33,9 @@ class ZoneColumns:
         names = tuple(str(c).removeprefix(MEASURED) for c in y.columns)
         for name in names:
             if not re.fullmatch(r"\w+", name) or names.count(name) > 1:
-                raise ValueError(f"y has the zone {name!r}; give each zone one column, with a name of letters and digits.")
+                raise ValueError(
+                    f"y has the zone {name!r}; give each zone one column, with a name of letters and digits."
+                )
         given = {role: column for role, column in (columns or {}).items() if column is not None}
         here = [c for c in X.columns if role_of(c)] if isinstance(X, pd.DataFrame) else []
         by_role = {str(c): c for c in here if c not in given.values()} | given
@@ -79,7 +81,9 @@ class ZoneColumns:
     def input_of(self, role: str) -> list[tuple[str, str]]:
         """The zones that a plant's role acts on, and the role as each of them has it."""
         owner = self.owner(role)
-        return [(zone, role if owner is None else self.plain(role, zone)) for zone in ([owner] if owner else self.zones)]
+        return [
+            (zone, role if owner is None else self.plain(role, zone)) for zone in ([owner] if owner else self.zones)
+        ]
 
 
 def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:

@@ -14,7 +14,7 @@ C_AIR, C_WALL, UA, UW, DOOR = 0.5, 4.0, 0.06, 0.5, 0.3
 
 
 @cache
-def make_rooms(n_days: int = 24, seed: int = 0, step: float = 0.5) -> tuple[pd.DataFrame, pd.DataFrame]:
+def make_rooms(n_days: int = 24, seed: int = 0, step: float = 1.0) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Inputs with measured temperatures, and the temperatures by zone; set-points of each room are its own."""
     rng, n = np.random.default_rng(seed), int(n_days * 24 / step)
     index = pd.date_range("2024-01-08", periods=n, freq=pd.Timedelta(hours=step))
@@ -28,11 +28,12 @@ def make_rooms(n_days: int = 24, seed: int = 0, step: float = 0.5) -> tuple[pd.D
     wanted[:, 2] += 2.0 * (rng.random(n_days)[day.astype(int)] > 0.5)  # the study is warmed on some days
     gains = np.column_stack([0.5 * at_home, 0.05 + 0.0 * hour, 0.3 * (hour > 9) * (hour < 16)])
     gains *= rng.uniform(0.6, 1.4, (n_days, 3))[day.astype(int)]
-    inner = step / 6
+    n_inner = round(12 * step)
+    inner = step / n_inner
     for k in range(n):
         T[k] = air
         Q[k] = np.clip(3.0 * (wanted[k] - air), 0.0, 2.5)
-        for _ in range(6):
+        for _ in range(n_inner):
             exchanged = DOOR * np.array([air[1] - air[0], air[0] + air[2] - 2 * air[1], air[1] - air[2]])
             heat = UA * (T_oa[k] - air) + UW * (wall - air) + Q[k] + gains[k] + 2.0 * q_sol[k] + exchanged
             air, wall = air + inner * heat / C_AIR, wall + inner * UW * (air - wall) / C_WALL

@@ -1,0 +1,258 @@
+"""Forecasts of several zones: no leak between them, one meaning of every method, and what open doors are worth."""
+
+from __future__ import annotations
+
+import copy
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
+from skhybrid.exceptions import MeasurementWarning
+from skhybrid.persistence import load_model, save_model
+
+sys.path.insert(0, str(Path(__file__).parent / "rooms"))
+from three_rooms import DOORS, ZONES, make_rooms
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+N_TRAIN, DAY = 14 * 24, 24
+T_OF = [f"T_za_{zone}" for zone in ZONES]
+
+
+@pytest.fixture(scope="module")
+def rooms() -> tuple[pd.DataFrame, pd.DataFrame]:
+    return make_rooms()
+
+
+@pytest.fixture(scope="module")
+def building(rooms) -> BuildingPredictor:
+    X, y = rooms
+    return BuildingPredictor(adjacency=DOORS).fit(X[:N_TRAIN], y[:N_TRAIN])
+
+
+@pytest.fixture(scope="module")
+def later(rooms) -> pd.DataFrame:
+    return rooms[0][N_TRAIN:]
+
+
+@pytest.fixture(scope="module")
+def tomorrow(later) -> pd.DataFrame:
+    return later[:DAY].drop(columns=T_OF)
+
+
+def temperatures(frame: pd.DataFrame) -> np.ndarray:
+    return frame[T_OF].to_numpy()
+
+
+def test_neighbours_help_where_doors_are_open(building, rooms, later):
+    origins = np.arange(-1, len(later) - DAY - 1, 5)
+    measured = rooms[1][N_TRAIN:].to_numpy()[origins[:, None] + np.arange(1, DAY + 1)]
+    alone = np.stack([building.own_[zone].predict_from(later, origins) for zone in ZONES], axis=-1)
+    errors = [np.sqrt(np.mean((paths - measured) ** 2)) for paths in (building.predict_from(later, origins), alone)]
+    assert errors[0] < 0.9 * errors[1]
+    assert (building.shares_ > 0.2).to_numpy().all()
+
+
+def test_nothing_measured_after_an_origin_is_read(building, later):
+    origins = np.array([0, 30, 60])
+    before = building.predict_from(later, origins)
+    for value in (np.nan, 45.0):
+        changed = later.copy()
+        changed.iloc[61:, [changed.columns.get_loc(c) for c in T_OF]] = value
+        np.testing.assert_array_equal(building.predict_from(changed, origins), before)
+    changed = later.copy()
+    changed.iloc[31:, changed.columns.get_loc("T_za_hall")] = 45.0
+    after = building.predict_from(changed, origins)
+    np.testing.assert_array_equal(after[:2], before[:2])
+    assert np.abs(after[2] - before[2]).max() > 1.0, "a measured neighbour is read"
+
+
+def test_predict_is_predict_from_at_each_day(building, later):
+    predicted = building.predict(later)
+    assert list(predicted) == list(ZONES)
+    assert predicted.index.equals(later.index)
+    paths = building.predict_from(later, [-1, 0, DAY], "1D")  # the first row is midnight
+    np.testing.assert_array_equal(predicted[:1], paths[0][:1])
+    np.testing.assert_array_equal(predicted[1 : 2 * DAY + 1], np.concatenate(paths[1:]))
+
+
+def test_update_and_forecast_are_predict_from(building, later, tomorrow):
+    model = copy.deepcopy(building)
+    np.testing.assert_allclose(
+        temperatures(model.forecast(None, tomorrow)), model.predict_from(later, [-1])[0], atol=1e-9
+    )
+    known, future = later[: 2 * DAY], later[2 * DAY : 3 * DAY].drop(columns=T_OF)
+    expected = building.predict_from(later, [2 * DAY - 1])[0]
+    np.testing.assert_allclose(temperatures(building.forecast(known, future)), expected, atol=1e-9)
+    model.update(known)
+    np.testing.assert_allclose(temperatures(model.forecast(None, future)), expected, atol=1e-9)
+
+
+def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
+    now = {"kitchen": 20.5, "hall": 18.5, "study": 19.5}
+    frame = building.forecast(None, tomorrow, T_za=now)
+    np.testing.assert_array_equal(temperatures(frame)[0], list(now.values()))
+    with pytest.raises(ValueError, match="T_za is given for"):
+        building.forecast(None, tomorrow, T_za={"kitchen": 20.5})
+
+
+def test_affine_forecast_is_the_forecast(building, tomorrow):
+    found = building.affine_forecast(None, tomorrow)
+    assert found.gain.shape == (DAY, DAY, 3, 3)
+    plan = tomorrow.assign(Q_hvac_hall=tomorrow["Q_hvac_hall"] + np.linspace(0.0, 0.6, DAY))
+    for rows in (tomorrow, plan):
+        T = found.temperature(rows[list(found.inputs)].to_numpy())
+        np.testing.assert_allclose(T, temperatures(building.forecast(None, rows)), atol=1e-9)
+    i, j = np.triu_indices(DAY)
+    assert not found.gain[i, j].any(), "heat acts after its step has begun"
+    one = building.affine_forecast(None, tomorrow.drop(columns="Q_hvac_hall"), ["Q_hvac_hall"], T_za=[20.0, 18.0, 19.0])
+    frame = building.forecast(None, plan, T_za=[20.0, 18.0, 19.0])
+    np.testing.assert_allclose(one.temperature(plan["Q_hvac_hall"].to_numpy()), temperatures(frame), atol=1e-9)
+
+
+def test_heat_of_a_room_reaches_the_next_one(building, tomorrow):
+    """A kW in the hall warms the hall most, and the rooms beside it."""
+    found = building.affine_forecast(None, tomorrow, ["Q_hvac_hall"])
+    step = found.gain[6, :6, 0, :].sum(axis=0)
+    assert step[1] > 2.0 * max(step[0], step[2]) > 0.0
+
+
+def test_loads_hold_the_set_points_and_share_a_plant(building, later):
+    rows = later[:DAY]
+    wanted = {"kitchen": (20.5, None), "study": (20.5, None)}
+    free = building.predict_load(rows, wanted)
+    assert free["T_za_kitchen"][1:].min() > 20.5 - 0.5
+    np.testing.assert_allclose(free["Q_hvac_hall"], 0.0, atol=1e-9)
+    heat = [f"Q_hvac_{zone}" for zone in ZONES]
+    most = 0.5 * free[heat].sum(axis=1).max()
+    limited = building.predict_load(rows, wanted, (0.0, most))
+    assert limited[heat].sum(axis=1).max() <= most + 1e-9
+    assert limited["T_za_kitchen"].min() < free["T_za_kitchen"].min() + 1e-9
+    apart = building.predict_load(rows, wanted, {"kitchen": (0.0, 0.1)})
+    assert apart["Q_hvac_kitchen"].max() <= 0.1 + 1e-9
+
+
+def test_samples_have_the_quantiles_and_the_correlation(building, rooms, later):
+    tomorrow = later[:DAY].drop(columns=T_OF)
+    drawn = building.sample(None, tomorrow, 200, random_state=0)
+    frame = building.forecast(None, tomorrow, quantiles=[0.1, 0.9])
+    for level in (0.1, 0.9):
+        band = frame[[f"q_{level}_{zone}" for zone in ZONES]].to_numpy()
+        np.testing.assert_allclose(np.quantile(drawn, level, axis=0), band, atol=0.02)
+    np.testing.assert_array_equal(drawn, building.sample(None, tomorrow, 200, random_state=0))
+
+
+def test_joint_samples_score_better_than_independent_ones(building, rooms, later):
+    """Energy score of the sum over zones, against the same margins in any order."""
+    rng, scores = np.random.default_rng(0), []
+    for begin in range(0, 8 * DAY, DAY):
+        known, future = later[:begin], later[begin : begin + DAY].drop(columns=T_OF)
+        drawn = building.sample(known if begin else None, future, 100, random_state=1)
+        apart = np.stack([rng.permuted(drawn[..., j], axis=0) for j in range(len(ZONES))], axis=-1)
+        truth = rooms[1][N_TRAIN + begin : N_TRAIN + begin + DAY].to_numpy()
+        scores.append([energy_score(paths.mean(axis=(1, 2))[:, None], truth.mean()) for paths in (drawn, apart)])
+    assert np.mean(scores, axis=0)[0] < np.mean(scores, axis=0)[1]
+
+
+def energy_score(drawn: np.ndarray, truth: np.ndarray | float) -> float:
+    apart = np.linalg.norm(drawn[:, None] - drawn[None], axis=-1).mean()
+    return float(np.linalg.norm(drawn - truth, axis=-1).mean() - 0.5 * apart)
+
+
+def test_a_zone_without_neighbours_is_its_own_predictor(rooms, later, tomorrow):
+    X, y = rooms
+    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=[]).fit(X[:N_TRAIN], y[:N_TRAIN])
+    assert not model.coupled_
+    room = X.rename(columns={"Q_hvac_hall": "Q_hvac", "T_za_hall": "T_za"})[["T_oa", "q_sol", "Q_hvac", "T_za"]]
+    alone = HybridPredictor(intervals=False).fit(room[:N_TRAIN], room["T_za"][:N_TRAIN])
+    np.testing.assert_array_equal(model.predict(later)["hall"], alone.predict(room[N_TRAIN:]))
+
+
+def test_a_zone_whose_thermometer_fails_is_forecast_from_the_others(building, later):
+    known, future = later[: 2 * DAY], later[2 * DAY : 3 * DAY].drop(columns=T_OF)
+    silent = known.assign(T_za_hall=np.nan)
+    with pytest.warns(MeasurementWarning, match="zone 'hall'.*no temperature"):
+        model = copy.deepcopy(building).update(silent)
+    found = temperatures(model.forecast(None, future))
+    assert np.isfinite(found).all()
+    whole = copy.deepcopy(building).update(known)
+    assert np.abs(found - temperatures(whole.forecast(None, future)))[:, 1].max() < 4.0
+
+
+def test_names_of_zones(rooms):
+    X, y = rooms
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
+    by_role = clone(model).fit(X[:200], y[:200].add_prefix("T_za_"))
+    shuffled = clone(model).fit(X[:200], y[:200][["study", "kitchen", "hall"]])
+    np.testing.assert_array_equal(by_role.predict(X[200:248]), shuffled.predict(X[200:248])[list(ZONES)])
+    short = X.rename(columns={"Q_hvac_hall": "Q_hall"})
+    np.testing.assert_array_equal(
+        clone(model).fit(short[:200], y[:200]).predict(short[200:248]), by_role.predict(X[200:248])
+    )
+    other = X.rename(columns={"T_oa": "outside"})
+    mapped = BuildingPredictor(model.estimator.set_params(columns={"T_oa": "outside"}), adjacency=[])
+    np.testing.assert_array_equal(mapped.fit(other[:200], y[:200]).predict(other[200:248]), by_role.predict(X[200:248]))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X, y, m: (X, y.drop(columns="hall"), m), "y has no temperature of the zone 'hall'"),
+        (lambda X, y, m: (X.drop(columns="T_za_hall"), y, m), "X has no temperature of the zone 'hall'"),
+        (lambda X, y, m: (X, y.rename(columns={"hall": "the hall"}), m), "zone 'the hall'"),
+        (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "attic")])), "zone 'attic'"),
+        (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "hall")])), "two different zones"),
+        (lambda X, y, m: (X, y, m.set_params(adjacency=["hall"])), "two different zones"),
+        (lambda X, y, m: (X, y.assign(hall=np.nan), m), "zone 'hall': Input y contains NaN"),
+        (lambda X, y, m: (X.assign(Q_hvac_hall=np.nan), y, m), "zone 'hall'.*Q_hvac_hall.*NaN"),
+        (lambda X, y, m: (X, y[:-1], m), "inconsistent numbers of samples"),
+        (lambda X, y, m: (X, y.to_numpy()[:, :2], m), "y has 2 columns, X 3"),
+        (lambda X, y, m: (X, y, m.set_params(estimator=TwoStagePredictor(), adjacency=DOORS)), "two-stage"),
+        (lambda X, y, m: (X, y, m.set_params(estimator=object())), "no hybrid predictor"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(rooms, change, message):
+    X, y, model = change(rooms[0][:96], rooms[1][:96], BuildingPredictor(HybridPredictor(network="1R1C")))
+    with pytest.raises(ValueError, match=message):
+        model.fit(X, y)
+    assert not hasattr(model, "own_")
+
+
+def test_a_failed_update_changes_nothing(building, later):
+    model = copy.deepcopy(building)
+    before = model.predict(later[:30])
+    for rows in (later[5:40], later[:40].assign(T_za_study=1e30), later[:40].drop(columns="T_oa")):
+        with pytest.raises(ValueError):
+            model.update(rows)
+        pd.testing.assert_frame_equal(model.predict(later[:30]), before)
+
+
+def test_one_zone_of_an_array(rooms):
+    X, y = rooms
+    frame = X[["T_oa", "q_sol"]].assign(Q_hvac=X["Q_hvac_hall"], T_za=X["T_za_hall"])
+    model = BuildingPredictor(HybridPredictor(intervals=False)).fit(frame[:200], y["hall"][:200])
+    alone = HybridPredictor(intervals=False).fit(frame[:200], y["hall"][:200])
+    np.testing.assert_array_equal(model.predict(frame[200:248]), alone.predict(frame[200:248]))
+    with pytest.raises(ValueError, match="y has 3 columns, but HybridPredictor forecasts one zone"):
+        HybridPredictor().fit(X, y)
+
+
+def test_a_saved_building_forecasts_the_same(building, tomorrow, tmp_path):
+    save_model(building, tmp_path / "building.skops")
+    pd.testing.assert_frame_equal(
+        load_model(tmp_path / "building.skops").forecast(None, tomorrow), building.forecast(None, tomorrow)
+    )
+    assert (tmp_path / "building.skops").stat().st_size < 1e6 * len(building.own_ | building.coupled_) * 2
+
+
+def test_summary_and_drift_tell_the_zones(building, later):
+    shown = io.StringIO()
+    print(building.summary(), file=shown)
+    assert "kitchen" in shown.getvalue()
+    assert set(building.drift(later).index.get_level_values("zone")) == set(ZONES)
+    assert 0.5 < building.score(later, make_rooms()[1][N_TRAIN:]) <= 1.0
