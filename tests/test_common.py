@@ -7,6 +7,7 @@ from sklearn.linear_model import Ridge
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skhybrid import (
+    BuildingPredictor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -28,6 +29,7 @@ ESTIMATORS = [
     OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step", **STEP),
     PeriodicDisturbanceID(n_starts=1, random_state=0, **STEP),
     HybridPredictor(**STEP),
+    BuildingPredictor(SchedulePredictor(**STEP)),
     SchedulePredictor(**STEP),
     TwoStagePredictor(
         InputDisturbanceID(n_starts=1, random_state=0),

@@ -18,6 +18,7 @@ from sklearn.base import BaseEstimator
 import skhybrid
 from skhybrid import (
     ARXRegressor,
+    BuildingPredictor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -51,6 +52,7 @@ CASES = {
     "forecaster": DisturbanceForecaster("ridge"),
     "hybrid": HybridPredictor(),
     "schedule": SchedulePredictor(),
+    "building": BuildingPredictor(SchedulePredictor("1R1C", intervals=False)),
     "two-stage": TwoStagePredictor(GrayBoxRC(**ONE), DisturbanceForecaster("ridge"), random_state=0),
     "units": UnitConverter(),
     "gaps": GapFiller(),

@@ -128,7 +128,7 @@ class BuildingForecastMixin:
         future: pd.DataFrame,
         T_za: Any = None,
         setpoint: Any = None,
-        quantiles: Sequence[float] | None = None,
+        quantiles: Sequence[float] | np.ndarray | None = None,
     ) -> pd.DataFrame:
         """Forecast all zones from the last row of a history, under given heat or under their thermostats.
 
@@ -141,8 +141,8 @@ class BuildingForecastMixin:
         T_za : mapping of zone to float, Series or sequence, optional
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping of zone to set-point, or one for all zones, optional
-            As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free.  Without it the columns ``T_heat_set_<zone>`` and
-            ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
+            As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free.  Without it the columns
+            ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
 

@@ -47,7 +47,10 @@ class JointErrors(NamedTuple):
 
 
 def _hours(index: pd.Index) -> np.ndarray:
-    return index.hour.to_numpy() if isinstance(index, pd.DatetimeIndex) else np.zeros(len(index))
+    """(n,) hour of the day, 0 without stamps."""
+    if not isinstance(index, pd.DatetimeIndex):
+        return np.zeros(len(index))
+    return index.hour.to_numpy() + index.minute.to_numpy() / 60.0
 
 
 class BuildingPlansMixin(BuildingForecastMixin):
@@ -154,9 +157,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         names = plant if inputs is None else list(inputs)
         unknown = [name for name in names if name not in plant]
         if unknown or not names:
-            raise ValueError(
-                f"inputs names {unknown[0] if unknown else 'nothing'!r}; heating and cooling of training are {listed(plant)}."
-            )
+            named = repr(unknown[0]) if unknown else "nothing"
+            raise ValueError(f"inputs names {named}; heating and cooling of training are {listed(plant)}.")
         return names
 
     def _planned(self, rows: pd.DataFrame, role: str) -> np.ndarray:
@@ -196,9 +198,10 @@ class BuildingPlansMixin(BuildingForecastMixin):
         names = quantile_columns(levels)
         bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
         assert self._joint is not None  # as there are intervals
-        step = self.own_[self.zones_[0]].sampling_time_
-        origin = _hours(frame.index[:1] - (step if T_za is None else 0 * step))[0]
-        drawn = self._joint.drawn(origin, n_samples, len(frame), check_random_state(random_state))
+        before = self.own_[self.zones_[0]].sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
+        drawn = self._joint.drawn(
+            _hours(frame.index)[0] - before, n_samples, len(frame), check_random_state(random_state)
+        )
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
 

@@ -11,7 +11,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
 from sklearn.metrics import r2_score
-from sklearn.utils import Tags
+from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._summary import SummaryMixin
@@ -106,6 +106,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         if not isinstance(template, BaseHybrid):
             raise ValueError(f"estimator={template!r} is no hybrid predictor; give a HybridPredictor, or leave it out.")
         validate_data(self, X, y, skip_check_array=True)
+        check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         X = self._prepared(X)
         T = self._targets(y, X)
@@ -280,7 +281,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         pairs = sorted(
             {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}
         )
-        return {"zones": ", ".join(self.zones_), "neighbours": ", ".join(map("-".join, pairs)) or "none"}
+        return {"zones": ", ".join(self.zones_), "neighbours": ", ".join(map("-".join, sorted(pairs))) or "none"}
 
     def _tables(self) -> dict[str, pd.DataFrame]:
         return {"share of the forecast with neighbours": self.shares_} if self.coupled_ else {}

@@ -36,7 +36,7 @@ class NumberedTable(NamedTuple):
     before: ZoneTable | None = None  # some of the rows before ``first``
 
     def with_boundary(self, values: Mapping[str, np.ndarray], origin: int, n_back: int) -> NumberedTable:
-        """Rows from ``n_back`` before an origin on, with other values (n_leads,) of some inputs after it; nothing later.
+        """Rows from ``n_back`` before an origin to the last lead, with other values (n_leads,) of some inputs ahead.
 
         The first of them is measured where any row before it is.
         """
@@ -48,10 +48,8 @@ class NumberedTable(NamedTuple):
         n_ahead = first + kept.n_rows - origin - 1
         inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
         T = self.T[first : first + kept.n_rows]
-        kept, before = kept.replace(inputs={**kept.inputs, **inputs}), table.rows(slice(first))
-        return NumberedTable(
-            kept, T, self.begin, self.joined, first, lambda: (table, self.T), before if first else None
-        )
+        kept, before = kept.replace(inputs={**kept.inputs, **inputs}), table.rows(slice(first)) if first else None
+        return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before)
 
 
 class RollingMember(Protocol):

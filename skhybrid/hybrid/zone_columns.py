@@ -33,9 +33,7 @@ class ZoneColumns:
         names = tuple(str(c).removeprefix(MEASURED) for c in y.columns)
         for name in names:
             if not re.fullmatch(r"\w+", name) or names.count(name) > 1:
-                raise ValueError(
-                    f"y has the zone {name!r}; give each zone one column, with a name of letters and digits."
-                )
+                raise ValueError(f"y has the zone {name!r}; give each zone one column, named in letters and digits.")
         given = {role: column for role, column in (columns or {}).items() if column is not None}
         here = [c for c in X.columns if role_of(c)] if isinstance(X, pd.DataFrame) else []
         by_role = {str(c): c for c in here if c not in given.values()} | given
@@ -45,8 +43,8 @@ class ZoneColumns:
                 absent = [name for name in found if name not in others]
                 if absent:
                     raise ValueError(
-                        f"{where} has no temperature of the zone {absent[0]!r}; X has those of {listed(measured)}, y of "
-                        f"{listed(names)}: give both the same zones."
+                        f"{where} has no temperature of the zone {absent[0]!r}; X has those of {listed(measured)}, y "
+                        f"of {listed(names)}: give both the same zones."
                     )
         return cls(names, by_role)
 
@@ -109,8 +107,8 @@ def found_neighbours(T: pd.DataFrame) -> dict[str, tuple[str, ...]]:
     """
     if not isinstance(T.index, pd.DatetimeIndex) or len(T) < 2:
         return {str(zone): tuple(str(z) for z in T if z != zone) for zone in T}
-    hourly = T.groupby(T.index.floor("h")).mean().diff()
-    unusual = hourly - hourly.groupby(hourly.index.hour).transform("mean")
+    hourly = T.resample("h").mean().diff()
+    unusual = hourly - hourly.groupby(hourly.index.map(lambda stamp: stamp.hour)).transform("mean")
     r = unusual.corr().to_numpy(copy=True)
     np.fill_diagonal(r, -1.0)
     names = [str(zone) for zone in T]
