@@ -1,7 +1,17 @@
 """Set-points, limits, plants, required heat and affine forecasts: plain matrices and states, no estimator."""
 
 from .affine import AffineForecast, ControlModel, LinearNetwork, gain_of, impulse_response
-from .heat_plan import Plan, covered_by, limits_of, planned, read_inputs, read_member, warn_bent, warn_uncovered
+from .heat_plan import (
+    Plan,
+    covered_by,
+    limits_of,
+    planned,
+    read_inputs,
+    read_member,
+    refuse_boundary,
+    warn_bent,
+    warn_uncovered,
+)
 from .required_heat import (
     MOST_AHEAD,
     HeatedZone,
@@ -38,6 +48,7 @@ __all__ = [
     "read_limits",
     "read_member",
     "read_setpoint",
+    "refuse_boundary",
     "required_heat",
     "steps_ahead",
     "warn_bent",

@@ -48,6 +48,18 @@ def read_inputs(
     return tuple(by_name[name] for name in names)
 
 
+def refuse_boundary(boundary: Mapping[str, Any], allowed: Sequence[str], shape: tuple[int, int]) -> None:
+    """Refuse boundary temperatures that the network does not have, or that are not finite (n_origins, n_leads)."""
+    for role, values in boundary.items():
+        if role not in allowed:
+            raise ValueError(f"boundary names {role!r}; the network's are {listed(allowed)}.")
+        if np.shape(values) != shape or not np.isfinite(values).all():
+            raise ValueError(
+                f"boundary gives {role!r} values of the shape {np.shape(values)}; give a finite temperature for each of "
+                f"{shape[0]} origins and {shape[1]} leads."
+            )
+
+
 def read_member(member: Any) -> str:
     """The model whose forecast is wanted."""
     if not isinstance(member, str) or member not in _MEMBERS:

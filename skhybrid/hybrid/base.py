@@ -94,9 +94,10 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
                 f"network {network.name} has several measured temperatures; {type(self).__name__} forecasts one zone, "
                 "so fit the identification itself."
             )
-        if np.ndim(y) == 2 and np.shape(y)[1] > 1:
+        shape = getattr(y, "shape", ())
+        if len(shape) == 2 and shape[1] > 1:
             raise ValueError(
-                f"y has {np.shape(y)[1]} columns, but {type(self).__name__} forecasts one zone; fit BuildingPredictor, "
+                f"y has {shape[1]} columns, but {type(self).__name__} forecasts one zone; fit BuildingPredictor, "
                 "which forecasts all zones of a building."
             )
         table = self._read(X, network, reset=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from .._joining import refuse_no_frames
 from .._table import as_numbers
@@ -39,11 +39,15 @@ class BuildingForecastMixin:
     _last: dict[str, float]
     _single: bool
 
+    def _read(self, X: Any, *, reset: bool = False) -> Any:
+        raise NotImplementedError
+
     def _prepared(self, X: Any) -> Any:
+        """A table after the estimator's ``preprocess``."""
         raise NotImplementedError
 
     def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
-        """What was measured of each zone."""
+        """Measured temperature of each zone (n, n_zones), NaN where missing [degC]."""
         raise NotImplementedError
 
     def _with_measured(self, X: Any, T: pd.DataFrame) -> Any:
@@ -66,7 +70,7 @@ class BuildingForecastMixin:
             [degC]; a frame by zone where X is one, and of shape (n_samples,) after a one-dimensional ``y``.
         """
         check_is_fitted(self)
-        X = self._checked(X)
+        X = self._prepared(self._read(X))
         first = self.own_[self.zones_[0]]
         origins, leads = first.rolled_origins(X)
         out = np.column_stack([np.full(len(X), np.nan)] * len(self.zones_))
@@ -96,12 +100,7 @@ class BuildingForecastMixin:
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
         check_is_fitted(self)
-        return self._paths(self._checked(X), np.asarray(origins), horizon)
-
-    def _checked(self, X: Any) -> Any:
-        if not isinstance(X, pd.DataFrame):
-            validate_data(self, X, reset=False, skip_check_array=True)
-        return self._prepared(X)
+        return self._paths(self._prepared(self._read(X)), np.asarray(origins), horizon)
 
     def _paths(self, X: Any, origins: np.ndarray, horizon: Any) -> np.ndarray:
         """(n_origins, n_leads, n_zones); ``horizon`` may be a number of rows."""
@@ -128,7 +127,7 @@ class BuildingForecastMixin:
         future: pd.DataFrame,
         T_za: Any = None,
         setpoint: Any = None,
-        quantiles: Sequence[float] | np.ndarray | None = None,
+        quantiles: Sequence[float] | None = None,
     ) -> pd.DataFrame:
         """Forecast all zones from the last row of a history, under given heat or under their thermostats.
 

@@ -118,10 +118,12 @@ class BuildingPlansMixin(BuildingForecastMixin):
 
         Parameters
         ----------
-        history, future, T_za
+        history, future
             As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
         inputs : sequence of str, optional
             What is decided: roles of heating and cooling, such as ``"Q_hvac_north"``; default is all of them.
+        T_za
+            As in :meth:`forecast`.
 
         Returns
         -------
@@ -177,9 +179,11 @@ class BuildingPlansMixin(BuildingForecastMixin):
 
         Parameters
         ----------
-        history, future, T_za
+        history, future
             As in :meth:`forecast`, under given heat.
         n_samples : int, default=100
+        T_za
+            As in :meth:`forecast`.
         random_state : int, RandomState or None
 
         Returns
@@ -194,7 +198,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         check_is_fitted(self)
         levels = (np.arange(n_samples) + 0.5) / n_samples
-        frame = self.forecast(history, future, T_za, quantiles=levels)
+        frame = self.forecast(history, future, T_za, quantiles=list(levels))
         names = quantile_columns(levels)
         bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
         assert self._joint is not None  # as there are intervals

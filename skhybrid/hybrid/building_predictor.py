@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._summary import SummaryMixin
-from .._table import as_numbers
+from .._table import as_numbers, read_array
 from .._time import rows_of
 from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
@@ -64,7 +64,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
     coupled_ : dict of str to CoupledZone
         Of zones with neighbours: ``neighbours``, the fitted ``model``, ``shares``.
     shares_ : DataFrame
-        How much of the forecast with neighbours counts, by zone and group of leads.
+        Share of the forecast with neighbours, by zone and group of leads.
     n_features_in_, feature_names_in_
 
     Examples
@@ -105,7 +105,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
             raise ValueError(f"estimator={template!r} is no hybrid predictor; give a HybridPredictor, or leave it out.")
-        validate_data(self, X, y, skip_check_array=True)
+        X = self._read(X, reset=True)
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         X = self._prepared(X)
@@ -124,6 +124,13 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.training_ = self.own_[self.zones_[0]].training_
         return self
 
+    def _read(self, X: Any, *, reset: bool = False) -> Any:
+        if not isinstance(X, pd.DataFrame):
+            return read_array(self, X, reset=reset, ensure_all_finite=False)
+        if reset:
+            validate_data(self, X, skip_check_array=True)
+        return X
+
     def _prepared(self, X: Any) -> Any:
         return X if self.preprocess_ is None else preprocessed(self.preprocess_, X, None)
 
@@ -131,12 +138,13 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """The temperatures (n, n_zones); those of an array have the names of X in their order, or numbers."""
         if y is None:
             raise ValueError("This estimator requires y to be passed, but the target y is None.")
-        self._single = np.ndim(y) == 1
+        self._single = isinstance(y, pd.Series)
         if isinstance(y, pd.DataFrame):
             return y.copy()
         if isinstance(y, pd.Series):
             return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name))
         values = as_numbers(y, "y")
+        self._single = values.ndim == 1
         values = values.reshape(len(values), -1)
         here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
         if here and len(here) != values.shape[1]:
@@ -190,7 +198,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     @property
     def shares_(self) -> pd.DataFrame:
-        """How much of the forecast with neighbours counts, by zone and group of leads."""
+        """Share of the forecast with neighbours, by zone and group of leads."""
         check_is_fitted(self)
         return pd.DataFrame({zone: one.shares for zone, one in self.coupled_.items()}).T
 
@@ -211,7 +219,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             If the rows do not follow, or hold no measurement; the estimator is then what it was.
         """
         check_is_fitted(self)
-        X = self._prepared(X)
+        X = self._prepared(self._read(X))
         T = self._known(X, y)
         for zone in self._silent(T):
             warn_user(
@@ -226,7 +234,6 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return self
 
     def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
-        """What was measured of each zone."""
         if y is not None:
             T = self._targets(y, X)
             T.columns = [str(c).removeprefix(MEASURED) for c in T.columns]

@@ -40,7 +40,7 @@ class CoupledZone:
 
     @property
     def shares(self) -> pd.Series:
-        """How much of this forecast counts, by group of leads."""
+        """Share of this forecast, by group of leads."""
         return pd.Series(self.weights[:, 1], list(GROUP_NAMES))
 
     def with_model(self, model: BaseHybrid) -> CoupledZone:
@@ -48,7 +48,7 @@ class CoupledZone:
         return replace(self, model=model)
 
     def share(self, n_leads: int) -> np.ndarray:
-        """(n_leads,) how much of this forecast counts."""
+        """(n_leads,) share of this forecast."""
         return by_lead(self.weights, len(self.ratio), n_leads)[:, 1]
 
     def widths(self, n_leads: int) -> np.ndarray:

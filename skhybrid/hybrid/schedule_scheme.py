@@ -9,14 +9,14 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, last_rows, listed
+from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..forecasting.quantiles import LeftOut, measured_ahead
+from ..forecasting.quantiles import LeftOut
 from ..schedule import (
     NumberedSegment,
     OriginState,
@@ -38,6 +38,7 @@ from .members import Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
+from .tables import days_after, midnights, with_temperature
 
 _RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
@@ -187,14 +188,7 @@ class ScheduleScheme(Scheme):
     def forecast_under(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
     ) -> Paths:
-        for role, values in boundary.items():
-            if role not in self.planned_boundaries:
-                raise ValueError(f"boundary names {role!r}; the network's are {listed(self.planned_boundaries)}.")
-            if np.shape(values) != (len(origins), n_leads) or not np.isfinite(values).all():
-                raise ValueError(
-                    f"boundary gives {role!r} values of the shape {np.shape(values)}; give a finite temperature for "
-                    f"each of {len(origins)} origins and {n_leads} leads."
-                )
+        refuse_boundary(boundary, self.planned_boundaries, (len(origins), n_leads))
         rows, moved = self._numbered(table)
         return self._blend(rows, origins + moved, n_leads, self.adapt, boundary)
 
@@ -393,34 +387,15 @@ class ScheduleScheme(Scheme):
         known, per_day = self.rows.training, self._record.rows_per_day
         left_out = self.left_out_errors(per_day, every=1)
         # the first forecast of each day: where the table does not begin on the hour there is none at midnight
-        midnight = _midnights(known)
+        midnight = midnights(known)
         at = np.searchsorted(left_out.origins, midnight)
         near = at < len(left_out.origins)
         near[near] = left_out.origins[at[near]] - midnight[near] < self._record.every
-        reference = _days(known, left_out.origins[at[near]], per_day)
+        reference = days_after(known, left_out.origins[at[near]], per_day)
         monitor = DriftMonitor(holidays=known.holidays).fit(reference, reference - left_out.errors[at[near]])
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
-        origins = _midnights(rows.table)
+        origins = midnights(rows.table)
         origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
         forecast = self._blend(rows, origins, per_day, adapt=None).temperature
-        measured = _days(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
+        measured = days_after(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
-
-
-def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
-    """Rows ahead of which nothing is measured, or the temperature of the first one."""
-    T = np.full(future.n_rows, np.nan)
-    if T_za is not None:
-        T[0] = T_za
-    return future.replace(history={"T_za": T})
-
-
-def _midnights(table: ZoneTable) -> np.ndarray:
-    """Rows that are the first of a local day."""
-    day = table.time.normalize()
-    return np.flatnonzero(day[1:] != day[:-1]) + 1
-
-
-def _days(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
-    """Measured temperature of the rows after each origin, stamped by the day."""
-    return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())

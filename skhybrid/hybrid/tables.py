@@ -11,6 +11,7 @@ from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START
+from ..forecasting.quantiles import measured_ahead
 
 _HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
 KEPT = pd.Timedelta("15D")  # kept history: two weeks, which is the longest lag of any forecaster, and a day
@@ -142,3 +143,22 @@ def reads_tables(forecaster: Any) -> bool:
 def frame_of(steps: ZoneTable) -> pd.DataFrame:
     """A table of steps as a DataFrame with columns by role."""
     return pd.DataFrame({**steps.inputs, "zeta": steps.history["zeta"]}, index=steps.index)
+
+
+def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
+    """Rows ahead of which nothing is measured, or the temperature of the first one."""
+    T = np.full(future.n_rows, np.nan)
+    if T_za is not None:
+        T[0] = T_za
+    return future.replace(history={"T_za": T})
+
+
+def midnights(table: ZoneTable) -> np.ndarray:
+    """Rows that are the first of a local day."""
+    day = table.time.normalize()
+    return np.flatnonzero(day[1:] != day[:-1]) + 1
+
+
+def days_after(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
+    """Measured temperature of the rows after each origin, stamped by the day."""
+    return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())
