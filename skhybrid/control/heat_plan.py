@@ -55,8 +55,8 @@ def refuse_boundary(boundary: Mapping[str, Any], allowed: Sequence[str], shape: 
             raise ValueError(f"boundary names {role!r}; the network's are {listed(allowed)}.")
         if np.shape(values) != shape or not np.isfinite(values).all():
             raise ValueError(
-                f"boundary gives {role!r} values of the shape {np.shape(values)}; give a finite temperature for each of "
-                f"{shape[0]} origins and {shape[1]} leads."
+                f"boundary gives {role!r} values of the shape {np.shape(values)}; give a finite temperature for each "
+                f"of {shape[0]} origins and {shape[1]} leads."
             )
 
 

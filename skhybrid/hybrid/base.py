@@ -94,7 +94,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
                 f"network {network.name} has several measured temperatures; {type(self).__name__} forecasts one zone, "
                 "so fit the identification itself."
             )
-        shape = getattr(y, "shape", ())
+        shape: tuple[int, ...] = getattr(y, "shape", ())
         if len(shape) == 2 and shape[1] > 1:
             raise ValueError(
                 f"y has {shape[1]} columns, but {type(self).__name__} forecasts one zone; fit BuildingPredictor, "

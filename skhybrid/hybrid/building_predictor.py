@@ -143,7 +143,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             return y.copy()
         if isinstance(y, pd.Series):
             return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name))
-        values = as_numbers(y, "y")
+        values = as_numbers(np.asanyarray(y), "y")
         self._single = values.ndim == 1
         values = values.reshape(len(values), -1)
         here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []

@@ -217,8 +217,7 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        size = len(origins), n_leads
-        paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
+        paths = Paths(*np.empty((2, len(origins), n_leads)), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
             blend.advance(views, int(origins[i]))
