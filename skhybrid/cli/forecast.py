@@ -85,7 +85,8 @@ def _titles(zones: list[str]) -> tuple[dict[str, tuple[str, str]], dict[str, lis
     """Title and unit of each column of the table, and the ends of intervals; without set-points of several zones."""
     if not zones:
         return _TITLES, {name: list(ends) for name, ends in _ENDS.items()}
-    titles, ends = {}, {}
+    titles: dict[str, tuple[str, str]] = {}
+    ends: dict[str, list[str]] = {}
     for zone in zones:
         titles |= {f"T_za_{zone}": (zone, "[degC]"), f"Q_hvac_{zone}": (f"{zone}, heat", "[kW]")}
         ends |= {f"{name}_{zone}": [f"{end}_{zone}" for end in _ENDS[name]] for name in _ENDS}

@@ -16,9 +16,9 @@ from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
 from .even_steps import usual_step
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
-from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, unit_in_name
+from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
-from .zone_names import is_own, zone_roles, zones_of
+from .zone_names import zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
@@ -92,10 +92,7 @@ class LogReport:
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         rooms = {} if columns or raw.roles else zone_roles(stated)
-        self._guesses = assign_roles(stated, columns or rooms, raw.roles)
-        for role, name in rooms.items():
-            reason = f"its name is that of {role}" if is_own(role, rooms) else guess_role(name, stated[name]).reason
-            self._guesses[name] = self._guesses[name]._replace(reason=NAMED_BY_ROLE if role == name else reason)
+        self._guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
         self.zones = zones_of(columns or rooms)
         channels = [
             self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
 from ..preprocessing._units import UNITS
-from .naming import ENERGY, assign_roles, guess_role, plain
+from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
 
 _NO_ZONES = {"heat", "cool", "heating", "cooling", "min", "max", "mean", "low", "high", "set", "sp", "actual", "target"}
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
@@ -45,9 +45,22 @@ def zones_of(roles: Iterable[str]) -> list[str]:
     return [] if "T_za" in roles else [role.removeprefix("T_za_") for role in roles if role.startswith("T_za_")]
 
 
-def is_own(role: str, roles: Iterable[str]) -> bool:
-    """Whether a role is that of one of the zones of some roles."""
-    return any(role.endswith(f"_{zone}") for zone in zones_of(roles))
+def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
+    """The role of each column, or none, by the column of each role."""
+    by_name = {name: role for role, name in roles.items()}
+    zones = zones_of(roles)
+    found = {}
+    for name, unit in units.items():
+        role, plain_guess = by_name.get(name), guess_role(name, unit)
+        reason = plain_guess.reason
+        if role is None and plain_guess.role is not None:
+            reason = "another column was taken for the same quantity"
+        elif role == name:
+            reason = NAMED_BY_ROLE
+        elif role is not None and any(role.endswith(f"_{zone}") for zone in zones):
+            reason = "its name is that of a quantity and a room"
+        found[name] = Guess(role, 99, reason, role is not None and plain_guess.is_electricity)
+    return found
 
 
 def _zones(units: Mapping[str, str | None]) -> dict[str, str]:

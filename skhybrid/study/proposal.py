@@ -150,10 +150,10 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
     electric = report.electricity()
     thermostat = ["# [thermostat]  # set-points of a day to come", "# heat = 21", "# cool = 25"]
     if report.zones:
-        seems = [
+        notes = [
             f"# {role} seems to be electricity; only heat and stages can be read of several zones" for role in electric
         ]
-        return [seems, thermostat]
+        return [notes, thermostat]
     plant = ["[plant]" if electric else "# [plant]"]
     if electric:
         seems = f"  # {electric[0]} seems to be electricity; false if it is heat"

@@ -98,6 +98,6 @@ def _table(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
     errors = errors.dropna()
     if errors.empty:
         raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    of_each = np.sqrt((errors**2).groupby(zone, sort=False).mean()).T.add_prefix("rmse_")
+    of_each = ((errors**2).groupby(zone, sort=False).mean() ** 0.5).T.add_prefix("rmse_")
     of_all = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
     return of_all.join(of_each).sort_values("rmse").rename_axis("model")
