@@ -13,7 +13,7 @@ import pytest
 
 from skhybrid.cli import main
 from skhybrid.logs import LogReport
-from skhybrid.persistence import load_model
+from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
 from skhybrid.zone.tomorrow import schedules_of
@@ -157,6 +157,22 @@ def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == {"new rows": 30, "known until": str(log.index[N_KNOWN + 29])}
     assert run(*common, "--json") == 0
     assert json.loads(capsys.readouterr().out)["new rows"] == 0
+
+
+def test_a_model_file_keeps_everything(folder, log, tmp_path):
+    model = load_model(folder / "house.skops")
+    save_model(model, tmp_path / "again.skops")
+    again = load_model(tmp_path / "again.skops")
+    by_role = log.rename(columns={column: role for role, column in tomllib.loads(CONFIG)["columns"].items()})
+    tomorrow = by_role[N_KNOWN : N_KNOWN + 24].drop(columns=[f"T_za_{zone}" for zone in ZONES])
+    levels = [0.1, 0.9]
+    pd.testing.assert_frame_equal(*[one.forecast(None, tomorrow, quantiles=levels) for one in (model, again)])
+    drawn = [one.sample(None, tomorrow, 5, random_state=0) for one in (model, again)]
+    np.testing.assert_array_equal(*drawn)
+    pd.testing.assert_frame_equal(again.shares_, model.shares_)
+    assert again.coupled_["hall"].neighbours == ("kitchen",)
+    updated = [one.update(by_role[N_KNOWN : N_KNOWN + 3]).forecast(None, tomorrow[3:]) for one in (model, again)]
+    pd.testing.assert_frame_equal(*updated)
 
 
 def test_backtest_judges_every_zone(folder, tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def forecast_content(found: Any) -> dict[str, Any]:
     return {"summary": found.summary, "remarks": list(found.remarks), "forecast": rows}
 
 
-def _titles(zones: list[str]) -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
+def _titles(zones: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
     """Title and unit of each column of the table, and the ends of intervals; without set-points of several zones."""
     if not zones:
         return _TITLES, {name: list(ends) for name, ends in _ENDS.items()}
@@ -93,7 +94,7 @@ def _titles(zones: list[str]) -> tuple[dict[str, tuple[str, str]], dict[str, lis
     return titles | {name: _TITLES[name] for name in ("T_oa", "q_sol")}, ends
 
 
-def _text(found: Any, zones: list[str]) -> str:
+def _text(found: Any, zones: Sequence[str] = ()) -> str:
     """A row for some hours, with the units on top, and the sums of the day."""
     import pandas as pd
 

@@ -57,10 +57,10 @@ class Settings:
     holidays : str or list of dates, optional
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or dates; for all models with a
         calendar.
+    adjacency : list of pairs of zones, optional, which zones exchange heat, where there are several
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.  Of several zones: ``T_za_<zone>`` of each, with its
         plants and set-points, as for :class:`skhybrid.BuildingPredictor`.
-    adjacency : list of pairs of zones, optional, which zones exchange heat, where there are several
     units : mapping of role to unit, units of columns, where they are not those of the data contract
     scale : mapping of role to number, factors on columns, applied after the units
     network : mapping
@@ -148,7 +148,12 @@ class Settings:
         return zones_of(self.columns)
 
     def roles_of(self, role: str) -> list[str]:
-        """The roles of a quantity that each zone has: ``T_za``, or ``T_za_<zone>`` of several."""
+        """The roles of a quantity that each zone has: ``T_za``, or ``T_za_<zone>`` of several.
+
+        Parameters
+        ----------
+        role : str, of one zone
+        """
         return [f"{role}_{zone}" for zone in self.zones] or [role]
 
     @property
