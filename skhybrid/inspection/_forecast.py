@@ -100,7 +100,8 @@ class ForecastDisplay(Display):
         """
         chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
         first = next(iter(chosen.values()))
-        zones = list(first["zone"].unique()) if "zone" in first else []
+        given = next(iter(self.frames.values()))
+        zones = list(given["zone"].unique()) if "zone" in given else []
         axes = axes_or_new(ax, (9.0, 2.0 * len(zones) + 0.9 if zones else 3.6), max(1, len(zones)))
         panels = np.ravel(np.asarray(axes, dtype=object))
         for panel, zone in zip(panels, zones or [None], strict=True):
