@@ -115,7 +115,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
-        X = self._with_measured(X, T)
+        X = self._with_measured(X, T) if any(neighbours.values()) else X
         tasks = [(zone, ()) for zone in self.zones_] + [(z, others) for z, others in neighbours.items() if others]
         made = Parallel(self.n_jobs)(delayed(self._fit_zone)(template, X, T[zone], *rest) for zone, *rest in tasks)
         self.own_ = dict(zip(self.zones_, made, strict=False))
@@ -227,7 +227,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 "known before and from its neighbours.",
                 MeasurementWarning,
             )
-        X = self._with_measured(X, T)
+        X = self._with_measured(X, T) if self.coupled_ else X
         self.own_ = {zone: self._advanced(zone, model, X, T) for zone, model in self.own_.items()}
         self.coupled_ = {z: one.with_model(self._advanced(z, one.model, X, T)) for z, one in self.coupled_.items()}
         self._take_in(T)

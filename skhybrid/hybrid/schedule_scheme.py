@@ -217,14 +217,14 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        paths = Paths(*np.empty((2, len(origins), n_leads)), np.empty(len(origins)))
+        size = len(origins), n_leads
+        paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
-            blend.advance(views, int(origins[i]))
-            plausible, ahead = PlausibleRange(lowest[i], highest[i]), views
+            row, plausible, ahead = int(origins[i]), PlausibleRange(lowest[i], highest[i]), views
+            blend.advance(views, row)
             if boundary is not None:
-                values = {role: paths_of[i] for role, paths_of in boundary.items()}
-                ahead = blend.views(rows.with_boundary(values, int(origins[i]), self._n_back))
+                ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, self._n_back))
             paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, plausible)
             paths.zeta_now[i] = blend.heat_now(views)
         return paths
