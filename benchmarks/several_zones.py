@@ -213,11 +213,11 @@ def main() -> None:
         "Several zones",
         "python benchmarks/several_zones.py",
         found,
-        "Five rooms of the small office (EnergyPlus, Chicago) with facades' irradiance: trained from 2018-10-01 on six "
-        "weeks of one control, tested on the six weeks that follow, from an origin every 25 h.  Root-mean-square errors, "
-        "mean over rooms; rooms: lowest to highest ratio of one room.  Neighbours by the floor plan, or found in the "
-        "data (ratio, found).  'neighbours / outdoors': sum of the conductances to neighbours relative to that outdoors. "
-        "One seed of weather and gains.  A fit with floor plan and intervals took "
+        "Five rooms of the small office (EnergyPlus, Chicago) with facades' irradiance: trained from 2018-10-01 on "
+        "six weeks of one control, tested on the six weeks that follow, from an origin every 25 h.  Root-mean-square "
+        "errors, mean over rooms; rooms: lowest to highest ratio of one room.  Neighbours by the floor plan, or found "
+        "in the data (ratio, found).  'neighbours / outdoors': sum of the conductances to neighbours relative to that "
+        "outdoors.  One seed of weather and gains.  A fit with floor plan and intervals took "
         f"{min(seconds):.0f} to {max(seconds):.0f} s of processor time.",
     )
 

@@ -84,23 +84,23 @@ class ScheduleScheme(Scheme):
     def _members(self) -> list[Member]:
         return [self._physics, *self._others]
 
-    def fit(self, measured: ZoneTable) -> Self:
+    def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
         """Fit the members and weigh them by their errors on left-out blocks of days."""
-        self._learn(measured)
+        self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         self._warn_scale()
         warn_of_undetermined(self._physics.fit_, self.rows.training, self.known)
         if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
             warn_of_gains(self._members, self.gain_, self.purpose)
         return self
 
-    def _learn(self, measured: ZoneTable) -> None:
+    def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", measured.step)
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = make_others(fit, training, self.purpose)
+        self._others = make_others(fit, training, self.purpose, like)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)

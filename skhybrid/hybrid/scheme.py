@@ -99,8 +99,8 @@ class Scheme(ABC):
         raise AttributeError(f"the {self.name} scheme has no gain_std_; take theta_cov_ of its gray_box_.")
 
     @abstractmethod
-    def fit(self, measured: ZoneTable) -> Self:
-        """Learn from a training table."""
+    def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
+        """Learn from a training table; what another fitted scheme has chosen may be taken from it."""
 
     @abstractmethod
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
