@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from .._joining import refuse_no_frames
-from .._table import as_numbers
+from .._table import as_numbers, listed
 from .base import BaseHybrid
 from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
@@ -169,20 +169,19 @@ class BuildingForecastMixin:
         return self._joined(of, ahead, first_lead=0 if now else 1)
 
     def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone; one that is no mapping holds for all set-points, and is in the order of zones else."""
+        """A value per zone: by name, or in the order of zones; a set-point that is no mapping holds for all of them."""
         if given is None:
             return {}
-        if isinstance(given, pd.Series):
-            given = given.to_dict()
-        if not isinstance(given, Mapping):
-            if name == "setpoint":
-                return dict.fromkeys(self.zones_, given)
-            given = dict(zip(self.zones_, np.atleast_1d(as_numbers(given, name)), strict=False))
+        if name == "setpoint" and not isinstance(given, Mapping):
+            return dict.fromkeys(self.zones_, given)
+        if not isinstance(given, Mapping | pd.Series):
+            values = np.atleast_1d(as_numbers(given, name))
+            given = dict(zip(self.zones_, values, strict=True)) if len(values) == len(self.zones_) else {}
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
-        if name == "setpoint":
+        if name != "T_za":  # the other zones are free
             by_zone = {zone: (None, None) for zone in self.zones_ if zone not in by_zone} | by_zone
         if set(by_zone) != set(self.zones_):
-            raise ValueError(f"{name} is given for {sorted(by_zone)}; give a value for each of {self.zones_}.")
+            raise ValueError(f"{name} is given for {listed(by_zone)}; the zones are {listed(self.zones_)}.")
         return by_zone
 
     def _joined(self, of: _Frame, rows: pd.DataFrame, first_lead: int) -> pd.DataFrame:

@@ -85,11 +85,13 @@ class BuildingPlansMixin(BuildingForecastMixin):
         wanted = self._by_zone(setpoint, "setpoint")
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
-        of_zones = dict(limits) if isinstance(limits, Mapping) else {}
-        if limits is None or of_zones:
-            return self._loads(rows, wanted, of_zones)
-        free = self._loads(rows, wanted, {})
-        return self._loads(rows, wanted, self._shared_out(free, *limits))
+        if limits is None or isinstance(limits, Mapping):
+            return self._loads(rows, wanted, self._by_zone(limits, "limits"))
+        if not isinstance(limits, tuple | list) or len(limits) != 2:
+            raise ValueError(
+                "limits is a pair (lowest, highest) of all zones together [kW], or a mapping of such pairs."
+            )
+        return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), *limits))
 
     def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
         def of(model: BaseHybrid, under: Any, zone: str) -> pd.DataFrame:
