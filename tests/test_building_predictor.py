@@ -15,6 +15,7 @@ from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
 from skhybrid.exceptions import MeasurementWarning
+from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -80,6 +81,24 @@ def test_predict_is_predict_from_at_each_day(building, later):
     paths = building.predict_from(later, [-1, 0, DAY], "1D")  # the first row is midnight
     np.testing.assert_array_equal(predicted[:1], paths[0][:1])
     np.testing.assert_array_equal(predicted[1 : 2 * DAY + 1], np.concatenate(paths[1:]))
+
+
+def test_quantiles_and_back_tests_are_those_of_predict_from(building, rooms, later):
+    days = later[: 5 * DAY]
+    frame = backtest(building, days, rooms[1][N_TRAIN:][: 5 * DAY], quantiles=(0.1, 0.9))
+    assert list(frame["zone"].unique()) == list(ZONES)
+    hall = frame[frame["zone"] == "hall"]
+    origins = np.arange(0, 4 * DAY, DAY)
+    np.testing.assert_array_equal(hall["y_pred"], building.predict_from(days, origins)[..., 1].ravel())
+    np.testing.assert_array_equal(hall["y_true"], rooms[1]["hall"].loc[hall["time"]])
+    bands = building.predict_quantiles_from(days, origins, (0.1, 0.9))
+    np.testing.assert_array_equal(hall["q_0.9"], bands[:, :, 1, 1].ravel())
+    rolled = building.predict_quantiles(days, (0.1, 0.9))[1 : DAY + 1]
+    np.testing.assert_allclose(rolled, bands[0], atol=1e-9)
+    future = days[:DAY].drop(columns=T_OF)
+    found = building.forecast(None, future, quantiles=(0.1, 0.9))[[f"q_0.1_{zone}" for zone in ZONES]]
+    np.testing.assert_allclose(found, building.predict_quantiles_from(days, [-1], (0.1, 0.9))[0, :, :, 0], atol=1e-9)
+    assert 0.5 < score_intervals(frame)["coverage"] < 1.0
 
 
 def test_update_and_forecast_are_predict_from(building, later, tomorrow):
