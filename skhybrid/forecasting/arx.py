@@ -131,7 +131,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         like : ARXRegressor, optional
             A fitted one with the same ``objective``, whose penalties are taken in place of choosing them.
         """
-        self._check_parameters()
+        self._check_parameters(like)
         table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
@@ -168,7 +168,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
 
-    def _check_parameters(self) -> None:
+    def _check_parameters(self, like: Any) -> None:
+        if like is not None and (not isinstance(like, ARXRegressor) or like.objective != self.objective):
+            raise ValueError(f"like={like!r} is no ARXRegressor with the same objective; leave it out.")
         if self.adapt not in (None, "refit"):
             raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
         if self.objective not in ("one_step", "multi_step"):

@@ -107,7 +107,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         check_setpoints(table)
-        fitted = scheme.fit(_measured(table, target), None if like is None else like._present_scheme())
+        fitted = scheme.fit(_measured(table, target), _scheme_of(like))
         self._take(fitted, intervals=self.intervals)
         return self
 
@@ -216,6 +216,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         ndarray of shape (n_origins, n_leads), float64
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
+        if boundary is not None and not isinstance(boundary, Mapping):
+            raise ValueError(f"boundary={boundary!r} is no mapping of boundary temperatures to their values.")
         if not boundary:
             return super().predict_from(X, origins, horizon)
 
@@ -337,6 +339,16 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return self._scheme.drift(None if X is None else self._with_history(X)[0])
+
+
+def _scheme_of(like: Any) -> Scheme | None:
+    """The scheme of a fitted predictor, or None."""
+    if like is None:
+        return None
+    if not isinstance(like, BaseHybrid):
+        raise ValueError(f"like={like!r} is no hybrid predictor; give a fitted one, or leave it out.")
+    check_is_fitted(like)
+    return like._present_scheme()
 
 
 def _measured(table: ZoneTable, target: np.ndarray) -> ZoneTable:
