@@ -64,7 +64,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
             steps.append(f"log days on which {role} runs, if the plant can.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
-            steps.append(f"let {role} run: two days of random set-points (skhybrid.plan_experiment) tell its effect.")
+            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) tell its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")
