@@ -293,12 +293,26 @@ def test_strong_heat_needs_fewer_days_of_random_setpoints():
 
 def test_members_that_disagree_are_named(log):
     X, _ = log
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", GainWarning)
-        model = SchedulePredictor(intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    model = SchedulePredictor(intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    assert model._scheme.gain_doubt is None
     gains = model.gain_.assign(ARX=0.4 * model.gain_["network"])
     found = disagreement(network(model), model._scheme._members, gains, "Q_hvac")
     assert re.search(r"after 24 h a kW warms .* \(network\) or .* \(ARX\).*\d+ days of random set-points", found)
+
+
+def test_who_wants_a_forecast_is_not_warned_and_who_plans_is(log, monkeypatch):
+    X, _ = log
+    train, ahead = X[:N_TRAIN], X[N_TRAIN : N_TRAIN + DAY]
+    monkeypatch.setattr("skhybrid.hybrid.schedule_scheme.disagreement", lambda *_: "they disagree.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GainWarning)
+        model = SchedulePredictor(intervals=False).fit(train, train["T_za"])
+        model.forecast(None, ahead)
+        later = deepcopy(model).update(ahead[:1])
+    for use, rows in ((model.affine_forecast, ahead), (model.to_state_space, ahead), (later.to_state_space, ahead[1:])):
+        with pytest.warns(GainWarning, match="they disagree") as caught:
+            use(None, rows)
+        assert len([w for w in caught if w.category is GainWarning]) == 1
 
 
 def test_a_plan_without_jumps_is_warned_of():

@@ -13,7 +13,7 @@ from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
-from ..exceptions import GainWarning, ScaleNotIdentifiableWarning
+from ..exceptions import ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut, measured_ahead
@@ -88,8 +88,6 @@ class ScheduleScheme(Scheme):
         self._learn(measured)
         self._warn_scale()
         warn_of_gain(self._physics.fit_, self.rows.training, self.known)
-        if self.gain_doubt is not None:
-            warn_user(self.gain_doubt, GainWarning)
         return self
 
     def _learn(self, measured: ZoneTable) -> None:
