@@ -17,7 +17,7 @@ from ..control import (
     ControlModel,
     Plan,
     covered_by,
-    is_plant,
+    decided_on,
     limits_of,
     planned,
     read_inputs,
@@ -127,9 +127,7 @@ class AffineFramesMixin(FramesForecastMixin):
         """
         check_is_fitted(self)
         training = self._scheme.rows.training
-        roles = tuple(role for role in training.inputs if is_plant(role))
-        if not roles:
-            raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+        roles = decided_on(training.inputs)
         ahead, plan = self._planned(history, future, roles, T_za)
         scheme = self._present_scheme()
         network = scheme.linear_network(ahead, plan)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..study.judgement import is_scaled
+from ..study.settings import is_scaled
 from ..zone import ZoneFolder
 from ..zone.forecast_archive import open_archive
 
@@ -37,7 +37,7 @@ def view_zone(folder: ZoneFolder) -> ZoneView:
     """
     zone = folder.load()
     tz = zone.learned_until.tz
-    scaled = is_scaled(zone.settings, zone.covered())
+    scaled = is_scaled(zone.covered(), zone.settings.capacities)
     with open_archive(folder.archive) as archive:
         last = archive.last_measured()
         since = pd.Timestamp(0) if last is None else last - _PAST
