@@ -1,13 +1,22 @@
 """Set-points, limits, plants, required heat and affine forecasts: plain matrices and states, no estimator."""
 
 from .affine import AffineForecast, ControlModel, LinearNetwork, gain_of, impulse_response
-from .heat_plan import Plan, covered_by, limits_of, planned, read_inputs, read_member, warn_bent, warn_uncovered
+from .heat_plan import (
+    Plan,
+    covered_by,
+    decided_on,
+    limits_of,
+    planned,
+    read_inputs,
+    read_member,
+    warn_bent,
+    warn_uncovered,
+)
 from .required_heat import (
     MOST_AHEAD,
     HeatedZone,
     LoadPaths,
     Plant,
-    is_plant,
     load_frame,
     make_plant,
     required_heat,
@@ -27,9 +36,9 @@ __all__ = [
     "Plan",
     "Plant",
     "covered_by",
+    "decided_on",
     "gain_of",
     "impulse_response",
-    "is_plant",
     "limits_of",
     "load_frame",
     "make_plant",
