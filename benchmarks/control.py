@@ -65,7 +65,7 @@ GAINS_KNOWN = "MPC, gains known"
 
 
 class Maker(NamedTuple):
-    """How a controller gets its forecast: an estimator, how it is asked, and what it may know."""
+    """Source of a controller's forecast: an estimator, the way it is asked, and what it may know."""
 
     estimator: Callable[[], Any]
     forecaster: Callable[[Any], Forecaster] = Interface
@@ -108,7 +108,7 @@ CONTROLLERS = (*RULES, *MAKERS)
 
 
 class Case(NamedTuple):
-    """What a row is about, but for controller and fortnight."""
+    """Subject of a row, but for controller and fortnight."""
 
     building: str
     zone: str

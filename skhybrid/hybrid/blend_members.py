@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._table import ZoneTable
-from ..control import is_plant
+from .._table import ZoneTable, is_plant
 from ..schedule import HeatResponse, LeadFit
 from .members import ARXMember, DailyProfileMember, Member
 from .without_heat import WithoutHeat

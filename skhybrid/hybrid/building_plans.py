@@ -11,8 +11,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._joining import refuse_no_frames
-from .._table import listed
-from ..control import AffineForecast, is_plant
+from .._table import is_plant, listed
+from ..control import AffineForecast
 from ..forecasting.quantiles import LeftOut, quantile_columns
 from .base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, of_zone, with_next

@@ -32,7 +32,7 @@ from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .blend_members import make_others, prior_shares
 from .drift import DriftMonitor
-from .gain_report import gain_errors, gain_table, plant_of, warn_of_gains, warn_of_undetermined
+from .gain_report import disagreement, gain_errors, gain_table, plant_of, told_plant, warn_of_gain
 from .known_rows import KnownRows
 from .members import Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
@@ -88,9 +88,7 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         self._warn_scale()
-        warn_of_undetermined(self._physics.fit_, self.rows.training, self.known)
-        if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
-            warn_of_gains(self._members, self.gain_, self.purpose)
+        warn_of_gain(self._physics.fit_, self.rows.training, self.known)
         return self
 
     def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:
@@ -121,6 +119,8 @@ class ScheduleScheme(Scheme):
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
+        if told := told_plant(fit, training):
+            self.gain_doubt = disagreement(fit, self._members, self.gain_, told)
 
     def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
         """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""

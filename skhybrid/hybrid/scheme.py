@@ -77,6 +77,7 @@ class Scheme(ABC):
     disturbance_step_: pd.Timedelta
     gray_box_: Any
     forecaster_: Any
+    gain_doubt: str | None = None  # why not to plan with its forecasts
 
     @property
     @abstractmethod

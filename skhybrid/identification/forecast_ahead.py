@@ -22,7 +22,7 @@ from ..control import (
     Plan,
     Plant,
     covered_by,
-    is_plant,
+    decided_on,
     limits_of,
     planned,
     read_inputs,
@@ -215,9 +215,7 @@ class ForecastAheadMixin(RollingForecastMixin):
             return self.state_space_
         known = self.filtered_network_
         acting = self.network_.inputs(known.roles)
-        roles = tuple(role for role in known.roles if is_plant(role) and role in acting)
-        if not roles:
-            raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+        roles = decided_on(role for role in known.roles if role in acting)
         ahead, _ = self._planned(history, future, roles, T_za)
         _, _, start = self._expected(ahead)
         rows = known.experiment(ahead.table).inputs[ahead.origin :]

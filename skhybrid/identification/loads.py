@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_plant
 from ..control import (
     HeatedZone,
     Limits,
     Plant,
-    is_plant,
     load_frame,
     make_plant,
     read_limits,

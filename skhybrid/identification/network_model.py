@@ -11,9 +11,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
 from .._rolling import checked_origins
-from .._table import ZoneTable, as_numbers
+from .._table import ZoneTable, as_numbers, is_plant
 from .._threads import one_blas_thread
-from ..control import Plant, is_plant
+from ..control import Plant
 from ..filtering import simulate_path
 from ..thermal import RCNetwork
 from .disturbance_models import checked_kind

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._table import is_plant
+
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant tells little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
 _LEAST_SPREAD = 1.0  # range of a room's temperature [K] that tells of its time constants
@@ -32,7 +34,7 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
         found = {
             "lowest": values.min(), "highest": values.max(), "mean": values.mean(), "share": len(values) / len(frame)
         }  # fmt: skip
-        if str(role).startswith(("u_", "Q_")) and np.abs(values).max() > 0.0:
+        if is_plant(role) and np.abs(values).max() > 0.0:
             on = np.abs(values) > 0.05 * np.abs(values).max()
             found["hours run"] = np.abs(values).sum() / np.abs(values).max() * hours
             found["starts"] = float((on[1:] & ~on[:-1]).sum())
@@ -47,7 +49,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
     cannot: list[str] = []
     steps: list[str] = []
     have = set(moved.index)
-    plants = [role for role in moved.index if role.startswith(("u_", "Q_"))]
+    plants = list(filter(is_plant, moved.index))
     for role, what in (("T_za", "room"), ("T_oa", "outdoor")):
         if role not in have:
             cannot.append(f"anything: there is no {what} temperature ({role}).")
@@ -64,7 +66,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
             steps.append(f"log days on which {role} runs, if the plant can.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
-            steps.append(f"let {role} run: two days of random set-points (skhybrid.plan_experiment) tell its effect.")
+            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) tell its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")

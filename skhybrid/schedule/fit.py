@@ -179,8 +179,12 @@ def _initial_problem(
     """Problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
     spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(scored.sample.leads)
     start = _best_of_grid(model, scored, spread, scales, pull).psi
-    problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull)
-    at = problem.evaluate(start)
+    return weighted(LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull))
+
+
+def weighted(problem: LeadProblem) -> LeadProblem:
+    """A problem with each lead weighted by the inverse variance of its errors at the centre of the prior."""
+    at, scored = problem.evaluate(problem.centre), problem.forecasts[0]
     errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
     known = np.isfinite(errors).sum(axis=0)
     variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)

@@ -151,7 +151,7 @@ class Declaration:
                         f"network {self.name} does not say which node {role!r} heats; name it in heated={{{role!r}: "
                         f"node}}, or leave the column out by columns={{{role!r}: None}}."
                     )
-                out.append(Source(role, _capacity_name(role) if role.startswith("u_") else None, shares))
+                out.append(Source(role, capacity_name(role) if role.startswith("u_") else None, shares))
         return tuple(out)
 
     def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
@@ -228,7 +228,7 @@ def _as_shares(target: Target) -> Shares:
     return ((target, None),) if isinstance(target, str) else tuple(target.items())
 
 
-def _capacity_name(role: str) -> str:
+def capacity_name(role: str) -> str:
     """Parameter of a stage, such as ``Q_h`` of ``u_heat``, ``Q_c`` of ``u_cool`` and ``Q_h_2`` of ``u_heat_2``."""
     name = role[len("u_") :]
     for long, short in (("heat", "h"), ("cool", "c")):

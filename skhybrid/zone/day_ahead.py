@@ -15,9 +15,8 @@ from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
-from ..study.judgement import is_scaled
 from ..study.plant import Performance
-from ..study.settings import Settings
+from ..study.settings import Settings, is_scaled
 from ..study.tariff import energy_cost
 from ..study.thermostat import Schedule
 from .tomorrow import rows_ahead
@@ -130,7 +129,7 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
         "lowest temperature [degC]": round(float(out["T_za"].min()), 2),
         "highest temperature [degC]": round(float(out["T_za"].max()), 2),
     }
-    if "Q_hvac" not in out or not is_scaled(settings, settings.columns):
+    if "Q_hvac" not in out or not is_scaled(settings.columns, settings.capacities):
         return found  # kW without a scale are no sum to put in front
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
@@ -149,7 +148,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
             "interval"
         )
-    if not planned and not is_scaled(zone.settings, zone.covered()):
+    if not planned and not is_scaled(zone.covered(), zone.settings.capacities):
         out.append(
             "no capacity of the plant is known, so its kW have no certain scale; give known = { Q_h = ... } in "
             "[estimator]"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 from ..datasets import weather_on_steps
 from ..study.settings import Settings
 from ..study.thermostat import Schedule, free_days
@@ -50,7 +50,7 @@ def rows_ahead(
     """
     step = pd.Timedelta(settings.step)
     index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)
-    plant = [role for role in inputs if role.startswith(("Q_", "u_"))]
+    plant = list(filter(is_plant, inputs))
     known = weather if weather is not None else plan
     if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
         index = index[index <= plan.index[-1]]

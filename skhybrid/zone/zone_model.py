@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 from ..exceptions import TooFewDaysError
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
@@ -212,12 +212,12 @@ class ZoneModel:
             return self.predictor.forecast(history, future)
 
     def _plant(self) -> list[str]:
-        return [role for role in self.settings.columns if role.startswith(("Q_", "u_"))]
+        return [role for role in self.settings.columns if is_plant(role)]
 
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
         """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
         given = [role for role in SETPOINT_ROLES if role in future]
-        if not given or self.predictor.thermostat_learned_ or any(str(c).startswith(("Q_", "u_")) for c in future):
+        if not given or self.predictor.thermostat_learned_ or any(map(is_plant, future)):
             return None
         return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)
 

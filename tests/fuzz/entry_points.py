@@ -166,7 +166,7 @@ class Entry(NamedTuple):
 
     @property
     def share(self) -> int:
-        """How often it is called, against others."""
+        """Weight with which it is called, against others."""
         slow = self.method in ("fit", "partial_fit") or self.estimator in (None, *NETWORKS)
         return _SHARE.get(self.estimator or self.method, 10) if slow else 5
 

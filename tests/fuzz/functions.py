@@ -73,7 +73,7 @@ SETTINGS = {
 
 
 def _there_and_back(estimator: Any, X: Any) -> Any:
-    """What a saved and loaded estimator predicts, which is what the estimator itself predicts."""
+    """Predictions of a saved and loaded estimator, which are those of the estimator itself."""
     with tempfile.TemporaryDirectory() as folder:
         save_model(estimator, Path(folder) / "m")
         return load_model(Path(folder) / "m").predict(X)
