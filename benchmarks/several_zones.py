@@ -151,7 +151,31 @@ def errors_of(frame: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
     return np.stack([hourly[0].mean(axis=1), hourly[1][:, -1]])
 
 
-TASKS = {"heat known": heat_known, "set-points known": set_points_known}
+def by_the_hour(coupling: str) -> dict[str, Any]:
+    """Errors [K] after two weeks of hourly temperatures and kWh per room, as a house's own log may have them."""
+    logs = {}
+    for control in COUPLINGS[coupling][1]:
+        log = read_log(coupling, control)
+        log = log[[c for c in log if "_set_" not in c]]
+        means = log.resample("h").mean()
+        at_stamp = [c for c in log if c.startswith("T_za")]
+        logs[control] = means.assign(**{c: log[c].resample("h").first() for c in at_stamp})
+    begin = str((pd.Timestamp(TEST) - pd.Timedelta("14D")).date())
+    train = between(logs["base"], begin, TEST)
+    building = BuildingPredictor(HybridPredictor(intervals=False), adjacency=FLOOR_PLAN)
+    building.fit(train, temperatures(train))
+    out: dict[str, Any] = {}
+    for control, log in logs.items():
+        later = between(log, TEST, END)
+        origins = np.arange(25, len(later) - 25, 25)
+        truth = temperatures(later).to_numpy()[origins[:, None] + np.arange(1, 25)]
+        for name, model in (("with neighbours", building), ("by itself", alone(building))):
+            missed = model.predict_from(later, origins, "1D") - truth
+            out[f"{control} {name}"] = float(np.sqrt(np.mean(missed**2, axis=(0, 1))).mean())
+    return out
+
+
+TASKS = {"heat known": heat_known, "set-points known": set_points_known, "by the hour": by_the_hour}
 
 
 def row_of(task: str, coupling: str) -> dict[str, Any]:
@@ -168,7 +192,7 @@ def row_of(task: str, coupling: str) -> dict[str, Any]:
 
 def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
     """Tables of the rows of some couplings."""
-    errors, by_lead, loads, scores = {}, {}, {}, {}
+    errors, by_lead, loads, scores, short = {}, {}, {}, {}, {}
     for coupling in couplings:
         found, known = row_of("heat known", coupling), row_of("set-points known", coupling)
         for control in COUPLINGS[coupling][1]:
@@ -189,12 +213,16 @@ def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
             }
             loads[name] |= {"ratio, load": known[f"{control} load"] / known[f"{control} load by itself"]}
             loads[name] |= {"T by itself [K]": known[f"{control} T by itself"], "T [K]": known[f"{control} T"]}
+            hourly = row_of("by the hour", coupling)
+            both = [hourly[f"{control} {name}"] for name in ("by itself", "with neighbours")]
+            short[name] = {"by itself [K]": both[0], "with neighbours [K]": both[1], "ratio": both[1] / both[0]}
             joint, apart = found[f"{control} energy"]
             scores[name] = {"joint": joint, "rooms independent": apart, "ratio": joint / apart}
     out = {
         "Errors over all leads to 24 h, heat known": errors,
         "By lead: with neighbours / by itself [K]": by_lead,
         "Only set-points known": loads,
+        "Two weeks of training by the hour, heat known": short,
         "Energy score of the rooms' mean temperature": scores,
     }
     return {title: pd.DataFrame(rows).T.rename_axis("log").infer_objects() for title, rows in out.items()}
