@@ -6,7 +6,6 @@ import numpy as np
 
 from .constrained_ridge import gram
 from .fit import LeadFit
-from .responses import error_sensitivities
 from .step_gain import observed_gains, step_response
 
 
@@ -42,7 +41,7 @@ def _moves(fit: LeadFit) -> tuple[np.ndarray, np.ndarray]:
     p, bound = len(fit.psi), ~fit.solution.free
     root = problem.root_weights(scored)
     E = problem.design(fit.psi, scored)
-    _, de = error_sensitivities(problem.model, fit.psi, coef, scored.segment, scored.sample)
+    _, de = problem.sensitivities(fit.psi, coef, scored)
     slopes = np.hstack([(root[..., None] * de).reshape(-1, p), -E[:, :-1]])
     errors = E @ np.append(-coef, 1.0)
     slopes[:, p:][:, bound] = 0.0
