@@ -69,7 +69,7 @@ def recovery(seeds: int, days: tuple[int, ...], whole: int) -> pd.DataFrame:
 
 
 def floor_plan() -> pd.DataFrame:
-    """What :func:`find_adjacency` finds of the five rooms in EnergyPlus, in windows of days."""
+    """Floor plans that :func:`find_adjacency` finds of the five rooms in EnergyPlus, in windows of days."""
     rows = []
     for path in sorted(DATA.glob("small_office_zones_*.csv.gz")):
         log = pd.read_csv(path, index_col="timestamp", parse_dates=True)
@@ -107,7 +107,7 @@ def apart(seeds: int) -> float:
 
 
 def note(seeds: int, whole: int) -> str:
-    """What the tables mean."""
+    """Notes on the tables."""
     return (
         f"`make_house` in Chicago from {START} on: four rooms, 15 min, noise 0.03 K, the heat of every room measured "
         f"[kW]; {seeds} houses with parameters of their own from seed {FIRST_SEED} on, {whole} for fits of the whole "
