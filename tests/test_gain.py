@@ -92,6 +92,26 @@ def test_no_heat_or_few_jumps_tell_nothing(plan, heat):
     assert not [g for g in observed_gains(stepped(plan, heat)) if g.lead == 2]
 
 
+def test_heat_that_answers_people_tells_nothing_of_the_gain(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    segment = stepped(plan, heat)
+    y, answers = segment.y.copy(), np.arange(60, 480, 96)  # jumps that leave the temperature where it was
+    for k in answers:
+        y[k + 1 : k + 12] -= y[k + 1] - y[k]
+        y[k + 12 :] -= y[k + 12] - y[k + 11] - (segment.y[k + 12] - segment.y[k + 11])
+    first = observed_gains(segment._replace(y=y))[0]
+    assert first.gain == pytest.approx(1.0, abs=0.05)
+    assert first.n_jumps == 39 - len(answers)
+
+
+def test_heat_that_changes_after_a_jump_is_accounted_for(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    heat[13::24] -= 0.5
+    gains = {g.lead: g for g in observed_gains(stepped(plan, heat)) if g.source == KNOWN_HEAT}
+    assert gains[1].gain == pytest.approx(1.0, abs=0.05)
+    assert gains[2].gain == pytest.approx(1.5, abs=0.05)
+
+
 def test_rows_that_are_left_out_do_not_count(plan):
     heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
     segment = stepped(plan, heat)

@@ -9,7 +9,7 @@ import numpy as np
 from ..filtering import simulate_path
 from .constrained_ridge import gram
 from .fit import LeadFit, weighted
-from .responses import emitter_series, error_sensitivities
+from .responses import emitter_series
 from .segment import Segment
 from .step_gain import observed_gains, step_response
 
@@ -120,7 +120,7 @@ def _slopes(fit: LeadFit, coef: np.ndarray, free: np.ndarray) -> tuple[np.ndarra
     """Derivatives (O L, q) of the weighted errors by psi and by coefficients, 0 where not ``free``; the errors."""
     problem, scored, p = fit.problem, fit.problem.forecasts[0], len(fit.psi)
     E = problem.design(fit.psi, scored)
-    _, de = error_sensitivities(problem.model, fit.psi, coef, scored.segment, scored.sample)
+    _, de = problem.sensitivities(fit.psi, coef, scored)
     slopes = np.hstack([(problem.root_weights(scored)[..., None] * de).reshape(-1, p), -E[:, :-1]])
     slopes[:, p:][:, ~free] = 0.0
     return slopes, E @ np.append(-coef, 1.0)
