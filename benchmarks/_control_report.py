@@ -129,7 +129,7 @@ def recovered(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def not_run(missing: Sequence[tuple[Any, str, int]]) -> pd.DataFrame:
-    """Which rows are missing: per case the controllers and fortnights."""
+    """Missing rows: per case the controllers and fortnights."""
     frame = pd.DataFrame([(*case, name, f"{n + 1}") for case, name, n in missing], columns=[*CASE, "who", "n"])
     by = frame.groupby([*CASE, "who"], sort=False)["n"].agg(", ".join).reset_index()
     same = by.groupby([*CASE, "n"], sort=False)["who"].agg("; ".join).reset_index()

@@ -35,7 +35,7 @@ _LAGS = np.unique(np.round(np.geomspace(1, 192, 30)).astype(int))  # rows
 
 
 class GainStatistics(NamedTuple):
-    """What is known of a gain before the measurements."""
+    """Statistics of a gain, known before the measurements."""
 
     sigma: np.ndarray  # (16,) by three hours of a weekday, then of a weekend day [kW]
     busy: np.ndarray  # (16,) bool, classes whose remainder is of the large kind

@@ -32,7 +32,7 @@ NETWORK_CASE = {"case": "case01", "n_layers": 1, "activation": "relu", "residual
 
 
 class Model(NamedTuple):
-    """How a model of the benchmark is made."""
+    """A model of the benchmark, as it is made."""
 
     make: Make
     group: str = "cheap"  # "cheap", "hybrid" or "networks": what a command runs

@@ -44,7 +44,7 @@ def draw_counts(n: int, length: int, seed: int) -> np.ndarray:
 
 
 def blocks_of(origin: pd.Index) -> int:
-    """How many consecutive origins make up a block."""
+    """Number of consecutive origins in a block."""
     stamps = pd.to_datetime(pd.Series(origin), utc=True)
     return max(1, round(BLOCK / stamps.diff().median()))
 

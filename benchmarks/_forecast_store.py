@@ -150,7 +150,7 @@ def _predicted_load(model: Any, rows: pd.DataFrame, setpoint: pd.Series, origins
 
 # ------------------------------------------------------------------------------------------------------------- store
 def path_of(data: str, model: str, seed: int, store: Path = STORE) -> Path:
-    """Where a run is kept."""
+    """File of a run."""
     folder, name = (re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") for text in (data, model))
     return store / folder / f"{name}__{seed}.csv"
 

@@ -224,7 +224,7 @@ CLAIMS = (
 
 
 def judge(claims: tuple[Claim, ...], runs: list[pd.DataFrame]) -> pd.DataFrame:
-    """Which statements hold, run by run, with our identifications and with the paper's own numbers.
+    """Judge statements run by run, with our identifications and with the paper's own numbers.
 
     Parameters
     ----------

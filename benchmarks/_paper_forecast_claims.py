@@ -132,7 +132,7 @@ WHY = {
 
 
 def judge(claims: tuple[Claim, ...], runs: dict[str, list[pd.DataFrame]]) -> pd.DataFrame:
-    """Which statements hold, for the two-stage scheme and for the default, with the numbers.
+    """Judge statements for the two-stage scheme and for the default, with the numbers.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
 
 
 def path_of(store: Path, climate: str) -> Path:
-    """Where the baselines of a climate are kept."""
+    """File of the baselines of a climate."""
     return store / f"baselines_{climate}.csv"
 
 

@@ -21,5 +21,5 @@ def read_results(path: Path) -> pd.DataFrame:
 
 
 def n_finished(path: Path) -> int:
-    """How many candidates of a store are finished."""
+    """Number of finished candidates of a store."""
     return len(read_results(path))

@@ -5,7 +5,8 @@ a day of heat by linear programming (price with hours of peak, soft comfort band
 heat; the thermostat tracks the planned temperatures.  Every controller has the same plan, and differs by its forecast.
 
 ``python benchmarks/control.py`` runs what is missing and writes ``results/control.md``, which says what was run.
-Finished rows are kept in ``benchmarks/.rows/control``.  It needs ``pip install skhybrid[energyplus]``; run it on one
+Finished rows are kept in ``benchmarks/.rows/control`` and published in ``results/control_rows.json``, from which
+another machine goes on.  It needs ``pip install skhybrid[energyplus]``; run it on one
 core (``OMP_NUM_THREADS=1``).
 
     python benchmarks/control.py --buildings small_office_chicago --zones Perimeter_ZN_3 --seasons winter --seeds 106
@@ -50,6 +51,7 @@ from skhybrid.forecasting import WeatherError
 from skhybrid.model_selection.single_reading import read_once
 
 STORE = Path(__file__).parent / ".rows" / "control"
+PUBLISHED = "control_rows.json"  # beside the tables
 TESTED = (
     replace(SMALL_OFFICE, zones=("Perimeter_ZN_3", "Perimeter_ZN_1")),
     replace(BUILDINGS[2], zones=("T SW Apartment", "M N1 Apartment")),
@@ -65,7 +67,7 @@ GAINS_KNOWN = "MPC, gains known"
 
 
 class Maker(NamedTuple):
-    """How a controller gets its forecast: an estimator, how it is asked, and what it may know."""
+    """Source of a controller's forecast: an estimator, the way it is asked, and what it may know."""
 
     estimator: Callable[[], Any]
     forecaster: Callable[[Any], Forecaster] = Interface
@@ -108,7 +110,7 @@ CONTROLLERS = (*RULES, *MAKERS)
 
 
 class Case(NamedTuple):
-    """What a row is about, but for controller and fortnight."""
+    """Subject of a row, but for controller and fortnight."""
 
     building: str
     zone: str
@@ -289,6 +291,22 @@ def fill(case: Case, store: Path, bench_of: Callable[[Case], Any], controllers: 
         write_row(plant, case._asdict() | bench.warming())
 
 
+def unpack(results: Path, store: Path) -> None:
+    """Put the rows that were published into a store that lacks them."""
+    published = results / PUBLISHED
+    for name, row in (read_row(published) if published.is_file() else {}).items():
+        if not (store / name).is_file():
+            write_row(store / name, row)
+
+
+def pack(results: Path, store: Path) -> None:
+    """Publish all rows of a store, so that another machine can go on from them."""
+    write_row(
+        results / PUBLISHED,
+        {path.relative_to(store).as_posix(): read_row(path) for path in sorted(store.rglob("*.json"))},
+    )
+
+
 def matrix() -> list[Case]:
     """Every case, the first ones first."""
     return [
@@ -334,6 +352,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.exit(0, "control.py needs EnergyPlus: pip install skhybrid[energyplus]\n")
     warnings.simplefilter("ignore", SkhybridWarning)
     chosen = [getattr(options, f"{field}s") for field in Case._fields]
+    unpack(options.results, options.store)
     bench_of = _bench(options.store)
     for case in () if options.tables else matrix():
         if all(values is None or value in values for value, values in zip(case, chosen, strict=True)):
@@ -345,6 +364,7 @@ def main(arguments: list[str] | None = None) -> None:
     missing = [(case, *row) for case, *row in expected if not path_of(options.store, case, *row).is_file()]
     command = "python benchmarks/control.py"
     write_results(kept, plants, missing, len(expected), command, options.results)
+    pack(options.results, options.store)
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ def _office(climate: str, seed: int) -> Row:
 
 
 def air_conductance(office: Bunch) -> np.ndarray:
-    """What outdoor air carries off per kelvin [kW/K], of a log at the step of the simulation."""
+    """Heat that outdoor air carries off per kelvin [kW/K], of a log at the step of the simulation."""
     across = office.X["T_oa"] - office.states["T_za"]
     found = office.gain_parts["air"] / across.where(across.abs() > 0.1)
     return found.interpolate(limit_direction="both").to_numpy()

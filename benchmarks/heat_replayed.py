@@ -47,7 +47,7 @@ DAY = 96
 ORIGINS = (0, 28, 56, 84)
 LEVELS = (0.1, 0.9)
 REPLAYED, OWN = "replayed", "own thermostat"
-DEFAULT, NETWORK = "default", "its network alone"
+DEFAULT, NETWORK, PLAN = "default", "its network alone", "for planning"
 LEADS = (1, 6, 12, 24)
 #: of the synthetic office: Monday, weeks of training and after it
 OFFICE_START, OFFICE_WEEKS = "2023-09-04", (6, 9)
@@ -84,6 +84,7 @@ COMPARED: dict[str, Make] = {
     DEFAULT: lambda data, seed: HybridPredictor(known=dict(data.known) or None, random_state=seed),
     NETWORK: lambda data, seed: NetworkAlone(known=dict(data.known) or None, random_state=seed),
     **{name: MODELS[name].make for name in (ARX, REFITTED, *_BENCH)},
+    PLAN: lambda data, seed: HybridPredictor(known=dict(data.known) or None, purpose="plan", random_state=seed),
 }
 
 

@@ -60,7 +60,7 @@ def _written(name: str, frame: pd.DataFrame, folder: Path, setpoint: str = "20,2
 
 
 def walk(case: Case, folder: Path) -> dict[str, object]:
-    """What each command says of one log."""
+    """Answers of each command to one log."""
     begun = time.perf_counter()
     config, model = folder / f"{case.log.stem}.toml", folder / f"{case.log.stem}.skops"
     code, text = _call("check", str(case.log), "--config", str(config), "--json", "--quiet")

@@ -36,7 +36,7 @@ WINDOWS = ("0-6 h", "6-12 h", "12-18 h", "18-24 h")
 
 # ------------------------------------------------------------------------------------------------------------ forecasts
 def forecast(model: Any, log: Log) -> pd.DataFrame:
-    """What one method says of every test row.
+    """Forecast every test row by one method.
 
     Returns
     -------

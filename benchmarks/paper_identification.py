@@ -238,7 +238,7 @@ def scale_note(case: Case, fitted: dict[str, object], runs: list[pd.DataFrame]) 
 
 
 def parameters_note(runs: list[pd.DataFrame]) -> str:
-    """How far each parameter is off here and in the paper, the scale fixed."""
+    """Note on the error of each parameter here and in the paper, the scale fixed."""
     parts = []
     for p in FREE:
         paper = sorted(off(runs[0].loc[f"paper {m}", p]) for m in PAPER_TABLE.index)
@@ -266,7 +266,7 @@ def verdict_note(judged: pd.DataFrame) -> str:
 
 
 def why_note(offices: list[object], runs: list[pd.DataFrame], truth: dict[str, float]) -> str:
-    """What was different in the paper, and how far the data alone move an estimate."""
+    """Note on what was different in the paper, and how far the data alone move an estimate."""
     busy = [float(o.heat_gain[occupied(o.X.index)].mean()) for o in offices]
     empty = [float(o.heat_gain[~occupied(o.X.index)].mean()) for o in offices]
     moved = {

@@ -129,7 +129,7 @@ def beside_bounds(frame: pd.DataFrame, crb: pd.DataFrame, method: str = FINE) ->
 
 
 def note(seeds: int, scene_seeds: int) -> str:
-    """What the tables mean."""
+    """Note on what the tables mean."""
     return (
         f"14 days with a perturbed first weekend, noise 0.03 K, Q_h known; {seeds} seeds per row from {FIRST_SEED} on "
         f"({scene_seeds} in the other scenes).  R_zo is against the nominal 9 K/kW, 'R_zo eff.' against 8.396 K/kW, "

@@ -159,7 +159,7 @@ def boosting(rows: Series, begin: int, origins: np.ndarray) -> tuple[np.ndarray,
 
 
 def _features(rows: Series, origins: np.ndarray, lead: np.ndarray) -> np.ndarray:
-    """What a data scientist would choose: set-points and their changes, weather, calendar, lags."""
+    """Features that a data scientist would choose: set-points and their changes, weather, calendar, lags."""
     at = origins + lead
     total = np.concatenate([np.zeros((1, 4)), np.cumsum(rows.known, axis=0)])
 

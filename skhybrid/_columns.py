@@ -39,6 +39,11 @@ def role_of(name: object) -> str | None:
     return name if isinstance(name, str) and _ROLE.match(name) else None
 
 
+def is_plant(role: object) -> bool:
+    """Whether a role is heating or cooling."""
+    return str(role).startswith(("u_", "Q_"))
+
+
 def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
     if columns is not None and not isinstance(columns, Mapping):
         raise ValueError(f"columns={columns!r} is no mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")

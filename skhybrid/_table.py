@@ -20,6 +20,7 @@ from ._columns import (
     HISTORY_ROLES,
     columns_by_position,
     columns_by_role,
+    is_plant,
     missing_roles,
     read_history,
     read_input,
@@ -100,7 +101,7 @@ class ZoneTable:
 
     def hardly_ran(self, role: str) -> bool:
         """Whether a role is a plant that ran too little to tell what its heat does."""
-        return role.startswith(("u_", "Q_")) and self.hours_run(role) < _FEW_HOURS
+        return is_plant(role) and self.hours_run(role) < _FEW_HOURS
 
     def replace(self, **changes: Any) -> ZoneTable:
         """A copy with some fields replaced."""

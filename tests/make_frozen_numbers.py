@@ -112,7 +112,7 @@ def _drift(numbers: Numbers, name: str, days: pd.DataFrame) -> None:
 
 
 def _hybrid(model: HybridPredictor, log: Building) -> Numbers:
-    """What a fitted hybrid forecasts, and what it is after an update and after it has learned from the rows."""
+    """Forecasts of a fitted hybrid, and what it is after an update and after it has learned from the rows."""
     numbers: Numbers = {"predict": _series(model.predict(log.later))}
     numbers["predict_from"] = _series(model.predict_from(log.later, [30, 200], horizon="6h").T)
     _frame(numbers, "forecast", model.forecast(log.X, log.future(0)))

@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
 from skhybrid.exceptions import MeasurementWarning
+from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -81,6 +83,24 @@ def test_predict_is_predict_from_at_each_day(building, later):
     np.testing.assert_array_equal(predicted[1 : 2 * DAY + 1], np.concatenate(paths[1:]))
 
 
+def test_quantiles_and_back_tests_are_those_of_predict_from(building, rooms, later):
+    days = later[: 5 * DAY]
+    frame = backtest(building, days, rooms[1][N_TRAIN:][: 5 * DAY], quantiles=(0.1, 0.9))
+    assert list(frame["zone"].unique()) == list(ZONES)
+    hall = frame[frame["zone"] == "hall"]
+    origins = np.arange(0, 4 * DAY, DAY)
+    np.testing.assert_array_equal(hall["y_pred"], building.predict_from(days, origins)[..., 1].ravel())
+    np.testing.assert_array_equal(hall["y_true"], rooms[1]["hall"].loc[hall["time"]])
+    bands = building.predict_quantiles_from(days, origins, (0.1, 0.9))
+    np.testing.assert_array_equal(hall["q_0.9"], bands[:, :, 1, 1].ravel())
+    rolled = building.predict_quantiles(days, (0.1, 0.9))[1 : DAY + 1]
+    np.testing.assert_allclose(rolled, bands[0], atol=1e-9)
+    future = days[:DAY].drop(columns=T_OF)
+    found = building.forecast(None, future, quantiles=(0.1, 0.9))[[f"q_0.1_{zone}" for zone in ZONES]]
+    np.testing.assert_allclose(found, building.predict_quantiles_from(days, [-1], (0.1, 0.9))[0, :, :, 0], atol=1e-9)
+    assert 0.5 < score_intervals(frame)["coverage"] < 1.0
+
+
 def test_update_and_forecast_are_predict_from(building, later, tomorrow):
     model = copy.deepcopy(building)
     np.testing.assert_allclose(
@@ -97,8 +117,9 @@ def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
     now = {"kitchen": 20.5, "hall": 18.5, "study": 19.5}
     frame = building.forecast(None, tomorrow, T_za=now)
     np.testing.assert_array_equal(temperatures(frame)[0], list(now.values()))
-    with pytest.raises(ValueError, match="T_za is given for"):
-        building.forecast(None, tomorrow, T_za={"kitchen": 20.5})
+    for wrong in ({"kitchen": 20.5}, [20.0, 19.0, 18.0, 17.0], {**now, "attic": 3.0}):
+        with pytest.raises(ValueError, match=r"T_za is given for .* the zones are"):
+            building.forecast(None, tomorrow, T_za=wrong)
 
 
 def test_affine_forecast_is_the_forecast(building, tomorrow):
@@ -135,6 +156,10 @@ def test_loads_hold_the_set_points_and_share_a_plant(building, later):
     assert limited["T_za_kitchen"].min() < free["T_za_kitchen"].min() + 1e-9
     apart = building.predict_load(rows, wanted, {"kitchen": (0.0, 0.1)})
     assert apart["Q_hvac_kitchen"].max() <= 0.1 + 1e-9
+    with pytest.raises(ValueError, match=r"limits is given for .*attic"):
+        building.predict_load(rows, wanted, {"attic": (0.0, 0.1)})
+    with pytest.raises(ValueError, match=r"setpoint is given for .*attic"):
+        building.predict_load(rows, {"attic": 20.0})
 
 
 def test_samples_have_the_quantiles_and_the_correlation(building, rooms, later):
@@ -182,6 +207,32 @@ def test_a_zone_whose_thermometer_fails_is_forecast_from_the_others(building, la
     assert np.isfinite(found).all()
     whole = copy.deepcopy(building).update(known)
     assert np.abs(found - temperatures(whole.forecast(None, future)))[:, 1].max() < 4.0
+
+
+def test_a_room_without_heating_and_a_shared_boiler(rooms):
+    X, y = rooms
+    unheated = X.drop(columns="Q_hvac_hall")
+    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=DOORS).fit(unheated[:N_TRAIN], y[:N_TRAIN])
+    tomorrow = unheated[N_TRAIN : N_TRAIN + DAY]
+    found = model.affine_forecast(None, tomorrow)
+    T = found.temperature(tomorrow[list(found.inputs)].to_numpy())
+    np.testing.assert_allclose(T, temperatures(model.forecast(None, tomorrow)), atol=1e-9)
+    assert found.gain[6, :6, 0, 1].sum() > 0.0, "the kitchen's heat reaches the hall"
+    load = model.predict_load(tomorrow, {"kitchen": (20.0, None)}, {"kitchen": (0.0, 1.0)})
+    assert load["Q_hvac_kitchen"].max() <= 1.0
+    boiler = X.drop(columns=[f"Q_hvac_{zone}" for zone in ZONES]).assign(u_heat=X.filter(like="Q_").sum(axis=1) / 7.5)
+    model = BuildingPredictor(HybridPredictor(intervals=False, known={"Q_h": 2.5}), adjacency=DOORS)
+    found = model.fit(boiler[:N_TRAIN], y[:N_TRAIN]).affine_forecast(None, boiler[N_TRAIN : N_TRAIN + DAY])
+    assert found.inputs == ("u_heat",)
+    assert (found.gain[12, :12, 0].sum(axis=0) > 0.0).all(), "the boiler warms every room"
+
+
+def test_a_search_goes_over_parameters_of_the_zones(rooms):
+    X, y = rooms
+    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=[])
+    search = GridSearchCV(model, {"estimator__network": ["1R1C", "2R2C"]}, cv=[(np.arange(200), np.arange(200, 248))])
+    assert search.fit(X[:248], y[:248]).best_score_ > 0.5
+    assert search.predict(X[248:260]).shape == (12, 3)
 
 
 def test_names_of_zones(rooms):

@@ -1,4 +1,4 @@
-"""What every forecaster shares: scikit-learn's checks, no leak, repeatability, pickling, missing history."""
+"""Properties of every forecaster: scikit-learn's checks, no leak, repeatability, pickling, missing history."""
 
 from __future__ import annotations
 

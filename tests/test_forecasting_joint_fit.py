@@ -48,7 +48,7 @@ def assert_same(one, other, X):
 
 @pytest.fixture
 def stacks(monkeypatch):
-    """How many networks each stack had that was trained."""
+    """Number of networks in each stack that was trained."""
     sizes, whole = [], jobs.train_stack
     monkeypatch.setattr(jobs, "train_stack", lambda stack, *a: sizes.append(len(stack.specs)) or whole(stack, *a))
     return sizes

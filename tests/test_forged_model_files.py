@@ -157,7 +157,7 @@ def test_a_bomb_that_declares_a_small_size_is_not_unpacked(tmp_path):
 
 
 def test_a_model_of_zeros_is_saved_and_loaded(tmp_path, monkeypatch):
-    """What compresses as a bomb does is stored as it is."""
+    """Arrays that compress as a bomb does are stored as they are."""
     monkeypatch.setattr(_archive, "_SMALL", MIB)
     model = Ridge().fit([[0.0], [1.0]], [0.0, 1.0])
     model.held_ = np.zeros(MIB)

@@ -44,7 +44,7 @@ _EACH = ("theta", "disturbance", "weight", "weights", "noise_std", "alpha")
 
 
 def allowed(section, key, expected):
-    """How far each value may be from the frozen one."""
+    """Largest difference of each value from the frozen one."""
     if section.startswith(_ROUNDED):
         return ROUNDING * max(np.nanstd(expected), 0.01 * np.nanmax(np.abs(expected)))
     if key == "theta_std":

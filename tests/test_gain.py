@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from copy import deepcopy
 from dataclasses import replace
@@ -15,9 +16,9 @@ from sklearn.base import clone
 from skhybrid import HybridPredictor, SchedulePredictor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, GainWarning
-from skhybrid.hybrid.gain_report import warn_of_gains
+from skhybrid.hybrid.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import step_gain
+from skhybrid.schedule import LITTLE_ERROR, days_to_tell, step_gain, step_gain_error
 from skhybrid.schedule.lead_problem import LeadProblem
 from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, is_delayed, is_usual, observed_gains
 
@@ -89,6 +90,26 @@ def test_gains_are_read_from_jumps_of_the_heat(plan):
 @pytest.mark.parametrize("heat", [np.zeros(480), np.repeat(np.tile([0.0, 2.0], 3), 80), np.tile([0.0, 2.0, 1.0], 160)])
 def test_no_heat_or_few_jumps_tell_nothing(plan, heat):
     assert not [g for g in observed_gains(stepped(plan, heat)) if g.lead == 2]
+
+
+def test_heat_that_answers_people_tells_nothing_of_the_gain(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    segment = stepped(plan, heat)
+    y, answers = segment.y.copy(), np.arange(60, 480, 96)  # jumps that leave the temperature where it was
+    for k in answers:
+        y[k + 1 : k + 12] -= y[k + 1] - y[k]
+        y[k + 12 :] -= y[k + 12] - y[k + 11] - (segment.y[k + 12] - segment.y[k + 11])
+    first = observed_gains(segment._replace(y=y))[0]
+    assert first.gain == pytest.approx(1.0, abs=0.05)
+    assert first.n_jumps == 39 - len(answers)
+
+
+def test_heat_that_changes_after_a_jump_is_accounted_for(plan):
+    heat = np.repeat(np.tile([0.0, 2.0], 20), 12)
+    heat[13::24] -= 0.5
+    gains = {g.lead: g for g in observed_gains(stepped(plan, heat)) if g.source == KNOWN_HEAT}
+    assert gains[1].gain == pytest.approx(1.0, abs=0.05)
+    assert gains[2].gain == pytest.approx(1.5, abs=0.05)
 
 
 def test_rows_that_are_left_out_do_not_count(plan):
@@ -257,7 +278,7 @@ def trace(hour, row):
 def test_a_trace_of_heat_is_not_extrapolated(purpose):
     X, truth = heated(trace)
     train, later = X[:N_TRAIN], X[N_TRAIN:]
-    with pytest.warns(ExcitationWarning, match=r"14 days of random set-points .*plan_experiment"):
+    with pytest.warns(ExcitationWarning, match=r"even 28 days of random set-points .*plan_experiment"):
         model = SchedulePredictor(purpose=purpose, intervals=False).fit(train, train["T_za"])
     # the gain of every member is that of a network of the usual size
     assert (np.ptp(model.gain_.to_numpy(), axis=1) < 1e-9).all()
@@ -266,21 +287,57 @@ def test_a_trace_of_heat_is_not_extrapolated(purpose):
     assert np.abs(model.predict(later) - later["T_za"]).max() < 8.0
 
 
+def errors_and_days(most, n_random=0):
+    """Error of the gain at 24 h of a zone whose heat goes up to about a kW times ``most``, and what is foreseen."""
+    rng, n = np.random.default_rng(1), (10 + n_random) * DAY
+    drawn = np.repeat(rng.uniform(0.0, most, n), rng.integers(4, 13, n))[:n]
+
+    def heat(hour, row):
+        by_the_clock = most * np.where((hour >= 6) & (hour < 20), 1.0, 0.3) * (1.0 + 0.2 * np.sin(row / 30.0))
+        return np.where(row < 10 * DAY, by_the_clock, drawn)
+
+    X, _ = heated(heat, n_days=10 + n_random)
+    fit = network(SchedulePredictor(adapt=None, intervals=False).fit(X, X["T_za"]))
+    return step_gain_error(fit, np.array([DAY]))[0], *days_to_tell(fit, "Q_hvac")
+
+
+def test_strong_heat_needs_fewer_days_of_random_setpoints():
+    error, days, foreseen = errors_and_days(3.0)
+    assert days < 28
+    assert foreseen < LITTLE_ERROR < error
+    assert errors_and_days(3.0, n_random=days)[0] < LITTLE_ERROR
+    quiet_error, quiet_days, quiet_foreseen = errors_and_days(0.5)
+    assert quiet_days > days
+    assert LITTLE_ERROR < quiet_foreseen < quiet_error
+
+
 def test_members_that_disagree_are_named(log):
     X, _ = log
     model = SchedulePredictor(intervals=False).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
-    members = model._scheme._members
+    assert model._scheme.gain_doubt is None
+    gains = model.gain_.assign(ARX=0.4 * model.gain_["network"])
+    found = disagreement(network(model), model._scheme._members, gains, "Q_hvac")
+    assert re.search(r"after 24 h a kW warms .* \(network\) or .* \(ARX\).*\d+ days of random set-points", found)
+
+
+def test_who_wants_a_forecast_is_not_warned_and_who_plans_is(log, monkeypatch):
+    X, _ = log
+    train, ahead = X[:N_TRAIN], X[N_TRAIN : N_TRAIN + DAY]
+    monkeypatch.setattr("skhybrid.hybrid.schedule_scheme.disagreement", lambda *_: "they disagree.")
     with warnings.catch_warnings():
         warnings.simplefilter("error", GainWarning)
-        warn_of_gains(members, model.gain_, "forecast")
-    gains = model.gain_.assign(ARX=0.4 * model.gain_["network"])
-    with pytest.warns(GainWarning, match=r"after 24 h a kW warms the zone by .* \(network\) or .* \(ARX\)"):
-        warn_of_gains(members, gains, "forecast")
+        model = SchedulePredictor(intervals=False).fit(train, train["T_za"])
+        model.forecast(None, ahead)
+        later = deepcopy(model).update(ahead[:1])
+    for use, rows in ((model.affine_forecast, ahead), (model.to_state_space, ahead), (later.to_state_space, ahead[1:])):
+        with pytest.warns(GainWarning, match="they disagree") as caught:
+            use(None, rows)
+        assert len([w for w in caught if w.category is GainWarning]) == 1
 
 
 def test_a_plan_without_jumps_is_warned_of():
     X, _ = heated(lambda hour, row: 1.0 + np.sin(row / 8.0), n_days=8)
-    with pytest.warns(GainWarning, match=r"hardly jumped .* 14 days of random set-points"):
+    with pytest.warns(GainWarning, match=r"hardly jumped .* days of random set-points"):
         SchedulePredictor(purpose="plan", intervals=False).fit(X, X["T_za"])
 
 

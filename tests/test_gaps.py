@@ -64,7 +64,7 @@ def test_forecasters_without_stretches_refuse_a_gap(office):
 # ------------------------------------------------------------------------------------------------- the objective
 @pytest.fixture
 def problems(monkeypatch):
-    """What every fit of this test minimised."""
+    """Problems that the fits of this test minimised."""
     from skhybrid.identification.least_squares import LeastSquaresIdentifier
 
     seen, plain = [], LeastSquaresIdentifier._minima

@@ -461,7 +461,7 @@ BROKEN = {
 
 
 def answers(model, X):
-    """What a fitted identification says of a table."""
+    """Answers of a fitted identification to a table."""
     return model.predict(X), model.estimate_disturbance(X).to_numpy(), model.theta_interval().to_numpy()
 
 

@@ -269,7 +269,7 @@ def test_the_two_stage_scheme_leaves_weeks_out(office):
 
 
 def test_quantiles_from_where_the_filter_stands_are_those_of_the_history(office):
-    """What update took in tells as much of the last days as a history that is given."""
+    """Rows that update took in tell as much of the last days as a history that is given."""
     model = HybridPredictor(InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1), random_state=0)
     model.fit(office.X[: 14 * 96], office.y[: 14 * 96])
     history, future = office.X[14 * 96 : 21 * 96], office.X[21 * 96 : 22 * 96].drop(columns="T_za")

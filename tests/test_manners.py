@@ -1,4 +1,4 @@
-"""What users of scikit-learn expect: columns by name, rows ahead without history, scorers, summaries, signatures."""
+"""Habits of scikit-learn: columns by name, rows ahead without history, scorers, summaries, signatures."""
 
 from __future__ import annotations
 

@@ -375,7 +375,7 @@ def test_cases_of_several_frameworks_are_not_lumped(results):
 
 # -------------------------------------------------------------------------------------------------------- bad chains
 def _chains(n_cases, *, apart=0.0, diverging=0, draws=300):
-    """What a sampler might hand back: independent draws, chains that are apart, divergences."""
+    """Results that a sampler might hand back: independent draws, chains that are apart, divergences."""
     import arviz as az
 
     rng = np.random.default_rng(0)

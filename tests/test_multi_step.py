@@ -146,7 +146,7 @@ def test_jacobian_is_exact(kind, network, holed):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_errors_are_those_of_the_models_own_forecasts(kind, holed):
-    """What ``predict_from`` gives on the same rows, from a start about which as much is known."""
+    """The errors are those of ``predict_from`` on the same rows, from a start about which as much is known."""
     X, y = holed
     model = kind(known=KNOWN, objective="multi_step", n_starts=2, random_state=0)
     model.set_params(warmup="30D" if kind is GrayBoxRC else "1D").fit(X, y)

@@ -182,7 +182,7 @@ KNOWN = {"C_w": 4.0, "R_zw": 1.2, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.
 
 
 def numbers(complete: bool) -> dict[str, list[float]]:
-    """What fits find and forecast; without ``complete`` a small part, which takes plain Python seconds."""
+    """Findings and forecasts of fits; without ``complete`` a small part, which takes plain Python seconds."""
     office = make_office(n_days=12 if complete else 2, sampling_time="1h", start="2023-01-09", random_state=0)
     fitted = {
         kind.__name__: kind(known=None if complete else KNOWN, n_starts=2 if complete else 1, random_state=0)

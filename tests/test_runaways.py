@@ -88,9 +88,9 @@ def test_a_plant_that_hardly_ran_is_named_and_its_forecasts_stay_plausible(make,
 @pytest.mark.parametrize(
     ("role", "known", "remedy"),
     [
-        ("Q_hvac", None, "a few hours.$"),
+        ("Q_hvac", None, "a few hours; "),
         ("u_heat", None, "or give known=.'Q_h': nameplate kW"),
-        ("u_heat", {"Q_h": 6.0}, "a few hours.$"),
+        ("u_heat", {"Q_h": 6.0}, "a few hours; "),
     ],
 )
 def test_the_remedy_depends_on_what_is_known(role, known, remedy):

@@ -657,7 +657,7 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
 
 
 def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
-    """Where the rows do not follow the training, a refit sees them and the training, and nothing after its mark."""
+    """A refit sees rows that do not follow the training, the training, and nothing after its mark."""
     part = table.rows(slice(2 * DAY + 3, None))
     y = T[2 * DAY + 3 :]
     mark, found = 10 * DAY, []

@@ -451,7 +451,7 @@ def test_the_daily_profile_by_plain_loops():
 
 
 def test_the_daily_profile_of_the_training_serves_a_table_elsewhere(office):
-    """What is known of the training counts by local hour where a table begins elsewhere."""
+    """The training's errors count by local hour where a table begins elsewhere."""
     table = read_table(HybridPredictor(), office.X[: 7 * DAY], reset=True)
     training = table.rows(slice(2 * DAY, 5 * DAY)).replace(history={"T_za": office.y.to_numpy()[2 * DAY : 5 * DAY]})
     later = table.rows(slice(6 * DAY + 17, None))  # both on working days
@@ -651,7 +651,7 @@ def test_the_load_holds_the_set_point(piece):
 
 
 def test_the_load_does_not_answer_to_the_noise_of_a_measured_path(piece):
-    """Where the training was not forecast to the last digit and its plant moved little, noise is not followed."""
+    """Noise is not followed where the training was not forecast to the last digit and its plant moved little."""
     n = len(piece.T) - 12 * DAY
     smooth, noise = 21.0 + np.sin(np.arange(n) / 7.0), np.random.default_rng(1).normal(0.0, 0.1, n)
     still = piece.fit.segment._replace(heat=0.2 * piece.fit.segment.heat)

@@ -39,7 +39,7 @@ def estimator(office):
 
 @pytest.fixture
 def count(monkeypatch):
-    """How often what was called in this process."""
+    """Number of calls in this process, by kind."""
     counts = {"identify": 0, "tasks": 0, "networks": 0}
 
     def counted(name, function, weight):

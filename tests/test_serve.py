@@ -135,8 +135,18 @@ def test_the_status_is_that_of_the_command(made, capsys):
     assert {key: found[key] for key in ("name", "last row", "last forecast from", "learned until")} == {
         key: told[key] for key in ("name", "last row", "last forecast from", "learned until")
     }
+    assert found["verdicts"] == told["verdicts"]
+    assert [one["quantity"] for one in found["verdicts"]] == ["temperature", "load"]
     assert found["last four weeks"]["forecasts"] == told["last four weeks"]["forecasts"] == 2
     assert found["last four weeks"]["temperature [K]"] == told["last four weeks"]["temperature [K]"]
+
+
+def test_the_page_loads_the_model_once(made, monkeypatch):
+    loaded, load = [], ZoneFolder.load
+    monkeypatch.setattr(ZoneFolder, "load", lambda self: loaded.append(self) or load(self))
+    client = client_of(made)
+    assert client.get("/").status_code == client.get("/").status_code == 200
+    assert len(loaded) == 1
 
 
 def test_openapi_tells_units_and_the_docs_page_needs_nothing_from_elsewhere(made):

@@ -183,7 +183,7 @@ def test_constant_inputs_lead_to_the_steady_state(network, hours):
 
 @pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)
 def test_step_keeps_the_energy(network):
-    """What is stored over a step is what came in: sources plus the integral of the flows through the envelope."""
+    """The heat stored over a step is what came in: sources plus the integral of the flows through the envelope."""
     theta, hours = drawn(network, PAPER_ROLES, seed=2), 0.5
     capacity = np.array([theta[c] for c in network.capacitances.values()])
     v = np.array([5.0, 0.3, 0.4, 0.2, 0.7])

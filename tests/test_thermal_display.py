@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from skhybrid.thermal import CATALOGUE, RCNetwork, draw
+from skhybrid.thermal import CATALOGUE, RCNetwork, building_network, draw
 
 ROOMS = ("north", "south")
 FLAT = RCNetwork(
@@ -49,7 +49,16 @@ CHAIN = RCNetwork(
     {"za": "C_za", **{f"m{i}": f"C_{i}" for i in range(8)}},
     {**{f"R_{i}": (f"m{i}", f"m{i + 1}") for i in range(7)}, "R_z": ("za", "m3"), "R_o": ("m7", "T_oa")},
 )
-ALL = [*CATALOGUE.values(), FLAT, MESH, CHAIN]
+#: a core that touches four rooms, which touch in a ring
+RING = ("south", "east", "north", "west")
+OFFICE = building_network(
+    ("core", *RING),
+    [*(("core", room) for room in RING), *zip(RING, RING[1:] + RING[:1], strict=True)],
+    heated={"core": ()},
+    name="office",
+)
+SIX = building_network(list("abcdef"), list(combinations("abcdef", 2))[:9], room="4R3C", solar="q_sol", name="six")
+ALL = [*CATALOGUE.values(), FLAT, MESH, CHAIN, OFFICE, SIX]
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -85,7 +94,7 @@ def test_equations_match_the_matrices(network):
     x = rng.normal(20, 3, len(network.nodes))
     c = network.matrices(theta, network.usual_roles)
     slope = c.A @ x + c.B @ [*inputs.values(), *gains]
-    named = {"Q_g": gains[0]} | {f"Q_g_{node}": g for node, g in zip(network.disturbed_nodes, gains, strict=True)}
+    named = {"Q_g": gains[0]} | {f"Q_g_{name}": g for name, g in zip(network.disturbed_names, gains, strict=True)}
     scope = {**theta, **inputs, **dict(zip(network.states, x, strict=True)), **named}
     lines = network.equations().split("\n")
     assert len(lines) == len(network.nodes)
@@ -172,7 +181,10 @@ def test_no_wire_runs_through_a_label(network):
 
 # ------------------------------------------------------------------------------------------------------------ imports
 #: modules of the folder; each may import only those before it, so there is no cycle and none imports the drawing
-MODULES = ("parameters", "declaration", "checks", "matrices", "equations", "network", "catalogue", "drawing")
+MODULES = (
+    "parameters", "declaration", "checks", "matrices", "equations", "network", "catalogue", "joined_rooms", "canvas",
+    "circuit", "drawing",
+)  # fmt: skip
 FOLDER = Path(__file__).parents[1] / "skhybrid" / "thermal"
 
 

@@ -1,4 +1,4 @@
-"""What the data cannot say: flat directions, standard errors, intervals, profiles, priors and posteriors."""
+"""Limits of what the data say: flat directions, standard errors, intervals, profiles, priors and posteriors."""
 
 from __future__ import annotations
 

@@ -12,8 +12,9 @@ from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, parameter_table, told
-from skhybrid.study.judgement import judge_load
+from skhybrid.study.judgement import judge_load, load_of
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
+from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
 from skhybrid.zone.zone_backtest import backtest_zone
 
@@ -143,3 +144,28 @@ def test_a_back_test_judges_stages_in_their_unit_and_in_kw_where_a_capacity_is_k
         assert found.table.loc[[YESTERDAY, RIDGE], "load_rmse"].notna().all()
     of_stages, of_kw = (found.table.loc[YESTERDAY, "load_rmse"] for found in made.values())
     assert of_kw == pytest.approx(6.0 * of_stages, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("roles", "known", "scaled"),
+    [
+        (["T_oa", "Q_hvac"], {}, True),
+        (["T_oa", "u_heat"], {}, False),
+        (["u_heat"], {"Q_h": 6.0}, True),
+        (["u_cool"], {"Q_h": 6.0}, False),
+        (["u_heat_2"], {"Q_h_2": 2.0}, True),
+        (["u_heat"], {"C_za": 1.0}, True),
+        (["u_heat"], {"f": 0.3}, False),
+    ],
+)
+def test_heat_or_a_given_parameter_fixes_the_scale(roles, known, scaled):
+    assert is_scaled(roles, known) == scaled
+
+
+def test_a_load_of_further_stages_is_in_kilowatts_by_their_capacities():
+    rows = pd.DataFrame({"u_heat": [0.5, 1.0], "u_heat_2": [0.0, 1.0]})
+    known = {"Q_h": 6.0, "Q_h_2": 2.0}
+    load = load_of(rows, Settings(columns={}, estimator={"known": known}), list(rows))
+    assert load.unit == "kW"
+    assert load.values.tolist() == [3.0, 8.0]
+    assert load_of(rows, Settings(columns={}, estimator={"known": {"Q_h": 6.0}}), list(rows)).unit == "-"

@@ -137,7 +137,7 @@ def test_going_through_rows_equals_the_whole_table(office, models):
 
 
 def test_a_forecast_reads_no_weather_but_its_own(office, models):
-    """What is measured in the rows after an origin does not reach the forecast through the history."""
+    """Measurements after an origin do not reach the forecast through the history."""
     X, y = _rows(office)
     before = backtest(models["arx"], X, y, weather_error="medium")
     changed = X.assign(T_za=X["T_za"].where(X.index < X.index[2 * 96], 40.0))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, listed
+from .._table import ZoneTable, is_plant, listed
 from .._warnings import warn_user
 from ..exceptions import PlanWarning
-from .required_heat import is_plant
 
 _BEYOND = 0.05  # share of the range of training by which a plan may leave it without a warning
 _MEMBERS = ("blend", "network")
@@ -28,6 +27,14 @@ class Plan(NamedTuple):
         """The plan in the last rows of a table."""
         values = [table.inputs[role][table.n_rows - n_rows :] for role in inputs]
         return cls(tuple(inputs), np.column_stack(values) if values else np.empty((n_rows, 0)))
+
+
+def decided_on(roles: Iterable[str]) -> tuple[str, ...]:
+    """Heating and cooling among the roles of training; refused where there is none."""
+    plant = tuple(filter(is_plant, roles))
+    if not plant:
+        raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+    return plant
 
 
 def read_inputs(

@@ -111,11 +111,6 @@ def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) 
     return Plant(heating, cooling, most, lower, upper)
 
 
-def is_plant(role: str) -> bool:
-    """Whether a role is heating or cooling."""
-    return role.startswith(("u_", "Q_"))
-
-
 def load_frame(
     plant: Plant,
     index: pd.Index,

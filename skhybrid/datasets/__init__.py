@@ -5,6 +5,7 @@ from ..logs.even_steps import RegularizeReport
 from ._benchmark import BenchmarkLog, load_benchmark
 from ._dutch_homes import load_dutch_home
 from ._epw import read_epw
+from ._house import make_house
 from ._office import make_office
 from ._small_office import load_small_office
 from ._thermostat_plan import make_prbs
@@ -17,6 +18,7 @@ __all__ = [
     "load_benchmark",
     "load_dutch_home",
     "load_small_office",
+    "make_house",
     "make_office",
     "make_prbs",
     "make_weather",

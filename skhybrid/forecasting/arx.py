@@ -14,7 +14,7 @@ from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
-from .arx_multi_step import RecursiveMultiStep, fit_multi_step
+from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .features import rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
@@ -86,6 +86,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     n_features_in_, feature_names_in_ : int, ndarray of str
     """
 
+    _fit: MultiStepFit
+
     def __init__(
         self,
         *,
@@ -117,7 +119,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     @unchanged_on_failure
     @one_blas_thread
-    def fit(self, X: Any, y: Any) -> Self:
+    def fit(self, X: Any, y: Any, like: ARXRegressor | None = None) -> Self:
         """Fit the regression.
 
         Parameters
@@ -126,32 +128,36 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Inputs by role; a column ``T_za`` is not read here.
         y : Series or array-like of shape (n_samples,)
             Zone temperature [degC], NaN where missing.
+        like : ARXRegressor, optional
+            A fitted one with the same ``objective``, whose penalties are taken in place of choosing them.
         """
-        self._check_parameters()
+        self._check_parameters(like)
         table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
-        self._solve(table, T)
+        self._solve(table, T, like)
         self._intervals = self._left_out_intervals(table, T)
         end = slice(-self._design.warmup, None)
         self._tail = table.rows(end).replace(history={"T_za": T[end]})
         return self
 
-    def _solve(self, table: ZoneTable, T: np.ndarray) -> None:
+    def _solve(self, table: ZoneTable, T: np.ndarray, like: ARXRegressor | None) -> None:
         """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
         daily = self.objective == "multi_step"
         self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar, daily)
         view = self.view(table, T)
         if daily:
             n_leads = min(self._leads_of_horizon(table.step), _MOST_DAYS * rows_per_day(table.step))
-            self._fit = fit_multi_step(self._design, table, view, n_leads, self.alpha, self.adapt is not None)
+            penalties, refits = self.alpha if like is None else like._fit.knobs, self.adapt is not None
+            self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits)
             self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
             return
         pairs = self._design.pairs(view)
         self._moments = Moments.of(pairs)
-        self.alpha_ = float(self.alpha) if self.alpha is not None else self._choose_alpha(view, pairs)
+        given = self.alpha if like is None else like.alpha_
+        self.alpha_ = self._choose_alpha(view, pairs) if given is None else float(given)
         self.coef_ = self._moments.ridge(self.alpha_)
 
     @property
@@ -162,7 +168,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
 
-    def _check_parameters(self) -> None:
+    def _check_parameters(self, like: Any) -> None:
+        if like is not None and (not isinstance(like, ARXRegressor) or like.objective != self.objective):
+            raise ValueError(f"like={like!r} is no ARXRegressor with the same objective; leave it out.")
         if self.adapt not in (None, "refit"):
             raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
         if self.objective not in ("one_step", "multi_step"):

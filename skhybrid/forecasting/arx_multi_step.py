@@ -232,10 +232,16 @@ class RecursiveMultiStep:
 
 
 def fit_multi_step(
-    design: ARXDesign, table: ZoneTable, view: ARXData, n_leads: int, alpha: float | None, refits: bool
+    design: ARXDesign, table: ZoneTable, view: ARXData, n_leads: int, penalties: Knobs | float | None, refits: bool
 ) -> MultiStepFit:
-    """Fit on errors at leads up to ``n_leads`` rows, with the penalties that forecast the last third best."""
+    """Fit on errors at leads up to ``n_leads`` rows, with the penalties that forecast the last third best.
+
+    ``penalties`` may be given, or ``alpha`` alone.
+    """
     problem = MultiStepProblem.of_training(design, table, n_leads)
+    if isinstance(penalties, Knobs):
+        return _start(problem, view, view.end).improved(view, view.end - 1, penalties)
+    alpha = penalties
     usual = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
     split = (2 * view.end) // 3
     if view.end - split <= n_leads:  # no forecast from the last third ends within it

@@ -11,12 +11,13 @@ from sklearn.utils.validation import check_is_fitted
 from .._joining import read_now, refuse_no_frames, with_measured
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from .._warnings import warn_user
 from ..control import (
     AffineForecast,
     ControlModel,
     Plan,
     covered_by,
-    is_plant,
+    decided_on,
     limits_of,
     planned,
     read_inputs,
@@ -24,6 +25,7 @@ from ..control import (
     warn_bent,
     warn_uncovered,
 )
+from ..exceptions import GainWarning
 from ..forecasting.features import day_type_hours
 from ..forecasting.intervals import PathClock
 from ..forecasting.quantiles import path_clock, read_quantiles
@@ -82,6 +84,8 @@ class AffineFramesMixin(FramesForecastMixin):
         -----
         PlanWarning
             If the plan in ``future`` leaves what training covered, or the forecast is not affine in an input.
+        GainWarning
+            If the members of the blend disagree on what heat does, unless the model was fitted with ``purpose="plan"``.
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
@@ -116,12 +120,15 @@ class AffineFramesMixin(FramesForecastMixin):
         ------
         ValueError
             As :meth:`forecast` does, and if training had neither heating nor cooling.
+
+        Warns
+        -----
+        PlanWarning, GainWarning
+            As :meth:`affine_forecast` does.
         """
         check_is_fitted(self)
         training = self._scheme.rows.training
-        roles = tuple(role for role in training.inputs if is_plant(role))
-        if not roles:
-            raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+        roles = decided_on(training.inputs)
         ahead, plan = self._planned(history, future, roles, T_za)
         scheme = self._present_scheme()
         network = scheme.linear_network(ahead, plan)
@@ -141,6 +148,8 @@ class AffineFramesMixin(FramesForecastMixin):
             ahead = Ahead(table, int(origin[0]), now, n_rows)
         plan = Plan.of(ahead.table, roles, n_rows)
         warn_uncovered(plan, given, covered_by(self._scheme.rows.training.inputs, roles))
+        if self._scheme.gain_doubt is not None:
+            warn_user(self._scheme.gain_doubt, GainWarning)
         return ahead, plan
 
     def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None) -> np.ndarray:

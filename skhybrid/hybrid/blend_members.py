@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._table import ZoneTable
-from ..control import is_plant
+from .._table import ZoneTable, is_plant
 from ..schedule import HeatResponse, LeadFit
 from .members import ARXMember, DailyProfileMember, Member
 from .without_heat import WithoutHeat
@@ -15,12 +14,16 @@ from .without_heat import WithoutHeat
 _LAGS = 24  # temperatures that the black box regresses on
 
 
-def make_others(fit: LeadFit, training: ZoneTable, purpose: str) -> list[Member]:
-    """The members beside the network; the heat whose gain they are not to learn is taken out of them."""
+def make_others(fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = ()) -> list[Member]:
+    """The members beside the network; the heat whose gain they are not to learn is taken out of them.
+
+    ARX takes the penalties of the fitted one among the members ``like``, where there is one.
+    """
     plan = purpose == "plan"
+    fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
     # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
-    multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True)]
-    others: list[Member] = [ARXMember(_LAGS), *multi_step, DailyProfileMember()]
+    multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True, like=fitted.get(True))]
+    others: list[Member] = [ARXMember(_LAGS, like=fitted.get(False)), *multi_step, DailyProfileMember()]
     if plan:
         roles: Sequence[str] = [role for role in training.inputs if is_plant(role)]
     else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network

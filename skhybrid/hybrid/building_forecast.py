@@ -11,7 +11,8 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from .._joining import refuse_no_frames
-from .._table import as_numbers
+from .._table import as_numbers, listed
+from ..forecasting.quantiles import DEFAULT_QUANTILES
 from .base import BaseHybrid
 from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
@@ -71,18 +72,79 @@ class BuildingForecastMixin:
         """
         check_is_fitted(self)
         X = self._prepared(self._read(X))
-        first = self.own_[self.zones_[0]]
-        origins, leads = first.rolled_origins(X)
-        out = np.column_stack([np.full(len(X), np.nan)] * len(self.zones_))
-        if origins[0] >= 0:
-            out[0] = [model.predict(X[:1])[0] for model in self.own_.values()]
-        if leads.max():
-            paths = self._paths(X, origins, int(leads.max()))
-            for origin, count, path in zip(origins, leads, paths, strict=True):
-                out[origin + 1 : origin + 1 + count] = path[:count]
+        out = self._rolled(X, lambda origins, n_leads: self._paths(X, origins, n_leads))
         if self._single:
             return out[:, 0]
         return pd.DataFrame(out, X.index, self.zones_) if isinstance(X, pd.DataFrame) else out
+
+    def _rolled(self, X: Any, paths_of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
+        """(n_samples, n_zones, ...) forecasts of every row from the last origin before it."""
+        models = list(self.own_.values())
+        origins, leads = models[0].rolled_origins(X)
+        paths = paths_of(origins, max(int(leads.max()), 1))
+        out = np.full((len(X), *paths.shape[2:]), np.nan)
+        if origins[0] >= 0:
+            value = np.array([model.predict(X[:1])[0] for model in models])
+            out[0] = value.reshape(-1, *[1] * (out.ndim - 2))
+        for origin, count, path in zip(origins, leads, paths, strict=True):
+            out[origin + 1 : origin + 1 + count] = path[:count]
+        return out
+
+    def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
+        """Forecast quantiles of every row from the last origin before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        quantiles : sequence of float, default (0.1, 0.5, 0.9)
+            In (0, 1), increasing.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_zones, n_quantiles), float64
+            [degC]; of several zones together :meth:`sample` draws.
+        """
+        check_is_fitted(self)
+        X = self._prepared(self._read(X))
+        return self._rolled(X, lambda origins, n_leads: self._bands(X, origins, quantiles, n_leads))
+
+    def predict_quantiles_from(
+        self,
+        X: Any,
+        origins: Sequence[int] | np.ndarray,
+        quantiles: Sequence[float] = DEFAULT_QUANTILES,
+        horizon: Any = None,
+    ) -> np.ndarray:
+        """Forecast quantiles of the rows after each of the given origins.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        origins : sequence of int; row numbers of X
+        quantiles : sequence of float, default (0.1, 0.5, 0.9); in (0, 1), increasing
+        horizon : timedelta-like, optional
+
+        Returns
+        -------
+        ndarray of shape (n_origins, n_leads, n_zones, n_quantiles), float64
+            [degC]; NaN after the last row of X.
+        """
+        check_is_fitted(self)
+        return self._bands(self._prepared(self._read(X)), np.asarray(origins), quantiles, horizon)
+
+    def _bands(self, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: Any) -> np.ndarray:
+        """(n_origins, n_leads, n_zones, n_quantiles); ``horizon`` may be a number of rows."""
+        paths, out, span = self._paths(X, origins, horizon), [], self._span(horizon)
+        for j, (zone, model) in enumerate(self.own_.items()):
+            with of_zone(zone):
+                bands = model.predict_quantiles_from(X, origins, quantiles, span)
+            beyond = bands - model.predict_from(X, origins, span)[..., None]
+            widths = self.coupled_[zone].widths(bands.shape[1]) if zone in self.coupled_ else np.ones(bands.shape[1])
+            out.append(paths[..., j, None] + widths[:, None] * beyond)
+        return np.stack(out, axis=2)
+
+    def _span(self, horizon: Any) -> Any:
+        return horizon * self.own_[self.zones_[0]].sampling_time_ if isinstance(horizon, int) else horizon
 
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
         """Forecast the rows after each of the given origins.
@@ -104,9 +166,7 @@ class BuildingForecastMixin:
 
     def _paths(self, X: Any, origins: np.ndarray, horizon: Any) -> np.ndarray:
         """(n_origins, n_leads, n_zones); ``horizon`` may be a number of rows."""
-        step = next(iter(self.own_.values())).sampling_time_
-        span = horizon * step if isinstance(horizon, int) else horizon
-        own = {}
+        own, span = {}, self._span(horizon)
         for zone, model in self.own_.items():
             with of_zone(zone):
                 own[zone] = model.predict_from(X, origins, span)
@@ -169,20 +229,19 @@ class BuildingForecastMixin:
         return self._joined(of, ahead, first_lead=0 if now else 1)
 
     def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone; one that is no mapping holds for all set-points, and is in the order of zones else."""
+        """A value per zone: by name, or in the order of zones; a set-point that is no mapping holds for all of them."""
         if given is None:
             return {}
-        if isinstance(given, pd.Series):
-            given = given.to_dict()
-        if not isinstance(given, Mapping):
-            if name == "setpoint":
-                return dict.fromkeys(self.zones_, given)
-            given = dict(zip(self.zones_, np.atleast_1d(as_numbers(given, name)), strict=False))
+        if name == "setpoint" and not isinstance(given, Mapping):
+            return dict.fromkeys(self.zones_, given)
+        if not isinstance(given, Mapping | pd.Series):
+            values = np.atleast_1d(as_numbers(given, name))
+            given = dict(zip(self.zones_, values, strict=True)) if len(values) == len(self.zones_) else {}
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
-        if name == "setpoint":
+        if name != "T_za":  # the other zones are free
             by_zone = {zone: (None, None) for zone in self.zones_ if zone not in by_zone} | by_zone
         if set(by_zone) != set(self.zones_):
-            raise ValueError(f"{name} is given for {sorted(by_zone)}; give a value for each of {self.zones_}.")
+            raise ValueError(f"{name} is given for {listed(by_zone)}; the zones are {listed(self.zones_)}.")
         return by_zone
 
     def _joined(self, of: _Frame, rows: pd.DataFrame, first_lead: int) -> pd.DataFrame:

@@ -11,8 +11,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._joining import refuse_no_frames
-from .._table import listed
-from ..control import AffineForecast, is_plant
+from .._table import is_plant, listed
+from ..control import AffineForecast
 from ..forecasting.quantiles import LeftOut, quantile_columns
 from .base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, of_zone, with_next
@@ -85,11 +85,13 @@ class BuildingPlansMixin(BuildingForecastMixin):
         wanted = self._by_zone(setpoint, "setpoint")
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
-        of_zones = dict(limits) if isinstance(limits, Mapping) else {}
-        if limits is None or of_zones:
-            return self._loads(rows, wanted, of_zones)
-        free = self._loads(rows, wanted, {})
-        return self._loads(rows, wanted, self._shared_out(free, *limits))
+        if limits is None or isinstance(limits, Mapping):
+            return self._loads(rows, wanted, self._by_zone(limits, "limits"))
+        if not isinstance(limits, tuple | list) or len(limits) != 2:
+            raise ValueError(
+                "limits is a pair (lowest, highest) of all zones together [kW], or a mapping of such pairs."
+            )
+        return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), *limits))
 
     def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
         def of(model: BaseHybrid, under: Any, zone: str) -> pd.DataFrame:
@@ -197,6 +199,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
             As in :meth:`forecast`, and if no intervals were learned.
         """
         check_is_fitted(self)
+        if isinstance(n_samples, bool) or not isinstance(n_samples, int | np.integer) or n_samples < 1:
+            raise ValueError(f"n_samples={n_samples!r} is not a whole number from 1.")
         levels = (np.arange(n_samples) + 0.5) / n_samples
         frame = self.forecast(history, future, T_za, quantiles=list(levels))
         names = quantile_columns(levels)

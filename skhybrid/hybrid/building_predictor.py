@@ -115,11 +115,13 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
-        X = self._with_measured(X, T)
-        tasks = [(zone, ()) for zone in self.zones_] + [(z, others) for z, others in neighbours.items() if others]
-        made = Parallel(self.n_jobs)(delayed(self._fit_zone)(template, X, T[zone], *rest) for zone, *rest in tasks)
-        self.own_ = dict(zip(self.zones_, made, strict=False))
-        self._couple(X, {zone: model for (zone, others), model in zip(tasks, made, strict=True) if others}, neighbours)
+        X = self._with_measured(X, T) if any(neighbours.values()) else X
+        parallel, fit_zone = Parallel(self.n_jobs), delayed(self._fit_zone)
+        made = parallel(fit_zone(template, X, T[zone]) for zone in self.zones_)
+        self.own_ = dict(zip(self.zones_, made, strict=True))
+        coupled = [zone for zone, others in neighbours.items() if others]
+        made = parallel(fit_zone(template, X, T[zone], neighbours[zone], self.own_[zone]) for zone in coupled)
+        self._couple(X, dict(zip(coupled, made, strict=True)), neighbours)
         self._take_in(T)
         self.training_ = self.own_[self.zones_[0]].training_
         return self
@@ -162,8 +164,15 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             return found
         return {} if by_itself or not named or len(self.zones_) == 1 else found_neighbours(T)
 
-    def _fit_zone(self, template: BaseHybrid, X: Any, y: pd.Series, neighbours: tuple[str, ...]) -> BaseHybrid:
-        """The predictor of a zone, by itself or with its neighbours."""
+    def _fit_zone(
+        self,
+        template: BaseHybrid,
+        X: Any,
+        y: pd.Series,
+        neighbours: tuple[str, ...] = (),
+        like: BaseHybrid | None = None,
+    ) -> BaseHybrid:
+        """The predictor of a zone, by itself or with its neighbours, which then is ``like`` that by itself."""
         settings: dict[str, Any] = {"preprocess": None}
         if isinstance(X, pd.DataFrame):
             settings["columns"] = {**(template.columns or {}), **self._columns.of_zone(str(y.name))} or None
@@ -171,7 +180,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
             settings |= {"network": with_neighbours(network, neighbours), "intervals": False}
         with of_zone(str(y.name)):
-            return clone(template).set_params(**settings).fit(X, y if isinstance(X, pd.DataFrame) else y.to_numpy())
+            return (
+                clone(template).set_params(**settings).fit(X, y if isinstance(X, pd.DataFrame) else y.to_numpy(), like)
+            )
 
     def _couple(self, X: Any, models: Mapping[str, BaseHybrid], neighbours: Mapping[str, tuple[str, ...]]) -> None:
         """Weigh the forecasts with neighbours."""
@@ -227,7 +238,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 "known before and from its neighbours.",
                 MeasurementWarning,
             )
-        X = self._with_measured(X, T)
+        X = self._with_measured(X, T) if self.coupled_ else X
         self.own_ = {zone: self._advanced(zone, model, X, T) for zone, model in self.own_.items()}
         self.coupled_ = {z: one.with_model(self._advanced(z, one.model, X, T)) for z, one in self.coupled_.items()}
         self._take_in(T)

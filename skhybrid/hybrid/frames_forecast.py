@@ -11,10 +11,10 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
-from .._table import SETPOINT_ROLES, ZoneTable
+from .._table import SETPOINT_ROLES, ZoneTable, is_plant
 from .._threads import one_blas_thread
 from .._time import rows_of
-from ..control import Band, Limits, LoadPaths, is_plant
+from ..control import Band, Limits, LoadPaths
 from ..control.setpoints import read_limits, read_setpoint
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns, read_quantiles

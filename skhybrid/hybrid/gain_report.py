@@ -1,4 +1,4 @@
-"""Answers of the members of a blend to a kW, how well the training determines them, and warnings of them."""
+"""Answers of the members of a blend to a kW, how well the training determines them, and doubts about them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,15 @@ import pandas as pd
 from .._table import ZoneTable
 from .._warnings import warn_user
 from ..exceptions import ExcitationWarning, GainWarning
-from ..schedule import LeadFit, step_gain_error
+from ..schedule import LITTLE_ERROR, LeadFit, days_to_tell, step_gain_error
 from .blend import by_lead
-from .members import Member, ScheduleMember
+from .members import Member
 from .rolling_blend import BlendRecord
 
 _LEADS = ("1h", "4h", "12h", "24h")  # beside that of one row
 #: relative error beside what the data tell, in 11 step tests of EnergyPlus rooms by the network that is fitted for it
 BEYOND_DATA = {"forecast": 0.5, "plan": 0.25}
 _DISAGREE = 2.0  # ratio of two members' gains
-#: random set-points that brought the default's gain at 24 h from .54 to 1.0 of that of a room in EnergyPlus [days]
-RANDOM_DAYS = 14
-EXPERIMENT = f"{RANDOM_DAYS} days of random set-points (skhybrid.identification.plan_experiment)"
 
 
 def rows_of_leads(record: BlendRecord, step: pd.Timedelta) -> np.ndarray:
@@ -34,6 +31,12 @@ def plant_of(fit: LeadFit, training: ZoneTable) -> tuple[str, float] | None:
     """The role that gave most of the known heat, with its capacity [kW]; None without a plant."""
     known = fit.plan.known
     return max(known, key=lambda one: float(np.abs(one[1] * training.inputs[one[0]]).mean())) if known else None
+
+
+def told_plant(fit: LeadFit, training: ZoneTable) -> str | None:
+    """The role that gave most of the known heat, where the training tells its effect."""
+    plant = plant_of(fit, training)
+    return plant[0] if plant and plant[0] not in fit.undetermined else None
 
 
 def gain_table(
@@ -57,34 +60,23 @@ def gain_errors(fit: LeadFit, record: BlendRecord, step: pd.Timedelta, purpose: 
     return pd.Series(error, pd.Index(rows * step, name="lead"), name="gain_std")
 
 
-def warn_of_gains(members: Sequence[Member], gains: pd.DataFrame, purpose: str) -> None:
-    """Warn where members disagree, and where a plan rests on a gain that nothing in the training tells."""
-    physics = members[0]
-    assert isinstance(physics, ScheduleMember)
-    pull = physics.fit_.problem.pull
-    if purpose == "plan":
-        if pull is not None and not pull.observed:
-            warn_user(
-                "the heat hardly jumped in the training, so that its effect is that of a network fitted to forecasts, "
-                f"often too small; {EXPERIMENT} would tell it.",
-                GainWarning,
-            )
-        return
+def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, role: str) -> str | None:
+    """Doubt about a gain of a plant on which the members of a blend disagree; None where they agree."""
     lead, last = gains.index[-1], gains.iloc[-1]
-    own = physics.names[0]
+    own = members[0].names[0]
     others = [name for member in members[1:] if not member.is_rule for name in member.names]
     worst = max(others, key=lambda name: abs(np.log(max(last[name], 1e-9) / last[own])))
-    if not 1.0 / _DISAGREE < last[worst] / last[own] < _DISAGREE:
-        warn_user(
-            f"the members of the blend disagree on what heat does: after {lead / pd.Timedelta('1h'):g} h a kW warms "
-            f"the zone by {last[own]:.2g} K ({own}) or {last[worst]:.2g} K ({worst}), so do not plan with it; fit with "
-            f"purpose='plan', or train on a log with {EXPERIMENT}.",
-            GainWarning,
-        )
+    if 1.0 / _DISAGREE < last[worst] / last[own] < _DISAGREE:
+        return None
+    return (
+        f"the members of the blend disagree on what heat does: after {lead / pd.Timedelta('1h'):g} h a kW warms "
+        f"the zone by {last[own]:.2g} K ({own}) or {last[worst]:.2g} K ({worst}), so do not plan with it; fit with "
+        f"purpose='plan'; {_experiment(fit, role)}."
+    )
 
 
-def warn_of_undetermined(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
-    """Warn of plants of whose effect the training says next to nothing."""
+def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
+    """Warn of plants of whose effect the training says next to nothing, and of a plan whose gain no jumps tell."""
     capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:
         parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
@@ -92,7 +84,26 @@ def warn_of_undetermined(fit: LeadFit, training: ZoneTable, known: Mapping[str, 
         remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
         warn_user(
             f"the training, in which {role} ran for {training.hours_run(role):.2g} h, does not determine its gain, so "
-            f"that forecasts with it are a guess, which {EXPERIMENT} would end; train on a log in which it goes on and "
-            f"off for a few hours{remedy}.",
+            f"that forecasts with it are a guess; train on a log in which it goes on and off for a few hours{remedy}; "
+            f"{_experiment(fit, role)}.",
             ExcitationWarning,
         )
+    told, pull = told_plant(fit, training), fit.problem.pull
+    if told and pull is not None and not pull.observed:
+        warn_user(
+            "the heat hardly jumped in the training, so that its effect is that of a network fitted to forecasts, "
+            f"often too small; {_experiment(fit, told)}.",
+            GainWarning,
+        )
+
+
+def _experiment(fit: LeadFit, role: str) -> str:
+    """Days of an experiment, and how far they would lower the error of a plant's gain."""
+    days, error = days_to_tell(fit, role)
+    often, reached = f"{days} days", f"below {LITTLE_ERROR:.0%}"
+    if error >= LITTLE_ERROR:
+        often, reached = f"even {often}", f"only to {error:.0%}"
+    return (
+        f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring what the data leave open "
+        f"of the gain of {role} after 24 h {reached}"
+    )

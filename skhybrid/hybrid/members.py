@@ -171,8 +171,8 @@ class ARXMember:
     names: tuple[str, ...] = ("ARX",)
     is_rule, needs_days = False, False
 
-    def __init__(self, n_lags: int, *, multi_step: bool = False) -> None:
-        self.n_lags, self.multi_step = n_lags, multi_step
+    def __init__(self, n_lags: int, *, multi_step: bool = False, like: ARXRegressor | None = None) -> None:
+        self.n_lags, self.multi_step, self._like = n_lags, multi_step, like
         if multi_step:
             self.names = ("multi-step ARX",)
 
@@ -180,7 +180,8 @@ class ARXMember:
         self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
         if self.multi_step:
             self.arx_.set_params(objective="multi_step", adapt="refit")
-        self.arx_.fit(training.replace(history={}), training.history["T_za"])
+        self.arx_.fit(training.replace(history={}), training.history["T_za"], self._like)
+        self._like = None
         return self
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:

@@ -24,8 +24,9 @@ class SchedulePredictor(BaseHybrid):
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
     forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
     does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets
-    no other member of the blend say what that plant does.  Where members disagree on that, or a plan rests on a gain
-    that the training does not tell, ``fit`` gives a :class:`~skhybrid.exceptions.GainWarning`.  Every
+    no other member of the blend say what that plant does.  A :class:`~skhybrid.exceptions.GainWarning` is given where
+    a gain is not to be relied on: by ``fit`` with ``purpose="plan"`` where no jumps of the heat tell it, and by
+    :meth:`affine_forecast` and :meth:`to_state_space` where the members of the blend disagree on it.  Every
     forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
     Parameters

@@ -32,7 +32,7 @@ from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .blend_members import make_others, prior_shares
 from .drift import DriftMonitor
-from .gain_report import gain_errors, gain_table, plant_of, warn_of_gains, warn_of_undetermined
+from .gain_report import disagreement, gain_errors, gain_table, plant_of, told_plant, warn_of_gain
 from .known_rows import KnownRows
 from .members import Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
@@ -84,23 +84,21 @@ class ScheduleScheme(Scheme):
     def _members(self) -> list[Member]:
         return [self._physics, *self._others]
 
-    def fit(self, measured: ZoneTable) -> Self:
+    def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
         """Fit the members and weigh them by their errors on left-out blocks of days."""
-        self._learn(measured)
+        self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         self._warn_scale()
-        warn_of_undetermined(self._physics.fit_, self.rows.training, self.known)
-        if self._plant is not None and self._plant[0] not in self._physics.fit_.undetermined:
-            warn_of_gains(self._members, self.gain_, self.purpose)
+        warn_of_gain(self._physics.fit_, self.rows.training, self.known)
         return self
 
-    def _learn(self, measured: ZoneTable) -> None:
+    def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", measured.step)
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
         self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = make_others(fit, training, self.purpose)
+        self._others = make_others(fit, training, self.purpose, like)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
@@ -121,6 +119,8 @@ class ScheduleScheme(Scheme):
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
+        if told := told_plant(fit, training):
+            self.gain_doubt = disagreement(fit, self._members, self.gain_, told)
 
     def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
         """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""
@@ -217,14 +217,14 @@ class ScheduleScheme(Scheme):
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
         blend = RollingBlend(self._members, self._record, rows, adapt)
         views = blend.views(rows)
-        paths = Paths(*np.empty((2, len(origins), n_leads)), np.empty(len(origins)))
+        size = len(origins), n_leads
+        paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
         lowest, highest = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
-            blend.advance(views, int(origins[i]))
-            plausible, ahead = PlausibleRange(lowest[i], highest[i]), views
+            row, plausible, ahead = int(origins[i]), PlausibleRange(lowest[i], highest[i]), views
+            blend.advance(views, row)
             if boundary is not None:
-                values = {role: paths_of[i] for role, paths_of in boundary.items()}
-                ahead = blend.views(rows.with_boundary(values, int(origins[i]), self._n_back))
+                ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, self._n_back))
             paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, plausible)
             paths.zeta_now[i] = blend.heat_now(views)
         return paths

@@ -77,6 +77,7 @@ class Scheme(ABC):
     disturbance_step_: pd.Timedelta
     gray_box_: Any
     forecaster_: Any
+    gain_doubt: str | None = None  # why not to plan with its forecasts
 
     @property
     @abstractmethod
@@ -99,8 +100,8 @@ class Scheme(ABC):
         raise AttributeError(f"the {self.name} scheme has no gain_std_; take theta_cov_ of its gray_box_.")
 
     @abstractmethod
-    def fit(self, measured: ZoneTable) -> Self:
-        """Learn from a training table."""
+    def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
+        """Learn from a training table; what another fitted scheme has chosen may be taken from it."""
 
     @abstractmethod
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:

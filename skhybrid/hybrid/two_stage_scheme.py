@@ -61,7 +61,7 @@ class TwoStageScheme(Scheme):
     def zeta_(self) -> pd.Series:
         return pd.Series(self.steps.history["zeta"], self.steps.index, name="zeta")
 
-    def fit(self, measured: ZoneTable) -> Self:
+    def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
         """Identify the network, estimate its disturbance, learn to forecast it."""
         stamped = with_stamps(measured.replace(history={"T_za": measured.history["T_za"]}), ASSUMED_START)
         self.gray_box_ = self._identified(stamped, measured.history["T_za"])

@@ -1,5 +1,6 @@
 """Identification of a thermal network under heat gains that nobody measures."""
 
+from .adjacency import find_adjacency
 from .conventional import GrayBoxRC
 from .diagnostics.dynamic_response import frequency_response, make_state_space, step_response
 from .diagnostics.report import Diagnostics, diagnose, diagnose_residuals
@@ -9,6 +10,7 @@ from .experiment_design.zone import GainStatistics
 from .input_disturbance import InputDisturbanceID
 from .output_disturbance import OutputDisturbanceID
 from .periodic import PeriodicDisturbanceID
+from .rooms import RoomFits, identify_rooms
 from .state_space import StateSpace
 from .uncertainty.identifiability import Identifiability
 from .uncertainty.posterior import Posterior, sample_posterior
@@ -25,13 +27,16 @@ __all__ = [
     "PeriodicDisturbanceID",
     "Posterior",
     "ProfileLikelihood",
+    "RoomFits",
     "StateSpace",
     "autocorrelation",
     "cross_correlation",
     "cumulative_periodogram",
     "diagnose",
     "diagnose_residuals",
+    "find_adjacency",
     "frequency_response",
+    "identify_rooms",
     "ljung_box",
     "make_state_space",
     "plan_experiment",

@@ -12,12 +12,12 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._summary import TrainingRecord, network_tables
-from .._table import HISTORY_ROLES, ZoneTable, read_table, read_targets
+from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
 from ..thermal import Parameter, RCNetwork, get_network
-from .experiment import Experiment, make_experiment
+from .experiment import Experiment, make_experiment, read_outputs
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
@@ -128,7 +128,7 @@ class NetworkIdentifier(NetworkModel):
             [kW]. Segments with gaps of three hours or more between them each have an initial state of their own.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.  One column per node where a network has several
-            measured nodes, in its order.
+            measured nodes: of a frame by name (``T_za_<zone>`` or ``<zone>``; ``T_<node>``), of an array in its order.
         theta_init : mapping of parameter to value, optional
             Values of an earlier fit: the only start, instead of ``n_starts`` random ones; other names are refused.
 
@@ -159,7 +159,7 @@ class NetworkIdentifier(NetworkModel):
         if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
             raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
         table = self._read(X, network, reset=True)
-        target = read_targets(y, table, network.history_roles, max_missing=self.max_missing)
+        target = read_outputs(y, table, network, max_missing=self.max_missing)
         self._check_spans(table.step)
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
         return network, table, experiment, self._bounded_parameters(network, table)
@@ -267,7 +267,7 @@ class NetworkIdentifier(NetworkModel):
         """
         check_is_fitted(self)
         table = self._read_X(X)
-        target = read_targets(y, table, self.network_.history_roles, max_missing=self.max_missing)
+        target = read_outputs(y, table, self.network_, max_missing=self.max_missing)
         made, kalman = copy(self), self.filtered_network_.kalman
         experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
         keep = rows_covering(self.warmup, table.step)

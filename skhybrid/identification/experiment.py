@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, listed, read_targets
 from ..thermal import RCNetwork
 
 
@@ -49,6 +50,21 @@ class Experiment(NamedTuple):
         """Some consecutive rows of one segment."""
         each = {name: getattr(self, name)[rows] for name in ("y", "inputs", "hour_of_day", "weekend")}
         return self._replace(breaks=(0,), **each)
+
+
+def read_outputs(y: Any, table: ZoneTable, network: RCNetwork, *, max_missing: float) -> np.ndarray:
+    """(N,) measured temperature, or (N, o) by the names of roles or nodes from a frame, by order from an array."""
+    roles = network.history_roles
+    if isinstance(y, pd.DataFrame) and len(roles) > 1 and any(isinstance(column, str) for column in y.columns):
+        names = dict(zip(network.measured_names, roles, strict=True))
+        named = y if set(roles) <= set(y.columns) else y.rename(columns=names)
+        absent = [role for role in roles if list(named.columns).count(role) != 1]
+        if absent:
+            raise ValueError(
+                f"y has not one column {absent[0]!r}; give {listed(roles)} or {listed(names)}, not {listed(y.columns)}."
+            )
+        y = named
+    return read_targets(y, table, roles, max_missing=max_missing)
 
 
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:

@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._joining import join_frames, join_tables, read_now, refuse_no_frames, with_measured
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, append_tables, read_targets, refuse_gap
+from .._table import ZoneTable, append_tables, refuse_gap
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
@@ -22,7 +22,7 @@ from ..control import (
     Plan,
     Plant,
     covered_by,
-    is_plant,
+    decided_on,
     limits_of,
     planned,
     read_inputs,
@@ -30,6 +30,7 @@ from ..control import (
     warn_uncovered,
 )
 from ..thermal import RCNetwork
+from .experiment import read_outputs
 from .filtered_network import FilteredNetwork, ForecastStart
 from .plan_model import linear_network, plan_gain
 from .rolling_state import kept_end
@@ -90,7 +91,7 @@ class ForecastAheadMixin(RollingForecastMixin):
         refuse_gap(table)
         self._refuse_apart(table)
         if y is not None:
-            target = read_targets(y, table, roles, max_missing=1.0)
+            target = read_outputs(y, table, self.network_, max_missing=1.0)
             table = table.replace(history=dict(zip(roles, np.atleast_2d(target.T), strict=True)))
         absent = [self._column_of(role) for role in roles if role not in table.history]
         if absent:
@@ -215,9 +216,7 @@ class ForecastAheadMixin(RollingForecastMixin):
             return self.state_space_
         known = self.filtered_network_
         acting = self.network_.inputs(known.roles)
-        roles = tuple(role for role in known.roles if is_plant(role) and role in acting)
-        if not roles:
-            raise ValueError("the training table has no heating or cooling to decide on; give u_heat or Q_hvac to fit.")
+        roles = decided_on(role for role in known.roles if role in acting)
         ahead, _ = self._planned(history, future, roles, T_za)
         _, _, start = self._expected(ahead)
         rows = known.experiment(ahead.table).inputs[ahead.origin :]

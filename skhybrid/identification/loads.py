@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_plant
 from ..control import (
     HeatedZone,
     Limits,
     Plant,
-    is_plant,
     load_frame,
     make_plant,
     read_limits,
@@ -27,7 +26,10 @@ from .filtered_network import FilteredNetwork, ForecastStart
 def plant_of(network: RCNetwork, theta: Mapping[str, float], table: ZoneTable) -> Plant:
     """The plant of a training table, with the identified capacities."""
     sources = network.sources(table.inputs)
-    capacities = {s.role: theta[s.parameter] for s in sources if s.role.startswith("u_") and s.parameter}
+    capacities: dict[str, float] = {}
+    for source in sources:
+        if source.role.startswith("u_") and source.parameter:  # a shared stage has a capacity per zone
+            capacities[source.role] = capacities.get(source.role, 0.0) + theta[source.parameter]
     return make_plant(capacities, table.inputs)
 
 

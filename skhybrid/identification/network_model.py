@@ -11,9 +11,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
 from .._rolling import checked_origins
-from .._table import ZoneTable, as_numbers
+from .._table import ZoneTable, as_numbers, is_plant
 from .._threads import one_blas_thread
-from ..control import Plant, is_plant
+from ..control import Plant
 from ..filtering import simulate_path
 from ..thermal import RCNetwork
 from .disturbance_models import checked_kind
@@ -136,8 +136,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         return frame[names[0]] if len(names) == 1 else frame
 
     def _zeta_names(self, kind: str = "input") -> list[str]:
-        nodes = self.network_.disturbed_nodes if checked_kind(kind) == "input" else self.network_.measured_nodes
-        return ["zeta"] if len(nodes) == 1 else [f"zeta_{node}" for node in nodes]
+        names = self.network_.disturbed_names if checked_kind(kind) == "input" else self.network_.measured_names
+        return ["zeta"] if len(names) == 1 else [f"zeta_{name}" for name in names]
 
     def _zeta(self, table: ZoneTable, kind: str, smooth: bool = False) -> np.ndarray:
         """(N, d) disturbance of every row, each segment after the training table's end or from a cold start."""
@@ -315,7 +315,7 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
-        each = f" for each of {', '.join(network.disturbed_nodes)}" if d > 1 else ""
+        each = f" for each of {', '.join(network.disturbed_names)}" if d > 1 else ""
         raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
     _refuse_missing("heat_gain", heat)
     for column in heat.T:

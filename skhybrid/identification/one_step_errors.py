@@ -27,8 +27,8 @@ def innovations_table(filtered: FilteredNetwork, table: ZoneTable, parts: Sequen
     """Innovations of a table's segments by row; ``std`` is NaN where nothing was measured."""
     error = np.concatenate([part.error for part in parts])
     std = np.where(np.isfinite(error), np.concatenate([part.std for part in parts]), np.nan)
-    roles = filtered.network.history_roles
-    ends = [""] if len(roles) == 1 else [f"_{role.removeprefix('T_')}" for role in roles]
+    names = filtered.network.measured_names
+    ends = [""] if len(names) == 1 else [f"_{name}" for name in names]
     columns = {f"innovation{end}": error[:, j] for j, end in enumerate(ends)}
     columns |= {f"std{end}": std[:, j] for j, end in enumerate(ends)}
     return pd.DataFrame(columns, index=table.index)

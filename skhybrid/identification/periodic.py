@@ -173,7 +173,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
         """The weekly profile and the ventilation of every disturbed node."""
-        nodes = problem.network.disturbed_nodes
+        nodes = problem.network.disturbed_names
         basis, parts = profile_basis()[0], beta.reshape(len(nodes), -1)
         profiles = [basis @ part[: basis.shape[1]] for part in parts]
         if problem.layout.ventilated:
@@ -235,6 +235,11 @@ def _inner(network: RCNetwork, table: ZoneTable, fixed: dict[str, float], bounde
     return tuple(p for p in out if p is not None and p not in fixed and p not in bounded)
 
 
+def _kind(p: Parameter) -> str:
+    """Name of a parameter without its zone, such as ``R_zo`` of ``R_zo_north``."""
+    return "_".join(p.name.split("_")[:2])
+
+
 def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.RandomState) -> np.ndarray:
     """(n_starts, p): a small-building guess, then draws around it."""
     guess = {"tau": 4.0, "sigma_y": 0.05} | {f"sigma_{c}": 0.3 for c in HOUR_CLASSES[problem.hours].names}
@@ -247,9 +252,9 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
         if p.name in guess:
             start = p.to_free(guess[p.name])
         elif p.unit == "kWh/K":
-            start = np.log((1.0 if p.name == "C_za" else 4.0) * scale)
+            start = np.log((1.0 if _kind(p) == "C_za" else 4.0) * scale)
         elif p.unit == "K/kW":
-            start = np.log((6.0 if p.name.endswith("o") else 1.2) / scale)
+            start = np.log((6.0 if _kind(p).endswith("o") else 1.2) / scale)
         centre.append(min(max(start, low), high))
     # a wide spread of the disturbance's parameters only makes the search longer
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]

@@ -41,7 +41,7 @@ def linear_network(
         A = np.pad(A, (0, o))
         B, C = np.pad(B, ((0, o), (0, 0))), np.hstack([C, np.eye(o)])
         forcing, nodes = np.hstack([forcing, np.vstack([offset[1:], offset[-1:]])]), np.append(nodes, offset[0])
-        names = (*names, *(f"zeta_{node}" for node in known.network.measured_nodes))
+        names = (*names, *(f"zeta_{name}" for name in known.network.measured_names))
     return LinearNetwork(A, B, C, nodes, forcing, tuple(names))
 
 

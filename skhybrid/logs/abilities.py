@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant tells little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
@@ -35,7 +35,7 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
         found = {
             "lowest": values.min(), "highest": values.max(), "mean": values.mean(), "share": len(values) / len(frame)
         }  # fmt: skip
-        if str(role).startswith(("u_", "Q_")) and np.abs(values).max() > 0.0:
+        if is_plant(role) and np.abs(values).max() > 0.0:
             on = np.abs(values) > 0.05 * np.abs(values).max()
             found["hours run"] = np.abs(values).sum() / np.abs(values).max() * hours
             found["starts"] = float((on[1:] & ~on[:-1]).sum())
@@ -53,7 +53,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     cannot: list[str] = []
     steps: list[str] = []
     have = set(moved.index)
-    plants = [role for role in moved.index if role.startswith(("u_", "Q_"))]
+    plants = list(filter(is_plant, moved.index))
     for role, what in (*((room, "room") for room in rooms), ("T_oa", "outdoor")):
         if role not in have:
             cannot.append(f"anything: there is no {what} temperature ({role}).")
@@ -70,7 +70,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
             steps.append(f"log days on which {role} runs, if the plant can.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
-            steps.append(f"let {role} run: two days of random set-points (skhybrid.plan_experiment) tell its effect.")
+            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) tell its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")

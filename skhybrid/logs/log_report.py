@@ -10,6 +10,7 @@ import pandas as pd
 
 from .._holidays import read_holidays
 from .._ranges import range_of
+from .._table import is_plant
 from .._time import spell
 from .abilities import abilities, excitation
 from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
@@ -104,7 +105,7 @@ class LogReport:
         self.gaps = gaps_of(logged, self.step)
         self.days = _days(self.frame, self.step, holidays)
         self.excitation = excitation(self.frame)
-        unsure = {c.role for c in channels if c.role.startswith(("u_", "Q_")) and self._is_unsure(c)}
+        unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         self.can, self.cannot, self.next_steps = abilities(
             self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         )

@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
-from .._table import ZoneTable, as_numbers, float_columns, refuse_infinite, refuse_order
+from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import ASSUMED_START, even_step, positive_duration, rows_of
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
@@ -42,7 +42,7 @@ def backtest(
         ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
-    y : Series or array-like of shape (n_samples,)
+    y : Series or array-like of shape (n_samples,), or (n_samples, n_zones) for a BuildingPredictor
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
     origin_step : timedelta-like, default="1D"
@@ -64,7 +64,8 @@ def backtest(
     -------
     DataFrame
         One row per origin and lead: ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
-        (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.
+        (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.  Of several zones
+        also ``zone``.
 
     Raises
     ------
@@ -73,8 +74,9 @@ def backtest(
         estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
-    truth = _truth(X, y)
     forecaster, table = _unwrap(estimator, X)
+    zones = getattr(forecaster, "zones_", ("",))
+    truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
@@ -90,28 +92,34 @@ def backtest(
         table = read_once(table, **reading_of(forecaster), fits=False)
     weather, bands = read_weather_error(weather_error), None
     if weather is not None:
+        if len(zones) > 1:
+            raise ValueError("weather_error is for one zone; back-test the zones' own_ estimators with it.")
         paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
     elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
         paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
-    columns = {
-        "origin": stamps[np.repeat(origins, n_leads)],
-        "lead": pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling),
-        "time": stamps[rows.ravel()],
-        "y_true": truth[rows.ravel()],
-        "y_pred": np.asarray(paths, dtype=np.float64).ravel(),
-    }
-    frame = pd.DataFrame(columns)
-    if quantiles is None:
-        return frame[there].reset_index(drop=True)
+    if quantiles is not None and bands is None:
+        bands = _bands(forecaster, table, origins, quantiles, pd.Timedelta(horizon))
+    frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
+    frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling)
+    frame["time"] = stamps[rows.ravel()]
+    by_zone = [np.asarray(v).reshape(rows.size, len(zones), -1) for v in (truth[rows], paths, bands) if v is not None]
+    out = []
+    for k, zone in enumerate(zones):
+        measured, forecast, *found = (values[:, k] for values in by_zone)
+        made = frame.assign(y_true=measured[:, 0], y_pred=forecast[:, 0])
+        if found and quantiles is not None:
+            made = made.assign(**dict(zip(quantile_columns(quantiles), found[0].T, strict=True)))
+        out.append((made.assign(zone=zone) if len(zones) > 1 else made)[there])
+    return pd.concat(out, ignore_index=True)
+
+
+def _bands(forecaster: Any, table: Any, origins: np.ndarray, quantiles: Sequence[float], span: pd.Timedelta) -> Any:
+    """Quantiles (n_origins, n_leads, ..., n_quantiles)."""
     if not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
-    if bands is None:
-        bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
-    values = bands.reshape(-1, bands.shape[-1]).T
-    frame = frame.assign(**dict(zip(quantile_columns(quantiles), values, strict=True)))
-    return frame[there].reset_index(drop=True)
+    return forecaster.predict_quantiles_from(table, origins, quantiles, horizon=span)
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -187,15 +195,19 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     return groups.mean().assign(n=groups.size())
 
 
-def _truth(X: Any, y: Any) -> np.ndarray:
-    """(n_samples,) measurements of the rows of X, NaN where missing."""
+def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
+    """(n_samples, n_zones) measurements of the rows of X, NaN where missing."""
+    if isinstance(y, pd.DataFrame) and len(zones) > 1:
+        names = {str(column).removeprefix("T_za_"): column for column in y}
+        y = y[[names[zone] for zone in zones]] if set(zones) <= set(names) else y
     truth, n_rows = as_numbers(y, "y"), _n_rows(X)
-    if truth.shape != (n_rows,):
-        raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass one value per row.")
-    if isinstance(y, pd.Series) and isinstance(getattr(X, "index", None), pd.Index):
+    if truth.shape != ((n_rows,) if len(zones) == 1 else (n_rows, len(zones))):
+        what = "one value per row" if len(zones) == 1 else f"a column for each of {listed(zones)}"
+        raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass {what}.")
+    if isinstance(y, pd.Series | pd.DataFrame) and isinstance(getattr(X, "index", None), pd.Index):
         refuse_order(y.index, X.index)
     refuse_infinite(truth, "y", X.index if isinstance(X, pd.DataFrame | ZoneTable) else np.arange(n_rows))
-    return truth
+    return truth.reshape(n_rows, len(zones))
 
 
 def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:

@@ -7,7 +7,7 @@ in ``docs/user_guide/hybrid.rst``.
 """
 
 from .fit import LeadFit, fit_leads
-from .gain_error import step_gain, step_gain_error
+from .gain_error import LITTLE_ERROR, days_to_tell, step_gain, step_gain_error
 from .heat_response import HeatResponse
 from .online_network import OriginState
 from .plant_model import bends_at, linear_network, plant_gain
@@ -17,6 +17,7 @@ from .scheduled_network import ScheduledNetwork
 from .segment import NumberedSegment, Segment, make_segment
 
 __all__ = [
+    "LITTLE_ERROR",
     "ErrorHistory",
     "HeatResponse",
     "LeadFit",
@@ -26,6 +27,7 @@ __all__ = [
     "ScheduledNetwork",
     "Segment",
     "bends_at",
+    "days_to_tell",
     "fit_leads",
     "heat_frame",
     "linear_network",

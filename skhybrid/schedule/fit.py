@@ -13,7 +13,8 @@ from .._time import spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_plan, with_contrast
-from .constrained_ridge import Solution, gram, solve_coefficients
+from .constrained_ridge import Solution, solve_coefficients
+from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .segment import Segment, make_segment
@@ -103,7 +104,8 @@ def fit_leads(
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
     the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
-    purpose "plan" the response to a kW is pulled toward what jumps of the heat say of it.
+    purpose "plan" forecasts are fitted with the heat that could be expected at their origins, where enough of it could,
+    and the response to a kW is pulled toward what jumps of the heat say of it.
     """
     step = table.step / pd.Timedelta("1h")
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
@@ -118,6 +120,8 @@ def fit_leads(
     if purpose == "plan":
         plan, pull = _plan_and_pull(plan, table, T, reference)
     scored = ScoredForecasts(make_segment(plan, table, T, reference), sample)
+    if pull is not None:
+        scored = with_expected_heat(scored, step)
     heat = scored.segment.heat
     # a plant that hardly ran does not make the building small
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
@@ -136,6 +140,14 @@ def _plan_and_pull(
     """Channels and pull of a network whose gain is to be right."""
     pull = GainPull.of(make_segment(plan, table, T, reference), table.step_hours)
     return plan._replace(free_level=True, lags=is_delayed(pull.observed)), pull
+
+
+def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:
+    """Forecasts with expected in place of delivered heat, where there are enough days to tell it."""
+    blocks = _blocks_of_days(scored.sample, step)
+    if not _several(blocks) or not np.any(scored.segment.heat):
+        return scored
+    return scored._replace(surprise=heat_surprise(scored.segment, scored.sample, blocks, step))
 
 
 def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
@@ -167,7 +179,9 @@ def _fit_at_scale(
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = minimise(problem, best.psi, max_steps=4)
     plan = with_contrast(plan, scored.segment.channels.names, best.solution.coef)
-    problem = replace(problem, forecasts=(scored._replace(segment=make_segment(plan, table, T, reference)),))
+    # schedules and blend learn from delivered heat, which tells more
+    known = scored._replace(segment=make_segment(plan, table, T, reference), surprise=None)
+    problem = replace(problem, forecasts=(known,))
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
@@ -179,8 +193,12 @@ def _initial_problem(
     """Problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
     spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(scored.sample.leads)
     start = _best_of_grid(model, scored, spread, scales, pull).psi
-    problem = LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull)
-    at = problem.evaluate(start)
+    return weighted(LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull))
+
+
+def weighted(problem: LeadProblem) -> LeadProblem:
+    """A problem with each lead weighted by the inverse variance of its errors at the centre of the prior."""
+    at, scored = problem.evaluate(problem.centre), problem.forecasts[0]
     errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
     known = np.isfinite(errors).sum(axis=0)
     variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)
@@ -192,12 +210,11 @@ def _best_of_grid(
 ) -> Evaluation:
     """The point of a coarse grid with the least loss of a few forecasts."""
     leads = scored.sample.leads
-    coarse = ForecastSample(scored.sample.origins[::6], leads[_COARSE] if len(leads) > 4 else leads)
-    few = ScoredForecasts(scored.segment, coarse)
+    few = scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
 
     def evaluate(scale: float, pace: float) -> Evaluation:
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
-        return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(coarse.leads)), pull).evaluate(psi)
+        return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(few.sample.leads)), pull).evaluate(psi)
 
     return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss)
 
@@ -232,7 +249,7 @@ def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) ->
     if not problem.plan.calendar or not _several(blocks):
         return Shrinkage()
     scored = problem.forecasts[0]
-    grams = _block_grams(at.designs[0], scored.sample, blocks)
+    grams = block_grams(at.designs[0], scored.sample, blocks)
     scale, positive = problem.model.heat_scale, problem.positive
 
     def error(shrinkage: Shrinkage) -> float:
@@ -253,7 +270,7 @@ def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
     if not _several(blocks):
         return errors
-    for b, (_, others) in enumerate(_block_grams(E, scored.sample, blocks)):
+    for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
         coef = solve_coefficients(others, problem.penalty, problem.positive).coef
         errors[blocks == b] = _forecast_errors(problem, scored, E, coef)[blocks == b]
     return errors
@@ -268,19 +285,3 @@ def _forecast_errors(problem: LeadProblem, scored: ScoredForecasts, design: np.n
 
 def _several(blocks: np.ndarray) -> bool:
     return bool(len(blocks) and blocks.max())
-
-
-def _block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Sums of products (J + 1, J + 1) of each block of days, and of the forecasts that touch none of its days."""
-    by_origin = E.reshape(len(blocks), -1, E.shape[1])
-
-    def gram_of(chosen: np.ndarray) -> np.ndarray:
-        return gram(by_origin[chosen].reshape(-1, E.shape[1]))
-
-    grams = [gram_of(blocks == b) for b in range(int(blocks.max()) + 1)]
-    total = np.sum(grams, axis=0)
-    begins = sample.origins[np.searchsorted(blocks, np.arange(len(grams)))]
-    longest = int(sample.leads[-1])
-    # forecasts from just before a block have their targets in it
-    into = [gram_of((blocks < b) & (sample.origins + longest > begin)) for b, begin in enumerate(begins)]
-    return [(own, total - own - before) for own, before in zip(grams, into, strict=True)]

@@ -8,8 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from .._table import ZoneTable
-from ..control import is_plant
+from .._table import ZoneTable, is_plant
 from ..filtering import simulate_path
 from .channels import equipment, known_heat
 from .fit import LeadFit

@@ -12,6 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ..filtering import ForecastSample
 from .channels import GROUPS, ChannelPlan
 from .constrained_ridge import Solution, gram, solve_coefficients
+from .expected_heat import SurpriseEffect
 from .filter_model import FilterModel
 from .responses import Responses, error_columns, error_sensitivities, simulate_responses
 from .segment import Segment
@@ -43,6 +44,14 @@ class ScoredForecasts(NamedTuple):
     segment: Segment
     sample: ForecastSample
     weight: np.ndarray | float = 1.0  # (O,) of each origin
+    surprise: np.ndarray | None = None  # (O, n_leads) delivered less expected heat [kW], where expected heat is scored
+
+    def every(self, n: int, leads: np.ndarray | None = None) -> ScoredForecasts:
+        """Every n-th origin, at all leads by default."""
+        sample = ForecastSample(self.sample.origins[::n], self.sample.leads if leads is None else leads)
+        weight = self.weight if np.ndim(self.weight) == 0 else np.asarray(self.weight)[::n]
+        surprise = None if self.surprise is None else self.surprise[::n, : sample.leads[-1]]
+        return ScoredForecasts(self.segment, sample, weight, surprise)
 
 
 class Evaluation(NamedTuple):
@@ -103,7 +112,30 @@ class LeadProblem:
         """(O L, J + 1) weighted columns and target; ``responses`` at ``psi`` and the origins save simulating them."""
         if responses is None:
             responses = simulate_responses(self.model, psi, scored.segment, scored.sample.origins)
-        return error_columns(self.model, responses, scored.sample, self.root_weights(scored))
+        root = self.root_weights(scored)
+        E = error_columns(self.model, responses, scored.sample, root)
+        effect = self._effect(psi, scored)
+        if effect is not None:
+            E[:, -1] += (root * effect.errors()).ravel()
+            if self.plan.emitter:
+                E[:, -2] -= (root * effect.of_emitter()).ravel()
+        return E
+
+    def sensitivities(
+        self, psi: np.ndarray, coef: np.ndarray, scored: ScoredForecasts
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Errors (O, L) [K] at fixed coefficients, and their derivatives (O, L, p) by psi."""
+        e, de = error_sensitivities(self.model, psi, coef, scored.segment, scored.sample)
+        effect = self._effect(psi, scored)
+        if effect is not None:
+            lag = coef[-1] if self.plan.emitter else 0.0
+            e, de = e + effect.errors(lag), de + effect.slopes(lag)
+        return e, de
+
+    def _effect(self, psi: np.ndarray, scored: ScoredForecasts) -> SurpriseEffect | None:
+        if scored.surprise is None:
+            return None
+        return SurpriseEffect(self.model, psi, self.plan.heated, scored.surprise, scored.sample.leads)
 
     def pull_gram(self, psi: np.ndarray) -> np.ndarray | float:
         """(J + 1, J + 1) of the pull of the gain; 0 without one."""
@@ -125,7 +157,7 @@ class LeadProblem:
         cross = np.zeros((len(free), len(g)))
         for scored, E in zip(self.forecasts, at.designs, strict=True):
             root = self.root_weights(scored)
-            e, de = error_sensitivities(self.model, at.psi, at.solution.coef, scored.segment, scored.sample)
+            e, de = self.sensitivities(at.psi, at.solution.coef, scored)
             J = (root[..., None] * de).reshape(-1, len(g))
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()

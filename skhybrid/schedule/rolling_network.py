@@ -10,7 +10,7 @@ import numpy as np
 
 from ..filtering import ForecastSample
 from .constrained_ridge import gram
-from .fit import LeadFit
+from .fit import LeadFit, with_expected_heat
 from .lead_problem import ScoredForecasts, minimise
 from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, OnlineNetwork, OriginState
 from .segment import NumberedSegment
@@ -89,6 +89,8 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
     if not rows.joined:
         forecasts.append(_every_second(fit))
     pull = fit.problem.pull
+    if pull is not None:
+        forecasts = [with_expected_heat(scored, fit.model.step) for scored in forecasts]
     if pull is not None and (seen := GainPull.of(window, fit.model.step)).observed:
         pull = seen
     return minimise(replace(fit.problem, forecasts=tuple(forecasts), pull=pull), psi, max_steps=_STEPS).psi
@@ -96,7 +98,7 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
 
 def _every_second(fit: LeadFit) -> ScoredForecasts:
     """Training forecasts from every second origin."""
-    return ScoredForecasts(fit.segment, ForecastSample(fit.sample.origins[::2], fit.sample.leads))
+    return fit.problem.forecasts[0].every(2)
 
 
 class RollingNetwork:

@@ -6,7 +6,7 @@ Jumps of the heat come from changes of the set-points and tell the gain of the f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -16,8 +16,10 @@ from .segment import Segment
 
 JUMP_LEADS = (1, 2)  # rows after a jump at which the gain is observed
 _LEAST_JUMP = 0.3  # share of the largest heat; smaller ones answer disturbances
-_LITTLE_CHANGE = 0.2  # share of a jump by which the heat may change in the rows after it, or other plants with it
-_LEAST_JUMPS = 8
+_LITTLE_CHANGE = 0.2  # share of a jump by which other plants may change with it and after it
+_MOST_CHANGE = 0.5  # share of a jump by which the heat itself may change in the rows after it
+_LEAST_ANSWER = 0.5  # share of the usual answer below which a jump itself answers a disturbance of its row
+_LEAST_JUMPS = 6
 #: share of the slope before a jump that lasts: 1 gives gains 5 % too large, least squares gains 9 % too small, in the
 #: mean of 14 step tests in EnergyPlus and of the office of :func:`~skhybrid.datasets.make_office`
 _LASTING = 0.75
@@ -26,7 +28,7 @@ _MOST_ERROR = 0.5  # relative standard error from which jumps tell nothing
 KNOWN_HEAT = -1  # in place of the index of a channel
 #: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 14 step
 #: tests in seven zones of three buildings; hours at which it is read, and the spread of its logarithm
-_HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 4.0, 12.0, 24.0]), 0.24, 0.15
+_HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 1.0, 4.0, 12.0, 24.0]), 0.24, 0.1
 _UNUSUAL = 0.2  # difference of logarithms from which jumps say that a response is another one
 
 
@@ -42,9 +44,16 @@ class ObservedGain(NamedTuple):
 
 def observed_gains(segment: Segment, shares: np.ndarray | None = None) -> tuple[ObservedGain, ...]:
     """Gains at the first rows after jumps of the known heat and of each stage; rows count by ``shares`` (N,)."""
-    sources = _sources(segment)
-    found = (_observed(segment, source, sources, lead, shares) for source in sources for lead in JUMP_LEADS)
-    return tuple(gain for gain in found if gain is not None)
+    sources, out = _sources(segment), []
+    for source in sources:
+        found: list[ObservedGain] = []
+        for lead in JUMP_LEADS:
+            gain = _observed(segment, source, sources, found, lead, shares)
+            if gain is None:
+                break
+            found.append(gain)
+        out += found
+    return tuple(out)
 
 
 def _sources(segment: Segment) -> dict[int, np.ndarray]:
@@ -55,30 +64,49 @@ def _sources(segment: Segment) -> dict[int, np.ndarray]:
 
 
 def _observed(
-    segment: Segment, source: int, sources: Mapping[int, np.ndarray], lead: int, shares: np.ndarray | None
+    segment: Segment,
+    source: int,
+    sources: Mapping[int, np.ndarray],
+    sooner: Sequence[ObservedGain],
+    lead: int,
+    shares: np.ndarray | None,
 ) -> ObservedGain | None:
-    """Least squares of the bend of the temperature by the jump at the same row."""
-    k, y, seen = np.arange(1, segment.n_rows - lead), segment.y, segment.seen
+    """Least squares of the bend of the temperature by the jump at the same row; ``sooner`` are gains at less leads."""
+    k, y, seen, heat = np.arange(1, segment.n_rows - lead), segment.y, segment.seen, sources[source]
     jump, use = _jumps(source, sources, k, lead)
     use &= seen[k - 1] & seen[k] & seen[k + lead]
-    weight = use if shares is None else use * shares[k]
-    n_jumps = int(np.count_nonzero(weight))
-    if n_jumps < _LEAST_JUMPS:
-        return None
+    weight = use.astype(float) if shares is None else use * shares[k]
     bend = y[k + lead] - y[k] - _LASTING * lead * (y[k] - y[k - 1])
+    for one in sooner:  # what changes of the heat after the jump have done
+        row = k + lead - one.lead
+        bend -= one.gain * (heat[row] - heat[row - 1])
+    gain, error = _least_squares(jump, bend, weight)
+    if np.count_nonzero(weight) < _LEAST_JUMPS or not error < _MOST_ERROR * gain:
+        return None
+    # where the temperature hardly moves, the jump answers people or sun
+    weight = weight * (bend * np.sign(jump) > _LEAST_ANSWER * gain * np.abs(jump))
+    n_jumps = int(np.count_nonzero(weight))
+    gain, error = _least_squares(jump, bend, weight)
+    usable = n_jumps >= _LEAST_JUMPS and error < _MOST_ERROR * gain
+    return ObservedGain(source, lead, gain, error, n_jumps) if usable else None
+
+
+def _least_squares(jump: np.ndarray, bend: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """Gain and its standard error; 0 without jumps."""
     squares = float(np.sum(weight * jump**2))
+    if squares == 0.0:
+        return 0.0, 0.0
     gain = float(np.sum(weight * jump * bend)) / squares
-    error = float(np.sqrt(np.sum(weight * (jump * (bend - gain * jump)) ** 2))) / squares
-    return ObservedGain(source, lead, gain, error, n_jumps) if error < _MOST_ERROR * gain else None
+    return gain, float(np.sqrt(np.sum(weight * (jump * (bend - gain * jump)) ** 2))) / squares
 
 
 def _jumps(source: int, sources: Mapping[int, np.ndarray], k: np.ndarray, lead: int) -> tuple[np.ndarray, np.ndarray]:
-    """Change of a source at rows ``k``, and where it is a jump after which no source changes much."""
+    """Change of a source at rows ``k``, and where it is a jump with and after which no source changes much."""
     size = {i: float(np.abs(v).max()) for i, v in sources.items()}
     jump = sources[source][k] - sources[source][k - 1]
     use = np.abs(jump) > _LEAST_JUMP * size[source]
     for i, series in sources.items():
-        most = _LITTLE_CHANGE * np.abs(jump) * size[i] / size[source]
+        most = (_MOST_CHANGE if i == source else _LITTLE_CHANGE) * np.abs(jump) * size[i] / size[source]
         if i != source:
             use &= np.abs(series[k] - series[k - 1]) < most
         for row in range(1, lead):

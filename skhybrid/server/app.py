@@ -94,7 +94,7 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
     @app.get("/forecast", response_model=Forecast, responses=_REFUSALS | _NOTHING)
     def forecast() -> dict[str, Any]:
         """The latest forecast."""
-        view = view_zone(zone)
+        view = view_zone(zone, zone.load())
         if view.origin is None:
             raise HTTPException(404, "there is no forecast yet; post rows, or run skhybrid zone tick.")
         return {
@@ -119,7 +119,8 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
         with drawing:
             now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
             if now not in drawn:
-                text = zone_page(view_zone(zone), zone.status())
+                model = zone.load()
+                text = zone_page(view_zone(zone, model), zone.status(model))
                 drawn.clear()
                 drawn[now] = text
             return drawn[now]

@@ -84,6 +84,14 @@ class Drift(BaseModel):
     threshold: float | None = Field(None, description="above which errors have drifted [-]")
 
 
+class Judged(BaseModel):
+    """The verdict on one forecast."""
+
+    quantity: str = Field(description="temperature or load")
+    level: str = Field(description="usable, use with care or not usable")
+    reasons: list[str] = Field(description="reasons in plain words")
+
+
 class Status(BaseModel):
     """State of the zone, and errors of its forecasts."""
 
@@ -92,6 +100,7 @@ class Status(BaseModel):
     last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
     learned_until: str = Field(alias="learned until", description="last row that the model learned from")
     drift: Drift = Field(description="drift of the errors")
+    verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
     yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
     four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
 

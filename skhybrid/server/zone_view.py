@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..study.judgement import is_scaled
-from ..zone import ZoneFolder
+from ..study.settings import is_scaled
+from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
 
 _PAST = pd.Timedelta(days=28)
@@ -27,17 +27,16 @@ class ZoneView(NamedTuple):
     past: pd.DataFrame  # forecasts of the last four weeks that have run out, and what was measured
 
 
-def view_zone(folder: ZoneFolder) -> ZoneView:
-    """A zone as it is now.
+def view_zone(folder: ZoneFolder, zone: ZoneModel) -> ZoneView:
+    """A zone as it is now, by the model of its folder.
 
     Raises
     ------
-    FileNotFoundError, ModelFileError, OSError
-        If there is no zone, or its files cannot be read.
+    OSError
+        If the archive cannot be read.
     """
-    zone = folder.load()
     tz = zone.learned_until.tz
-    scaled = is_scaled(zone.settings, zone.covered())
+    scaled = is_scaled(zone.covered(), zone.settings.capacities)
     with open_archive(folder.archive) as archive:
         last = archive.last_measured()
         since = pd.Timestamp(0) if last is None else last - _PAST

@@ -134,10 +134,9 @@ def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
     network: Any = make_network(settings.network) if settings.network else None
     if settings.columns and not _has_sun(settings):
         network = replace(get_network(network or DEFAULT_NETWORK), solar={})
-    capacities = {k: v for k, v in settings.estimator.get("known", {}).items() if k.startswith("Q_")}
     made = HybridPredictor(
         network=network,
-        known=capacities or None,
+        known=settings.capacities or None,
         horizon=settings.horizon,
         holidays=settings.holidays,
         random_state=settings.random_state,

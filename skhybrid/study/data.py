@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, SETPOINT_ROLES, numeric, refuse_infinite_columns, refuse_shape
+from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_infinite_columns, refuse_shape
 from .._time import even_step, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
@@ -249,11 +249,7 @@ def _refuse_empty_ahead(frame: pd.DataFrame, inputs: pd.DataFrame) -> None:
     ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
     for role in ahead:
         step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
-        if (
-            str(role).startswith(("u_", "Q_"))
-            and ahead[role].isna().all()
-            and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE
-        ):
+        if is_plant(role) and ahead[role].isna().all() and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE:
             raise ValueError(
                 f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or let the "
                 "thermostat act with skhybrid forecast --setpoint 21,24."

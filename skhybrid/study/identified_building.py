@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .doubts import ends_of, in_words
+from .settings import is_scaled
 
 _NOT = "not identified"  # how the remarks on values begin that the log does not tell
 UNTOLD = f"{_NOT}: the log does not tell it"
@@ -28,7 +29,7 @@ def describe(gray_box: Any) -> pd.DataFrame:
     for name, value, std in with_errors(gray_box, lambda theta: quantities(gray_box, theta)).itertuples():
         unit = name.rpartition(" [")[2].removesuffix("]")
         quantity = name.rpartition(" [")[0]
-        relative = unit != "h" and not has_scale(gray_box)
+        relative = unit != "h" and not _has_scale(gray_box)
         remark = _NO_SCALE if relative else _remark(name, value, std)
         remark = doubtful.get(quantity.rpartition(" ")[2]) or remark
         rows[quantity] = {"value": value, "std": std, "unit": unit, "remark": remark}
@@ -89,10 +90,9 @@ def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
     return out
 
 
-def has_scale(gray_box: Any) -> bool:
-    """Whether measured heat or a given parameter fixes what a kW is; time constants need neither."""
-    measured = any(str(name).startswith("Q_") for name in gray_box.state_space_.input_names)
-    return measured or any(name[0] in "CRAQ" for name in gray_box.known or ())
+def _has_scale(gray_box: Any) -> bool:
+    """Whether a gray box tells kW; time constants need none."""
+    return is_scaled(gray_box.state_space_.input_names, gray_box.known or ())
 
 
 def _remark(name: str, value: float, std: float) -> str:
@@ -115,7 +115,7 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
     table["description"] = table["description"].map(in_words)
     relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
     remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [UNTOLD, "uncertain"], "")
-    scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
+    scaled = [] if _has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
     special = (
         dict.fromkeys(scaled, _NO_SCALE)
         | _not_identified(gray_box)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
+from ..thermal.declaration import capacity_name
 from .data import StudyData, inputs_of
 from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
 from .settings import Settings
 from .verdict import Verdict, compare_errors, judge
 
-_CAPACITY = {"u_heat": "Q_h", "u_cool": "Q_c"}  # parameters of stages; those of other stages have the stage's name
 _HELD = "the temperature to hold"
 NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
 
@@ -93,13 +93,7 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
 
 def plant_roles(rows: pd.DataFrame) -> list[str]:
     """The columns of heat and of stages."""
-    return [str(role) for role in rows if str(role).startswith(("Q_", "u_"))]
-
-
-def is_scaled(settings: Settings, roles: Iterable[object]) -> bool:
-    """Whether a log with these roles fixes what a kW is: heat is measured, or the capacity of a stage is known."""
-    known = settings.estimator.get("known", {})
-    return any(str(role).startswith("Q_") or _CAPACITY.get(str(role), role) in known for role in roles)
+    return [str(role) for role in rows if is_plant(role)]
 
 
 def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Load | None:
@@ -112,9 +106,9 @@ def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Loa
         return Load(rows[heat].sum(axis=1, skipna=False), "kW")
     if not roles:
         return None
-    known = settings.estimator.get("known", {})
-    scaled = all(_CAPACITY.get(role, role) in known for role in roles)
+    known = settings.capacities
+    scaled = all(capacity_name(role) in known for role in roles)
     signs = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in roles}
-    factors = {role: float(known[_CAPACITY.get(role, role)]) for role in roles} if scaled else signs
+    factors = {role: float(known[capacity_name(role)]) for role in roles} if scaled else signs
     parts = rows[list(roles)] * pd.Series(factors)
     return Load(parts.sum(axis=1, skipna=False), "kW" if scaled else "-")

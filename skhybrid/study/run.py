@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_plant
 from .._threads import one_blas_thread
 from .._warnings import without_class
 from ..exceptions import TooFewDaysError
@@ -21,8 +21,8 @@ from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
 from .data import StudyData
 from .identified_building import describe, parameter_table
-from .judgement import Doubts, is_scaled, judge_load, judge_temperature, loads_by_rule, plant_roles
-from .settings import Settings
+from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, plant_roles
+from .settings import Settings, is_scaled
 from .verdict import Verdict
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
@@ -73,7 +73,7 @@ class StudyResult:
     @property
     def scaled(self) -> bool:
         """Whether the log fixes what a kW is."""
-        return is_scaled(self.settings, self.data.train)
+        return is_scaled(self.data.train, self.settings.capacities)
 
     @property
     def best(self) -> str:
@@ -298,7 +298,7 @@ def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -
 def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     """Measured heat, or the stages times their identified capacities [kW]; None where nothing heats or cools."""
     theta = identification.theta_
-    plant = [s for s in identification.network_.sources(rows.columns) if s.role.startswith(("Q_", "u_"))]
+    plant = [s for s in identification.network_.sources(rows.columns) if is_plant(s.role)]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -18,6 +18,7 @@ from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
 from ..hybrid.zone_columns import neighbours_of
 from ..logs.zone_names import zones_of
+from ..thermal.declaration import capacity_name
 from .plant import Performance
 from .tariff import Tariff
 from .thermostat import Schedule
@@ -161,9 +162,27 @@ class Settings:
         """Roles of set-points: those of the zones, and ``T_heat_set`` and ``T_cool_set``."""
         return list(dict.fromkeys([*SETPOINT_ROLES, *(own for role in SETPOINT_ROLES for own in self.roles_of(role))]))
 
+    @property
+    def capacities(self) -> dict[str, float]:
+        """Given capacities of the plant, by parameter."""
+        return {name: kw for name, kw in self.estimator.get("known", {}).items() if name.startswith("Q_")}
+
     def as_dict(self) -> dict[str, Any]:
         """All settings as plain values."""
         return asdict(self)
+
+
+def is_scaled(roles: Iterable[object], known: Iterable[str]) -> bool:
+    """Whether measured heat or a given parameter fixes what a kW is in a model of these roles.
+
+    Parameters
+    ----------
+    roles : iterable, inputs of the model
+    known : iterable of str, given parameters, such as :attr:`Settings.capacities`
+    """
+    names = set(map(str, roles))
+    capacities = {capacity_name(role) for role in names if role.startswith("u_")}
+    return any(r.startswith("Q_") for r in names) or any(p in capacities or p[0] in "CRA" for p in known)
 
 
 def read_settings(path: str | PathLike[str]) -> Settings:

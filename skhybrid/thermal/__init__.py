@@ -3,6 +3,7 @@
 from .catalogue import CATALOGUE, get_network, list_networks
 from .declaration import Source
 from .drawing import draw
+from .joined_rooms import building_network, room_network
 from .matrices import MatrixBuilder
 from .network import RCNetwork
 from .parameters import Parameter
@@ -13,7 +14,9 @@ __all__ = [
     "Parameter",
     "RCNetwork",
     "Source",
+    "building_network",
     "draw",
     "get_network",
     "list_networks",
+    "room_network",
 ]

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .declaration import ROLE_PREFIXES, Declaration, all_shares, is_by_role
+from .declaration import (
+    ROLE_PREFIXES,
+    SOURCE_PARAMETERS,
+    Declaration,
+    all_shares,
+    is_by_role,
+    own_parameters,
+)
 
 _NODE = re.compile(r"[A-Za-z]\w*\Z")
 _BOUNDARY = re.compile(r"T_\w+\Z")
-_SOURCE_PARAMETERS = ("A_win", "Q_")  # prefixes of the parameters of sources
 
 
 def check(network: Declaration) -> None:
@@ -32,6 +39,7 @@ def _problems(network: Declaration) -> Iterator[str]:
         yield from _share_problems(network, kind)
     yield from _connection_problems(network)
     yield from _bound_problems(network)
+    yield from _zone_problems(network)
 
 
 def _name_problems(network: Declaration) -> Iterator[str]:
@@ -46,7 +54,7 @@ def _name_problems(network: Declaration) -> Iterator[str]:
     for name in own:
         if not isinstance(name, str):
             yield f"{name!r} is no name of a parameter; give text, such as 'C_za'."
-        elif name.startswith(_SOURCE_PARAMETERS):
+        elif name.startswith(SOURCE_PARAMETERS):
             yield f"{name!r} cannot name this parameter: A_win... and Q_... are reserved for the sources."
     twice = sorted({str(name) for name in own if own.count(name) > 1})
     if twice:
@@ -111,6 +119,17 @@ def _key_problems(network: Declaration, kind: str) -> Iterator[str]:
             yield f"{kind} mixes {role!r} with roles; its keys must be all roles ({roles}) or all nodes."
         if not isinstance(target, str | Mapping):
             yield f"{kind} gives {role!r} to {target!r}, which is neither a node nor a mapping of node to share."
+        for parameter in own_parameters(target):
+            if role.startswith("Q_"):
+                yield f"{kind} gives {role!r} the capacity {parameter!r}; it is in kW already, so give shares of it."
+            if not parameter.startswith(SOURCE_PARAMETERS[kind == "heated"]):
+                yield f"{kind} gives {role!r} the parameter {parameter!r}; an area is A_win..., a capacity Q_...."
+            if not isinstance(target[parameter], str | Mapping):
+                yield f"{kind} gives {parameter!r} to {target[parameter]!r}, which is neither a node nor shares."
+    sources = Counter(source.parameter for source in network.sources(declared) if source.parameter is not None)
+    for parameter, count in sources.items():
+        if count > 1:
+            yield f"{kind} gives {parameter!r} to two sources; give every source its own."
 
 
 def _share_problems(network: Declaration, kind: str) -> Iterator[str]:
@@ -156,7 +175,7 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
     fractions = set(_fractions(network))
     own = {*network.capacitances.values(), *network.resistors, *fractions}
     for name, bounds in network.bounds.items():
-        if name not in own and not name.startswith(_SOURCE_PARAMETERS):
+        if name not in own and not name.startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
         lower, upper = sorted(float(b) for b in bounds)
         if not np.isfinite([lower, upper]).all() or lower == upper:
@@ -167,3 +186,13 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); a share is at most 1."
         if name.startswith(("Q_h", "Q_c")) and lower * upper <= 0.0:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); both must have the same sign and not be zero."
+
+
+def _zone_problems(network: Declaration) -> Iterator[str]:
+    zone = Counter(node for inside in network.zones.values() for node in inside)
+    for node in network.capacitances if network.zones else ():
+        if zone[node] != 1:
+            yield f"the node {node!r} is in {zone[node]} of its zones; name it in one."
+    for name, inside in network.zones.items():
+        if len(set(inside) & set(network.measured_nodes)) != 1 or len(set(inside) & set(network.disturbed_nodes)) != 1:
+            yield f"the zone {name!r} needs one measured and one disturbed node."

@@ -11,8 +11,10 @@ from .parameters import Parameter, make_parameter
 #: where heat goes: a node, or nodes with the name of the fraction that each gets (None: the remainder)
 Target = str | Mapping[str, str | None]
 Shares = tuple[tuple[str, str | None], ...]
+Part = tuple[str | None, Shares]  # an area or capacity of its own (None: the role's usual one), and where its heat goes
 
 ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}  # prefixes of the roles of each kind of heat
+SOURCE_PARAMETERS = ("A_win", "Q_")  # prefixes of the parameters of sources
 
 
 class Source(NamedTuple):
@@ -44,6 +46,7 @@ class Declaration:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     description: str = field(default="", compare=False)
     reference: str = field(default="", compare=False)
+    zones: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("measured", "disturbed", "solar", "heated"):
@@ -75,14 +78,28 @@ class Declaration:
     @property
     def gain_names(self) -> tuple[str, ...]:
         """Names of the last columns of B: ``heat_gain``, or ``heat_gain_<node>`` where several nodes are disturbed."""
-        nodes = self.disturbed_nodes
-        return ("heat_gain",) if len(nodes) == 1 else tuple(f"heat_gain_{node}" for node in nodes)
+        names = self.disturbed_names
+        return ("heat_gain",) if len(names) == 1 else tuple(f"heat_gain_{name}" for name in names)
 
     @property
     def history_roles(self) -> tuple[str, ...]:
-        """Roles of the measured temperatures: ``T_za`` for a single measured node, ``T_<node>`` for several."""
-        nodes = self.measured_nodes
-        return ("T_za",) if len(nodes) == 1 else tuple(f"T_{node}" for node in nodes)
+        """Roles of the measured temperatures: ``T_za`` of one; ``T_<node>`` of several, ``T_za_<zone>`` of zones."""
+        names = self.measured_names
+        return ("T_za",) if len(names) == 1 else tuple(f"T_za_{n}" if self.zones else f"T_{n}" for n in names)
+
+    @property
+    def measured_names(self) -> tuple[str, ...]:
+        """Names of the measured nodes: of their zones where the network has zones, else their own."""
+        return self._names(self.measured_nodes)
+
+    @property
+    def disturbed_names(self) -> tuple[str, ...]:
+        """Names of the disturbed nodes, as :attr:`measured_names`."""
+        return self._names(self.disturbed_nodes)
+
+    def _names(self, nodes: tuple[str, ...]) -> tuple[str, ...]:
+        zone = {node: name for name, inside in self.zones.items() for node in inside}
+        return tuple(zone.get(node, node) for node in nodes)
 
     @property
     def fractions(self) -> dict[str, str]:
@@ -109,7 +126,9 @@ class Declaration:
     def usual_roles(self) -> tuple[str, ...]:
         """Required roles, and those of the heating and cooling stages (one of each where none is named)."""
         if is_by_role(self.heated, "heated"):
-            return (*self.required_roles, *self.heated)
+            own = [role for role in self.heated if role.endswith(tuple(f"_{zone}" for zone in self.zones))]
+            stages = [role for role in own if role.startswith("u_")]
+            return (*self.required_roles, *(stages or own or self.heated))
         nodes = self.heated if isinstance(self.heated, tuple) else ()
         stages = [f"{u}_{node}" for node in nodes for u in ("u_heat", "u_cool")] or ["u_heat", "u_cool"]
         return (*self.required_roles, *stages)
@@ -141,17 +160,19 @@ class Declaration:
         out = []
         for role in sorted(set(roles), key=_role_order):
             if role.startswith(ROLE_PREFIXES["solar"]):
-                shares = shares_of_role(self.solar, "solar", role)
-                if shares is not None:
-                    out.append(Source(role, "A_win" + role[len("q_sol") :], shares))
+                usual: str | None = "A_win" + role[len("q_sol") :]
+                parts = parts_of_role(self.solar, "solar", role)
             elif role.startswith(ROLE_PREFIXES["heated"]):
-                shares = shares_of_role(self.heated, "heated", role)
-                if shares is None:
+                usual = capacity_name(role) if role.startswith("u_") else None
+                parts = parts_of_role(self.heated, "heated", role)
+                if not parts:
                     raise ValueError(
                         f"network {self.name} does not say which node {role!r} heats; name it in heated={{{role!r}: "
                         f"node}}, or leave the column out by columns={{{role!r}: None}}."
                     )
-                out.append(Source(role, _capacity_name(role) if role.startswith("u_") else None, shares))
+            else:
+                continue
+            out += [Source(role, usual if own is None else own, shares) for own, shares in parts]
         return tuple(out)
 
     def inputs(self, roles: Iterable[str]) -> tuple[str, ...]:
@@ -162,7 +183,9 @@ class Declaration:
         roles : iterable of str
         """
         roles = set(roles)
-        return (*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles)))
+        return tuple(
+            dict.fromkeys([*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles))])
+        )
 
     def parameters(self, roles: Iterable[str] | None = None) -> tuple[Parameter, ...]:
         """Parameters of the network under the given inputs, in the order of ``theta``.
@@ -183,7 +206,8 @@ class Declaration:
             if source.parameter is not None:
                 area = source.parameter.startswith("A_win")
                 text = "effective window area for" if area else "capacity of"
-                named.append((source.parameter, "A" if area else "Q", f"{text} {source.role}"))
+                to = f" to {source.shares[0][0]}" if self.zones else ""
+                named.append((source.parameter, "A" if area else "Q", f"{text} {source.role}{to}"))
         return tuple(make_parameter(name, kind, text).bounded(self.bounds.get(name)) for name, kind, text in named)
 
 
@@ -197,24 +221,30 @@ def is_by_role(declared: object, kind: str) -> bool:
     return isinstance(declared, Mapping) and any(str(key).startswith(ROLE_PREFIXES[kind]) for key in declared)
 
 
-def shares_of_role(declared: object, kind: str, role: str) -> Shares | None:
-    """Shares of the heat of one role, or None where the declaration does not say where it goes."""
+def parts_of_role(declared: object, kind: str, role: str) -> tuple[Part, ...]:
+    """Targets of the heat of one role; none where the declaration does not say."""
     if is_by_role(declared, kind):
         found = declared.get(role)  # type: ignore[attr-defined]
-        return None if found is None else _as_shares(found)
+        return () if found is None else _parts(found)
     if isinstance(declared, str | Mapping):
-        return _as_shares(declared) or None
+        return _parts(declared) if declared else ()
     named = [node for node in as_names(declared) if f"_{node}_" in f"{role}_"]  # type: ignore[arg-type]
-    return ((named[0], None),) if len(named) == 1 else None
+    return ((None, ((named[0], None),)),) if len(named) == 1 else ()
 
 
 def all_shares(declared: object, kind: str) -> list[Shares]:
     """Shares of the heat of every role or node that ``solar`` or ``heated`` names."""
     if is_by_role(declared, kind):
-        return [_as_shares(target) for target in declared.values()]  # type: ignore[attr-defined]
+        return [shares for target in declared.values() for _, shares in _parts(target)]  # type: ignore[attr-defined]
     if isinstance(declared, str | Mapping):
         return [_as_shares(declared)] if declared else []
     return [((node, None),) for node in as_names(declared)]  # type: ignore[arg-type]
+
+
+def own_parameters(target: object) -> tuple[str, ...]:
+    """Areas or capacities that a target of a role names, one per part of its heat."""
+    keys = tuple(map(str, target)) if isinstance(target, Mapping) else ()
+    return keys if keys and all(key.startswith(SOURCE_PARAMETERS) for key in keys) else ()
 
 
 def fractions_of(declared: object, kind: str) -> dict[str, str]:
@@ -224,11 +254,17 @@ def fractions_of(declared: object, kind: str) -> dict[str, str]:
     }
 
 
+def _parts(target: Any) -> tuple[Part, ...]:
+    if own_parameters(target):
+        return tuple((parameter, _as_shares(inside)) for parameter, inside in target.items())
+    return ((None, _as_shares(target)),)
+
+
 def _as_shares(target: Target) -> Shares:
     return ((target, None),) if isinstance(target, str) else tuple(target.items())
 
 
-def _capacity_name(role: str) -> str:
+def capacity_name(role: str) -> str:
     """Parameter of a stage, such as ``Q_h`` of ``u_heat``, ``Q_c`` of ``u_cool`` and ``Q_h_2`` of ``u_heat_2``."""
     name = role[len("u_") :]
     for long, short in (("heat", "h"), ("cool", "c")):

@@ -37,8 +37,9 @@ def _conduction(network: Declaration, node: str, latex: bool) -> list[str]:
 def heat_inputs(network: Declaration, node: str, roles: Iterable[str], *, latex: bool = False) -> list[str]:
     """Heat flows into a node from its sources, the unmeasured one last."""
     flows = [_product(source, node, latex) for source in network.sources(roles) if node in dict(source.shares)]
-    if node in network.disturbed_nodes:
-        gain = "Q_g" if len(network.disturbed_nodes) == 1 else f"Q_g_{node}"
+    gains = dict(zip(network.disturbed_nodes, network.disturbed_names, strict=True))
+    if node in gains:
+        gain = "Q_g" if len(gains) == 1 else f"Q_g_{gains[node]}"
         flows.append(symbol(gain) if latex else gain)
     return flows
 

@@ -38,17 +38,22 @@ class RCNetwork(Declaration):
     solar : mapping of node to fraction parameter or None, str, tuple of str, or mapping of role to these
         Where solar heat goes: the named fraction [-] to a node, and the remainder to the node whose fraction is None.
         With several windows, a mapping of role to node or to such shares, ``{"q_sol_north": "north", ...}``, or a tuple
-        of nodes, each with its own role ``q_sol_<node>``.  Other irradiance columns are not read.
+        of nodes, each with its own role ``q_sol_<node>``.  Other irradiance columns are not read.  A role of several
+        windows has a mapping of area to such a target, ``{"q_sol": {"A_win_north": "north", "A_win_south": ...}}``.
     measured, disturbed : str or tuple of str
         The nodes whose temperature is measured, and those that unmeasured heat enters.
     heated : str, tuple of str, or mapping
         The node that all heating and cooling acts on; a tuple of nodes, where the role names the node
-        (``u_heat_north``, ``Q_north``); shares as in ``solar``; or a mapping of role to node or shares.  A column of
-        heating or cooling whose node remains unclear is refused.
+        (``u_heat_north``, ``Q_north``); shares as in ``solar``; or a mapping of role to node, shares or capacities
+        (``{"u_heat": {"Q_h_north": "north", ...}}``).  A column of heating or cooling whose node remains unclear is
+        refused.
     bounds : mapping of parameter to (lower, upper), optional
         Overrides the paper's bounds.
     description, reference : str, optional
         Purpose of the network, and its source.
+    zones : mapping of zone to tuple of nodes, optional
+        Rooms, each with one measured and one disturbed node, by which temperatures (``T_za_<zone>``) and gains are
+        named; see :func:`~skhybrid.thermal.building_network`.
 
     Raises
     ------

@@ -14,9 +14,8 @@ from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
-from ..study.judgement import is_scaled
 from ..study.plant import Performance
-from ..study.settings import Settings
+from ..study.settings import Settings, is_scaled
 from ..study.tariff import energy_cost
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
@@ -136,12 +135,12 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
         found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)
         found[f"highest temperature{of} [degC]"] = round(float(out[role].max()), 2)
     loads = [role for role in settings.roles_of("Q_hvac") if role in out]
-    if settings.zones and loads and is_scaled(settings, settings.columns):
+    if settings.zones and loads and is_scaled(settings.columns, settings.capacities):
         of_all = out[loads].sum(axis=1)
         kWh = {role.removeprefix("Q_hvac_"): float(out[role].clip(lower=0).sum() * hours) for role in loads}
         found |= {f"heating of {zone} [kWh]": round(heat, 2) for zone, heat in kWh.items()}
         found["largest load [kW]"] = round(float(of_all.abs().max()), 2)
-    if "Q_hvac" not in out or not is_scaled(settings, settings.columns):
+    if "Q_hvac" not in out or not is_scaled(settings.columns, settings.capacities):
         return found  # kW without a scale are no sum to put in front
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
@@ -160,7 +159,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
             "interval"
         )
-    if not planned and not is_scaled(zone.settings, zone.covered()):
+    if not planned and not is_scaled(zone.covered(), zone.settings.capacities):
         out.append(
             "no capacity of the plant is known, so its kW have no certain scale; give known = { Q_h = ... } in "
             "[estimator]"

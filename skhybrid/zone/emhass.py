@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ..study.identified_building import quantities, with_errors
-from ..study.judgement import is_scaled
 from ..study.plant import Performance
-from ..study.settings import Settings
+from ..study.settings import Settings, is_scaled
 from .first_order import Law, first_order, temperatures, warming
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
@@ -109,7 +108,7 @@ def emhass_parameters(
     plant = _plant(gray_box, settings, rows, sense)
     time = step * np.arange(1, round(hours / step) + 1)
     found = with_errors(gray_box, lambda theta: _values(gray_box, theta, plant, time))
-    scaled = is_scaled(settings, gray_box.state_space_.input_names)
+    scaled = is_scaled(gray_box.state_space_.input_names, settings.capacities)
     left_out = _not_told(found, scaled) | _BY_HAND
     known = {str(name): float(f"{value:.4g}") for name, value in found["value"].items() if name not in left_out}
     efficiency = settings.plant.get("cop") if sense == "heat" else settings.plant.get("eer", settings.plant.get("cop"))

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
+from scipy.signal import dlsim
 
 from ..study.identified_building import discrete
 
@@ -84,8 +85,6 @@ def warming(
     """
     A, B, names, zone = discrete(gray_box, theta, step)
     given = B[:, [names.index(role) for role in nominal]] @ np.array(list(nominal.values()))
-    state, warmed = np.zeros(len(A)), np.empty(n_steps)
-    for k in range(n_steps):
-        state = A @ state + given
-        warmed[k] = state[zone]
-    return warmed, float(np.linalg.solve(np.eye(len(A)) - A, given)[zone])
+    system = A, given[:, None], np.eye(len(A))[[zone]], np.zeros((1, 1)), step
+    _, warmed, _ = dlsim(system, np.ones(n_steps + 1))
+    return warmed[1:, 0], float(np.linalg.solve(np.eye(len(A)) - A, given)[zone])

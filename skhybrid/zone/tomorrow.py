@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import listed
+from .._table import is_plant, listed
 from ..datasets import weather_on_steps
 from ..study.settings import Settings
 from ..study.thermostat import Schedule, free_days
@@ -81,7 +81,7 @@ def rows_ahead(
     """
     step = pd.Timedelta(settings.step)
     index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)
-    plant = [role for role in inputs if role.startswith(("Q_", "u_"))]
+    plant = list(filter(is_plant, inputs))
     known = weather if weather is not None else plan
     if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
         index = index[index <= plan.index[-1]]

@@ -15,7 +15,6 @@ from ..study.data import StudyData
 from ..study.judgement import (
     Doubts,
     Load,
-    is_scaled,
     judge_load,
     judge_temperature,
     load_of,
@@ -23,7 +22,7 @@ from ..study.judgement import (
     plant_roles,
 )  # fmt: skip
 from ..study.run import INTERVAL
-from ..study.settings import Settings
+from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
 
 #: what the predictor is compared with, apart from the rules for the load
@@ -71,7 +70,7 @@ def backtest_zone(
     if delivered is not None:
         loads = _loads(predictor, settings, data, delivered)
         rules = {name: load for name, load in loads.items() if name != HYBRID}
-        given: dict[str, Any] = {"scaled": is_scaled(settings, data.train), "doubts": doubts.load}
+        given: dict[str, Any] = {"scaled": is_scaled(data.train, settings.capacities), "doubts": doubts.load}
         verdicts.append(judge_load(loads[HYBRID], rules, delivered.values, data.test_start, **given))
         errors = pd.DataFrame(loads).sub(delivered.values, axis=0)[data.test_start :].dropna()
         table = table.reindex([*table.index, *rules]).assign(load_rmse=np.sqrt((errors**2).mean()))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 import pandas as pd
 
 from .._files import atomic_path
+from .._table import is_plant
 from ..exceptions import ModelFileError
 from ..logs.log_findings import without_standstills
 from ..study import propose_settings, read_log, read_settings
@@ -155,12 +156,8 @@ class ZoneFolder:
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
-            last = archive.last_measured()
-            archive.add_measured(_measured(frame, settings, origin, last))
-            archive.add_forecast(origin, _with_beyond(found.frame, zone))
             keep_log(archive, frame, origin)
-            if n_new or why:
-                zone.save(self.model)
+            self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
     def post(
@@ -197,30 +194,30 @@ class ZoneFolder:
             zone, settings = self.load(), _of_one_zone(self.config)
             frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
-            origin = zone.history(frame).index[-1]
-            archive.add_measured(_measured(frame, settings, origin, archive.last_measured()))
             found = None
             try:
                 if n_new or n_ahead or why:
                     found = day_ahead(zone, frame, weather, schedule)
             except (ValueError, OSError) as error:
                 remarks.append(f"there is no new forecast: {error}")
-            if found is not None:
-                archive.add_forecast(origin, _with_beyond(found.frame, zone))
-                remarks += found.remarks
-            if n_new or why:
-                zone.save(self.model)
-        return Posted(found, n_new, why, tuple(remarks))
+            origin = zone.history(frame).index[-1]
+            self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
+        return Posted(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
-    def status(self) -> dict[str, Any]:
+    def status(self, model: ZoneModel | None = None) -> dict[str, Any]:
         """Report the last row, drift, verdicts and errors of past forecasts, as plain values.
+
+        Parameters
+        ----------
+        model : ZoneModel, optional
+            That of the folder, where it is loaded already.
 
         Raises
         ------
         FileNotFoundError, OSError
             If there is no zone, or its archive cannot be read.
         """
-        zone = self.load()
+        zone = self.load() if model is None else model
         days = drift_days(zone.predictor)
         with open_archive(self.archive) as archive:
             return {
@@ -231,6 +228,23 @@ class ZoneFolder:
                 "drift": drift_of(days),
                 **_scores(archive, zone, days),
             }
+
+    def _keep(
+        self,
+        archive: ForecastArchive,
+        zone: ZoneModel,
+        frame: pd.DataFrame,
+        origin: pd.Timestamp,
+        found: DayAhead | None,
+        *,
+        changed: bool,
+    ) -> None:
+        """Archive what was measured and forecast, and save a model that has changed."""
+        archive.add_measured(_measured(frame, zone.settings, origin, archive.last_measured()))
+        if found is not None:
+            archive.add_forecast(origin, _with_beyond(found.frame, zone))
+        if changed:
+            zone.save(self.model)
 
     def _require_model(self) -> None:
         if not self.model.exists():
@@ -328,7 +342,7 @@ def _measured(
 
 def _with_beyond(forecast: pd.DataFrame, zone: ZoneModel) -> pd.DataFrame:
     """A forecast that tells in which rows the weather lies beyond what training covered."""
-    weather = forecast.drop(columns=[name for name in forecast if str(name).startswith(("Q_", "u_"))])
+    weather = forecast.drop(columns=list(filter(is_plant, forecast)))
     return forecast.assign(**{BEYOND: beyond_training(weather, zone.covered()).any(axis=1).astype(float)})
 
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
 from ..logs.log_findings import without_standstills
@@ -246,12 +246,12 @@ class ZoneModel:
             return self.predictor.forecast(history, future)
 
     def _plant(self) -> list[str]:
-        return [role for role in self.settings.columns if role.startswith(("Q_", "u_"))]
+        return [role for role in self.settings.columns if is_plant(role)]
 
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
         """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
         given = [role for role in self.settings.setpoints if role in future]
-        if not given or self.thermostat_learned or any(str(c).startswith(("Q_", "u_")) for c in future):
+        if not given or self.thermostat_learned or any(map(is_plant, future)):
             return None
         if not self.zones:
             return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)

@@ -137,7 +137,7 @@ class Call(_Shown):
         return wrong_numbers(result, missing=entry.method in _MISSING, temperature=names if roomy else ())
 
     def lie(self, entry: Entry, warned: bool) -> str | None:
-        """What must be refused in this call, where there is something."""
+        """The lie that must be refused in this call, where there is one."""
         if entry.estimator in TRANSFORMERS or entry.method in ("regularize", "split_log"):
             return None
         if entry.estimator is None and entry.name.startswith(NO_ZONE):

@@ -140,6 +140,10 @@ ARGUMENTS: dict[str, dict[str, Make]] = {
         heating=("u_heat",), both=("u_heat", "u_cool"), heat=("Q_hvac",), text="u_heat", twice=("u_heat", "u_heat"),
         weather=("T_oa",), empty=(), none=None, number=3, numbers=(1, 2), nested=(("u_heat",),),
     ),
+    "like": _constant(none=None, word="the last", number=3),
+    "boundary": _constant(none=None, empty={}, unknown={"T_south": [[20.0]]}, word="T_south", number=3),
+    "n_samples": _constant(few=3, none=0, below=-1, word="many", half=0.5),
+    "random_state": _constant(number=0, word="x"),
     "member": _constant(blend="blend", network="network", other="ARX", none=None, number=1),
 }  # fmt: skip
 #: parameters with a default that are left alone
@@ -162,7 +166,7 @@ class Entry(NamedTuple):
 
     @property
     def share(self) -> int:
-        """How often it is called, against others."""
+        """Weight with which it is called, against others."""
         slow = self.method in ("fit", "partial_fit") or self.estimator in (None, *NETWORKS)
         return _SHARE.get(self.estimator or self.method, 10) if slow else 5
 

@@ -12,6 +12,7 @@ from zone_tables import training
 
 from skhybrid import (
     ARXRegressor,
+    BuildingPredictor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -48,6 +49,7 @@ ESTIMATORS: dict[str, Any] = {
     "HybridPredictor": HybridPredictor(network="1R1C"),
     "SchedulePredictor": SchedulePredictor(network="1R1C", adapt=None),
     "SchedulePredictor, set-points": SchedulePredictor(network="1R1C"),
+    "BuildingPredictor": BuildingPredictor(SchedulePredictor(network="1R1C", adapt=None)),
     "TwoStagePredictor": TwoStagePredictor(InputDisturbanceID("1R1C", **ONE_NODE), DisturbanceForecaster("profile")),
     "Pipeline": make_pipeline(UnitConverter(), GapFiller(), ARXRegressor(n_lags=3, n_input_lags=2, calendar=False)),
     "DesignMatrixSearchCV, ARXRegressor": DesignMatrixSearchCV(

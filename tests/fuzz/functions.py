@@ -26,6 +26,7 @@ from skhybrid.identification import (
     cumulative_periodogram,
     diagnose,
     diagnose_residuals,
+    identify_rooms,
     ljung_box,
     profile_likelihood,
 )
@@ -43,8 +44,10 @@ from skhybrid.model_selection import (
 )
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import split_log
+from skhybrid.thermal import building_network
 
 _TWO = {"input": InputDisturbanceID("1R1C", n_starts=1), "output": OutputDisturbanceID("1R1C", n_starts=1)}
+_PAIR = building_network(["a", "b"], [("a", "b")], room="1R1C", solar="q_sol")
 _SETTINGS = """step = "1h"
 horizon = "6h"
 [columns]
@@ -73,7 +76,7 @@ SETTINGS = {
 
 
 def _there_and_back(estimator: Any, X: Any) -> Any:
-    """What a saved and loaded estimator predicts, which is what the estimator itself predicts."""
+    """Predictions of a saved and loaded estimator, which are those of the estimator itself."""
     with tempfile.TemporaryDirectory() as folder:
         save_model(estimator, Path(folder) / "m")
         return load_model(Path(folder) / "m").predict(X)
@@ -122,6 +125,11 @@ def _as_errors(X: Any) -> Any:
     """A table with the columns of one-step errors, which are missing where the table has not theirs."""
     names = {"T_za": "innovation", "T_oa": "std"}
     return X.rename(columns=names)[list(names.values())] if {*names} <= {*getattr(X, "columns", ())} else X
+
+
+def _of_two_rooms(y: Any) -> Any:
+    """The temperature of one room as that of two, the second colder."""
+    return pd.DataFrame({"a": y, "b": y - 1.0}) if isinstance(y, pd.Series) and y.dtype.kind == "f" else y
 
 
 def _column(X: Any) -> Any:
@@ -181,13 +189,14 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     ),
     "skhybrid check": lambda X: _command(X, "check", ("--quiet",), None),
     "LogReport": lambda X: None if str(LogReport(X)) else "no text",
+    "identify_rooms": lambda X, y: identify_rooms(InputDisturbanceID(_PAIR, n_starts=1), X, _of_two_rooms(y)).theta,
 }
 _DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14))
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
 NO_ZONE = (
     "score_", "RollingOriginSplit", "DriftMonitor", "autocorrelation", "cross_correlation", "cumulative_periodogram",
     "ljung_box", "diagnose_residuals", "make_office", "weather_on_steps", "skhybrid run",
-    "skhybrid check", "LogReport",
+    "skhybrid check", "LogReport", "identify_rooms",
 )  # fmt: skip
 
 _MADE, _NUMBERS = "is made by what is called", "takes names and numbers, no table"
@@ -203,6 +212,7 @@ NOT_CALLED = {
             "load_benchmark",
             "BenchmarkLog",
             "make_prbs",
+            "make_house",
             "make_weather",
             "ModelCase",
             "list_cases",
@@ -216,6 +226,9 @@ NOT_CALLED = {
     **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the targets csv and logs"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
+    **dict.fromkeys(("building_network", "room_network"), _NUMBERS),
+    "RoomFits": _MADE,
+    "find_adjacency": "needs more days than the tables have",
     "propose_settings": "skhybrid check, and the targets csv and toml",
     **dict.fromkeys(("run_study", "write_outputs", "write_report", "StudyResult", "Yesterday"), "skhybrid run"),
     **dict.fromkeys(("PatternExpressiveness", "RobustnessComparison", "select_case", "CaseChoice"), _SAMPLES),

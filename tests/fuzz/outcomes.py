@@ -33,7 +33,7 @@ _SECONDS = 120  # of the processor: no call on such small tables takes longer, n
 
 
 class Outcome(NamedTuple):
-    """What became of a call."""
+    """Outcome of a call."""
 
     kind: str  # ACCEPTED, REFUSED or a failure
     detail: str = ""
@@ -140,7 +140,7 @@ def numbers_in(result: Any) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def wrong_numbers(result: Any, *, missing: bool = False, temperature: tuple[str, ...] = ()) -> str | None:
-    """What is wrong with the numbers of a result: not finite (NaN where ``missing`` is), or no room temperature."""
+    """Fault of the numbers of a result: not finite (NaN where ``missing`` is), or no room temperature."""
     for name, values in numbers_in(result):
         if np.isinf(values).any() or (not missing and np.isnan(values).any()):
             return f"{'inf' if np.isinf(values).any() else 'NaN'} in the result{f' ({name})' if name else ''}"
@@ -173,6 +173,6 @@ class Tally:
         return {"counts": self.counts, "examples": self.examples}
 
     def failures(self) -> Counter[str]:
-        """How often each failure was seen."""
+        """Number of times that each failure was seen."""
         total = sum(self.counts.values(), Counter())
         return Counter({kind: n for kind, n in total.items() if kind not in (ACCEPTED, REFUSED)})

@@ -177,7 +177,7 @@ class Spoilt(_Shown):
 
 @dataclass(frozen=True, repr=False)
 class Table(_Shown):
-    """What a table is made of; :meth:`make` makes it."""
+    """Ingredients of a table; :meth:`make` makes it."""
 
     n_rows: int = 48
     step: str = "1h"

@@ -208,7 +208,7 @@ def try_mutant(mutant: dict, benches: Queue, budget: float) -> dict:
 
 # --------------------------------------------------------------------------------------------------------- outcomes
 def read_store() -> list[dict]:
-    """What has been run, but for modules that are gone."""
+    """Outcomes of what has been run, but for modules that are gone."""
     rows = csv.DictReader(STORE.open()) if STORE.exists() else []
     return [row for row in rows if (PACKAGE / row["module"]).exists()]
 

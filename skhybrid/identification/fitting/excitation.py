@@ -39,7 +39,7 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
     if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
         out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
     if out:
-        what = ", ".join(_idleness(table, role) for role in sorted(s.role for s in idle))
+        what = ", ".join(_idleness(table, role) for role in sorted({s.role for s in idle}))
         warn_user(
             f"{name}: {what}, so {', '.join(out)} cannot be identified and stays at its default; pass it in known= or "
             "add days on which it ran.",
@@ -64,15 +64,16 @@ def _warn_little_excited(network: RCNetwork, table: ZoneTable, known: set[str], 
     """Warn of inputs that never change, plants that hardly ran, and less than two days, with what they leave open."""
     found = []
     still = {role for role, v in table.inputs.items() if np.ptp(v) == 0}
-    gains = {s.role: s.parameter for s in network.sources(table.inputs) if np.any(table.inputs[s.role])}
+    sources = [s for s in network.sources(table.inputs) if np.any(table.inputs[s.role])]
     for role in sorted(still):
-        open_ = [r for r, ends in network.resistors.items() if role in ends] + [gains.get(role)]
-        found.append((f"{role} is the same in every row", [p for p in open_ if p]))
+        open_ = [r for r, ends in network.resistors.items() if role in ends]
+        open_ += [s.parameter for s in sources if s.role == role and s.parameter]
+        found.append((f"{role} is the same in every row", open_))
     network_of_heat = [*network.capacitances.values(), *network.resistors]
     found += [
         (_idleness(table, role), network_of_heat)
-        for role, capacity in gains.items()
-        if capacity is None and role not in still and table.hardly_ran(role)
+        for role in (s.role for s in sources if s.parameter is None)
+        if role not in still and table.hardly_ran(role)
     ]
     if table.n_rows * table.step < _FEW_DAYS:
         found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))

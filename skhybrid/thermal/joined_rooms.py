@@ -1,0 +1,275 @@
+"""Networks of buildings: one room network per zone, joined by the resistors of partitions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from .catalogue import get_network
+from .declaration import Target, as_names, capacity_name, is_by_role, own_parameters
+from .network import RCNetwork
+
+#: bounds of a partition [K/kW]: from an open door to nearly nothing
+_PARTITION = (0.05, 400.0)
+
+
+def building_network(
+    zones: Sequence[str] | Mapping[str, str | RCNetwork],
+    adjacency: Iterable[tuple[str, str]] | None = None,
+    *,
+    room: str | RCNetwork = "2R2C",
+    couple: Sequence[str] = ("za",),
+    solar: str | Mapping[str, str | Sequence[str]] | None = None,
+    heated: Mapping[str, str | Sequence[str]] | None = None,
+    name: str = "building",
+) -> RCNetwork:
+    """Network of a building: a room network per zone, joined by a partition between each two adjacent zones.
+
+    Parameters
+    ----------
+    zones : sequence of str, or mapping of zone to network
+        Two names or more; with a mapping, each zone has a network of its own.
+    adjacency : iterable of (zone, zone), optional
+        The pairs that share a partition, from the floor plan or :func:`~skhybrid.identification.find_adjacency`.  By
+        default none: a coupling on a wrong path does more harm than a missing one.
+    room : str or RCNetwork
+        Network of a zone, by its name in the catalogue; it measures, heats and disturbs one node each.
+    couple : sequence of str
+        Nodes of the rooms that a partition joins: ``("za",)`` the air, ``("za", "w")`` air and walls too.
+    solar : str, or mapping of zone to role or roles, optional
+        Irradiance on the windows of each zone, by default its own, ``q_sol_<zone>``.  ``"q_sol"`` is one for all; in a
+        mapping ``()`` stands for a zone without windows, and zones that it does not name have their own.
+    heated : mapping of zone to role or roles, optional
+        What heats and cools each zone; ``()`` stands for nothing.  A zone that is not named has its own
+        ``u_heat_<zone>``, ``u_cool_<zone>`` and ``Q_hvac_<zone>``, and shares ``u_heat``, ``u_cool`` and ``Q_hvac``
+        with the others, as far as the table has them.
+    name : str
+
+    Returns
+    -------
+    RCNetwork
+        Nodes ``za_<zone>``, ``w_<zone>`` ...; parameters ``C_za_<zone>``, ``R_zo_<zone>`` ...; partitions ``R_<a>_<b>``
+        between air nodes and ``R_w_<a>_<b>`` between others, in the order of the pair.  A stage that several zones
+        share has a capacity per zone, ``Q_h_to_<zone>``; heat [kW] that they share has shares ``f_hvac_<zone>``, whose
+        remainder goes to the last; irradiance that they share has an area per zone, ``A_win_to_<zone>``.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two zones, a name is unusual or given twice, a pair is unknown, given twice or a zone
+        with itself, or a room network measures, heats or disturbs several nodes.
+
+    Examples
+    --------
+    >>> from skhybrid.thermal import building_network
+    >>> flat = building_network(["north", "south"], [("north", "south")], solar="q_sol", room="1R1C")
+    >>> print(flat.equations(["q_sol", "u_heat_north", "Q_hvac_south"]).replace(" + ", "\\n   + "))
+    C_za_north dT_za_north/dt = (T_oa - T_za_north)/R_zo_north
+       + (T_za_south - T_za_north)/R_north_south
+       + A_win_to_north q_sol
+       + Q_h_north u_heat_north
+       + Q_g_north
+    C_za_south dT_za_south/dt = (T_oa - T_za_south)/R_zo_south
+       + (T_za_north - T_za_south)/R_north_south
+       + A_win_to_south q_sol
+       + Q_hvac_south
+       + Q_g_south
+    >>> flat.history_roles
+    ('T_za_north', 'T_za_south')
+    """
+    rooms = {zone: _checked_room(zone, network) for zone, network in _rooms(zones, room).items()}
+    pairs = _checked_pairs(adjacency, rooms)
+    joined = {label: ends for kind in as_names(couple) for label, ends in _partitions(rooms, pairs, kind)}
+    renamed = {zone: {node: f"{node}_{zone}" for node in network.nodes} for zone, network in rooms.items()}
+    bounds = {f"{p}_{zone}": given for zone, network in rooms.items() for p, given in network.bounds.items()}
+    return RCNetwork(
+        name,
+        {f"{node}_{z}": f"{c}_{z}" for z, network in rooms.items() for node, c in network.capacitances.items()},
+        {f"{r}_{z}": _ends(ends, renamed[z]) for z, n in rooms.items() for r, ends in n.resistors.items()} | joined,
+        _solar(rooms, solar),
+        measured=tuple(f"{network.measured}_{zone}" for zone, network in rooms.items()),
+        disturbed=tuple(f"{network.disturbed}_{zone}" for zone, network in rooms.items()),
+        heated=_heated(rooms, heated),
+        bounds=bounds | dict.fromkeys(joined, _PARTITION),
+        zones={zone: tuple(nodes.values()) for zone, nodes in renamed.items()},
+    )
+
+
+def _rooms(zones: Any, room: str | RCNetwork) -> dict[str, RCNetwork]:
+    given = zones if isinstance(zones, Mapping) else dict.fromkeys(as_names(zones), room)
+    if not isinstance(zones, Mapping) and len(given) < len(as_names(zones)):
+        raise ValueError(f"zones={list(zones)!r} names a zone twice; give every zone its own name.")
+    if len(given) < 2:
+        raise ValueError(f"zones={zones!r} has {len(given)} of the two or more zones that a building joins.")
+    for zone in given:
+        if not isinstance(zone, str) or not re.fullmatch(r"\w+", zone, re.ASCII):
+            raise ValueError(f"zones has {zone!r}, which cannot be part of a column's name; use letters, digits and _.")
+    return {zone: get_network(network) for zone, network in given.items()}
+
+
+def _checked_room(zone: str, network: RCNetwork) -> RCNetwork:
+    for what in ("measured", "disturbed", "heated"):
+        if not isinstance(getattr(network, what), str):
+            raise ValueError(
+                f"the network {network.name} of zone {zone!r} names {getattr(network, what)!r} as {what}; "
+                "give a room network with one such node."
+            )
+    if is_by_role(network.solar, "solar") or isinstance(network.solar, tuple):
+        raise ValueError(
+            f"the network {network.name} of zone {zone!r} has several windows; give one, and its irradiance in "
+            f"solar={{{zone!r}: roles}}."
+        )
+    return network
+
+
+def _checked_pairs(adjacency: Any, zones: Mapping[str, RCNetwork]) -> list[tuple[str, str]]:
+    pairs: list[tuple[str, str]] = []
+    for pair in () if adjacency is None else adjacency:
+        if isinstance(pair, str) or not isinstance(pair, Iterable) or len(both := tuple(pair)) != 2:
+            raise ValueError(f"adjacency has {pair!r}; give pairs of zones, such as ('north', 'south').")
+        for zone in both:
+            if zone not in zones:
+                raise ValueError(f"adjacency names {zone!r}, which is none of the zones {', '.join(zones)}.")
+        if both[0] == both[1]:
+            raise ValueError(f"adjacency couples {both[0]!r} with itself; leave the pair out.")
+        if both in pairs or both[::-1] in pairs:
+            raise ValueError(f"adjacency has the pair {both[0]!r}, {both[1]!r} twice; give it once.")
+        pairs.append(both)
+    return pairs
+
+
+def _partitions(
+    rooms: Mapping[str, RCNetwork], pairs: Iterable[tuple[str, str]], kind: str
+) -> Iterable[tuple[str, tuple[str, str]]]:
+    """Resistors between nodes of one kind, with their ends."""
+    for a, b in pairs:
+        for zone in (a, b):
+            if kind not in rooms[zone].nodes:
+                raise ValueError(
+                    f"couple names the node {kind!r}, which zone {zone!r} has not: {', '.join(rooms[zone].nodes)}."
+                )
+        yield f"R_{a}_{b}" if kind == "za" else f"R_{kind}_{a}_{b}", (f"{kind}_{a}", f"{kind}_{b}")
+
+
+def _ends(ends: tuple[str, str], renamed: Mapping[str, str]) -> tuple[str, str]:
+    return renamed.get(ends[0], ends[0]), renamed.get(ends[1], ends[1])
+
+
+def _solar(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
+    """Role -> where its heat goes, with an area per zone where several share it."""
+    sunny = [zone for zone, network in rooms.items() if network.solar]
+    asked = dict.fromkeys(sunny, given) if isinstance(given, str) else _checked_roles("solar", given, rooms)
+    served = _zones_by_role({zone: asked.get(zone, f"q_sol_{zone}") for zone in sunny})
+    out: dict[str, Any] = {}
+    for role, zones in served.items():
+        shares = {zone: _shares(rooms[zone].solar, zone) for zone in zones}
+        suffix = role.removeprefix("q_sol")
+        apart = {f"A_win{suffix}_to_{zone}": target for zone, target in shares.items()}
+        out[role] = apart if len(zones) > 1 else shares[zones[0]]
+    return out
+
+
+def _heated(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
+    """Role -> node; capacities of a stage that several zones share, shares of heat that they share."""
+    asked, kinds = _checked_roles("heated", given, rooms), ("u_heat", "u_cool", "Q_hvac")
+    usual = {zone: (*(f"{kind}_{zone}" for kind in kinds), *kinds) for zone in rooms}
+    out: dict[str, Any] = {}
+    for role, zones in _zones_by_role(usual | asked).items():
+        nodes = {zone: f"{rooms[zone].heated}_{zone}" for zone in zones}
+        if len(zones) == 1:
+            out[role] = nodes[zones[0]]
+        elif role.startswith("u_"):
+            out[role] = {f"{capacity_name(role)}_to_{zone}": node for zone, node in nodes.items()}
+        else:
+            last = zones[-1]
+            out[role] = {node: None if z == last else f"f_{role[2:]}_{z}" for z, node in nodes.items()}
+    return out
+
+
+def _checked_roles(argument: str, given: Any, rooms: Mapping[str, RCNetwork]) -> dict[str, Any]:
+    for zone in given or {}:
+        if zone not in rooms:
+            raise ValueError(f"{argument} names {zone!r}, which is none of the zones {', '.join(rooms)}.")
+    return {zone: () if roles is None else roles for zone, roles in dict(given or {}).items()}
+
+
+def _zones_by_role(roles: Mapping[str, Any]) -> dict[str, list[str]]:
+    out: dict[str, list[str]] = {}
+    for zone, named in roles.items():
+        for role in as_names(named):
+            out.setdefault(role, []).append(zone)
+    return out
+
+
+def _shares(target: Any, zone: str) -> Target:
+    """Nodes that the sun of a room network heats, renamed."""
+    if isinstance(target, str):
+        return f"{target}_{zone}"
+    return {f"{node}_{zone}": None if share is None else f"{share}_{zone}" for node, share in target.items()}
+
+
+def room_network(network: RCNetwork, zone: str) -> RCNetwork:
+    """Network of one zone of a building, with its neighbours' temperatures, ``T_<node>``, as boundaries.
+
+    Parameters
+    ----------
+    network : RCNetwork
+        From :func:`building_network`.
+    zone : str
+
+    Returns
+    -------
+    RCNetwork
+        With the names of the building's parameters, without heat [kW] that several zones share.
+
+    Raises
+    ------
+    ValueError
+        If the network has no such zone.
+    """
+    if zone not in network.zones:
+        raise ValueError(
+            f"the network {network.name} has no zone {zone!r}: {', '.join(network.zones) or 'it has none'}."
+        )
+    nodes = network.zones[zone]
+    resistors = {
+        name: (seen_from(nodes, network, ends[0]), seen_from(nodes, network, ends[1]))
+        for name, ends in network.resistors.items()
+        if set(ends) & set(nodes)
+    }
+    return RCNetwork(
+        zone,
+        {node: network.capacitances[node] for node in nodes},
+        resistors,
+        _of_room(network.solar, nodes),
+        measured=tuple(set(network.measured_nodes) & set(nodes)),
+        disturbed=tuple(set(network.disturbed_nodes) & set(nodes)),
+        heated=_of_room(network.heated, nodes) or nodes[-1],
+        bounds={name: given for name, given in network.bounds.items() if name in {*resistors, *_own(network, nodes)}},
+    )
+
+
+def seen_from(nodes: tuple[str, ...], network: RCNetwork, end: str) -> str:
+    """An end of a resistor, as the boundary ``T_<node>`` where it is a node of another room."""
+    return f"T_{end}" if end in network.nodes and end not in nodes else end
+
+
+def _own(network: RCNetwork, nodes: tuple[str, ...]) -> list[str]:
+    return [*(network.capacitances[node] for node in nodes), *(f for f, n in network.fractions.items() if n in nodes)]
+
+
+def _of_room(declared: Any, nodes: tuple[str, ...]) -> dict[str, Any]:
+    """Sun or plant of the nodes of one room, by role."""
+    out: dict[str, Any] = {}
+    for role, target in declared.items():
+        parts = {p: inside for p, inside in target.items() if _goes_to(inside, nodes)} if own_parameters(target) else {}
+        if parts:
+            out[role] = parts
+        elif not own_parameters(target) and _goes_to(target, nodes):
+            out[role] = target
+    return out
+
+
+def _goes_to(target: Any, nodes: tuple[str, ...]) -> bool:
+    return bool(target) and set(as_names(target)) <= set(nodes)

@@ -1,0 +1,323 @@
+"""Buildings of several rooms: their networks, gray boxes, identification room by room, and floor plans from data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import (
+    GrayBoxRC,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    RCNetwork,
+    persistence,
+)
+from skhybrid.datasets import make_house
+from skhybrid.identification import find_adjacency, identify_rooms
+from skhybrid.thermal import building_network, room_network
+
+PAIR = ("north", "south")
+AB = ["a", "b"]
+
+
+@pytest.fixture(scope="module")
+def house():
+    return make_house(21, start="2023-10-07", random_state=1)
+
+
+def with_heat(house):
+    """The log with the heaters in kW."""
+    return house.X[[name for name in house.X if not name.startswith("u_heat")]].join(house.heat)
+
+
+# ---------------------------------------------------------------------------------------------------------- networks
+def test_two_rooms_are_those_that_one_would_declare():
+    flat = building_network(PAIR, [PAIR], room="2R2C")
+    by_hand = RCNetwork(
+        "flat",
+        {"w_n": "C_w_north", "n": "C_za_north", "w_s": "C_w_south", "s": "C_za_south"},
+        {
+            "R_zw_north": ("n", "w_n"),
+            "R_zo_north": ("n", "T_oa"),
+            "R_zw_south": ("s", "w_s"),
+            "R_zo_south": ("s", "T_oa"),
+            "R_north_south": ("n", "s"),
+        },
+        {"q_sol_north": {"n": "f_north", "w_n": None}, "q_sol_south": {"s": "f_south", "w_s": None}},
+        measured=("n", "s"),
+        disturbed=("n", "s"),
+        heated={"u_heat_north": "n", "Q_hvac_south": "s"},
+    )
+    roles = ["T_oa", "q_sol_north", "q_sol_south", "u_heat_north", "Q_hvac_south"]
+    names = [p.name for p in flat.parameters(roles)]
+    assert names == [p.name for p in by_hand.parameters(roles)]
+    theta = {name: 0.5 + 0.1 * k for k, name in enumerate(names)}
+    for one, two in zip(flat.matrices(theta, roles), by_hand.matrices(theta, roles), strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert flat.history_roles == ("T_za_north", "T_za_south")
+    assert flat.gain_names == ("heat_gain_north", "heat_gain_south")
+    assert flat.zones == {"north": ("w_north", "za_north"), "south": ("w_south", "za_south")}
+
+
+def test_rooms_with_networks_of_their_own():
+    tower = building_network({"hall": "1R1C", "flat": "TiTeTh"}, [("flat", "hall")], couple=("za",))
+    assert tower.nodes == ("za_hall", "e_flat", "h_flat", "za_flat")
+    assert tower.resistors["R_flat_hall"] == ("za_flat", "za_hall")
+    assert tower.bounds["C_h_flat"] == (0.01, 40.0)
+    assert [s.shares for s in tower.sources(["u_heat_flat"])] == [(("h_flat", None),)]
+    both = building_network(AB, [("a", "b")], couple=("za", "w"))
+    assert both.resistors["R_w_a_b"] == ("w_a", "w_b")
+    assert not [name for name in building_network(AB).resistors if name == "R_a_b"]
+
+
+def test_a_boiler_for_all_and_one_sun():
+    """A shared stage has a capacity per room, shared heat shares, and a window of each room sees the common sun."""
+    three = building_network(
+        list("abc"), solar={"a": "q_sol", "b": ("q_sol", "q_sol_b"), "c": ()}, heated={"c": "u_heat_c"}
+    )
+    sources = {s.parameter: (s.role, s.shares) for s in three.sources(["q_sol", "q_sol_b", "u_heat", "u_heat_a"])}
+    assert sources["Q_h_to_a"] == ("u_heat", (("za_a", None),))
+    assert sources["Q_h_to_b"] == ("u_heat", (("za_b", None),))
+    assert sources["Q_h_a"][0] == "u_heat_a"
+    assert "Q_h_to_c" not in sources
+    assert three.required_roles == ("T_oa", "q_sol", "q_sol_b")
+    roles = ["T_oa", "q_sol", "q_sol_b", "u_heat", "Q_hvac"]
+    assert three.inputs(roles) == ("T_oa", "q_sol", "q_sol_b", "u_heat", "Q_hvac")
+    theta = {p.name: 2.0 for p in three.parameters(roles)} | {"A_win_to_a": 5.0, "Q_h_to_b": 3.0, "f_hvac_a": 0.25}
+    B = dict(zip(three.inputs(roles), (2.0 * three.matrices(theta, roles).B).T, strict=False))  # C = 2: heat [kW]
+    at = {node: i for i, node in enumerate(three.nodes)}
+    assert B["u_heat"][at["za_a"]] == 2.0
+    assert B["u_heat"][at["za_b"]] == 3.0
+    assert B["u_heat"][at["za_c"]] == 0.0
+    assert B["Q_hvac"][[at["za_a"], at["za_b"], at["za_c"]]].tolist() == [0.25, 0.75, 0.0]
+    assert B["q_sol"].sum() == pytest.approx(5.0 + 2.0)
+    assert "A_win_to_a q_sol" in three.equations(roles)
+    assert "Q_h_to_b u_heat" in three.equations(roles)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([],), r"zones=\[\] has 0 of the two or more zones"),
+        ((["a"],), r"zones=\['a'\] has 1 of the two or more"),
+        ((["a", "b", "a"],), "names a zone twice"),
+        ((["a", "the hall"],), "zones has 'the hall', which cannot be part of a column's name"),
+        ((AB, [("a", "c")]), "adjacency names 'c', which is none of the zones a, b"),
+        ((AB, [("a", "a")]), "adjacency couples 'a' with itself"),
+        ((AB, [("a", "b"), ("b", "a")]), "adjacency has the pair 'b', 'a' twice"),
+        ((AB, ["ab"]), "adjacency has 'ab'; give pairs of zones"),
+        ((AB, [("a", "b", "a")]), r"adjacency has \('a', 'b', 'a'\); give pairs"),
+        (({"a": "2R2C", "b": "1R1C"}, [("a", "b")], {"couple": "w"}), "couple names the node 'w', which zone 'b' has"),
+        ((AB, None, {"heated": {"c": ()}}), "heated names 'c', which is none of the zones"),
+        ((AB, None, {"solar": {"c": ()}}), "solar names 'c', which is none of the zones"),
+        ((AB, None, {"solar": {"a": "sun"}}), "solar mixes 'sun' with roles"),
+        ((AB, None, {"room": "5R1C"}), "network='5R1C' is not in the catalogue"),
+        (({"a": "1R1C", "b": building_network(["c", "d"])},), r"network building of zone 'b' names .* as measured"),
+    ],
+)
+def test_what_is_no_building_is_refused(arguments, message):
+    *positional, last = arguments
+    settings = last if isinstance(last, dict) and len(arguments) == 3 else {}
+    with pytest.raises(ValueError, match=message):
+        building_network(*(positional if settings else arguments), **settings)
+
+
+@pytest.mark.parametrize(
+    ("heated", "message"),
+    [
+        ({"u_heat": {"Q_h": "a", "A_win": "b"}}, "gives 'u_heat' the parameter 'A_win'"),
+        ({"Q_hvac": {"Q_h": "a", "Q_c": "b"}}, "gives 'Q_hvac' the capacity 'Q_h'; it is in kW already"),
+        ({"u_heat": {"Q_h_2": "a", "Q_h": "b"}, "u_heat_2": "a"}, "gives 'Q_h_2' to two sources"),
+        ({"u_heat": {"Q_h": 3.0}}, "gives 'Q_h' to 3.0, which is neither a node nor shares"),
+    ],
+)
+def test_unclear_capacities_are_refused(heated, message):
+    with pytest.raises(ValueError, match=message):
+        RCNetwork(
+            "x",
+            {"a": "C_a", "b": "C_b"},
+            {"R": ("a", "b"), "R_o": ("a", "T_oa")},
+            measured="a",
+            disturbed="a",
+            heated=heated,
+        )
+
+
+def test_a_room_alone_has_its_neighbours_as_boundaries():
+    three = building_network(list("abc"), [("a", "b"), ("b", "c")], solar="q_sol")
+    room = room_network(three, "b")
+    roles = ["T_oa", "q_sol", "u_heat", "Q_hvac_b"]
+    assert room.boundaries == ("T_oa", "T_za_a", "T_za_c")
+    theta = {p.name: 0.4 + 0.1 * k for k, p in enumerate(three.parameters([*roles, "u_heat_a"]))}
+    whole, alone = three.matrices(theta, roles), room.matrices(theta, [*roles, *room.boundaries])
+    own = [three.nodes.index(node) for node in room.nodes]
+    np.testing.assert_allclose(alone.A, whole.A[np.ix_(own, own)], rtol=1e-14)
+    columns = dict(zip(room.inputs([*roles, *room.boundaries]), alone.B.T, strict=False))
+    np.testing.assert_allclose(columns["T_za_a"], whole.A[own, three.nodes.index("za_a")], rtol=1e-14)
+    for role, column in zip(three.inputs(roles), whole.B.T, strict=False):
+        np.testing.assert_allclose(columns[role], column[own], rtol=1e-14)
+    with pytest.raises(ValueError, match="has no zone 'd': a, b, c"):
+        room_network(three, "d")
+
+
+# ----------------------------------------------------------------------------------------------------------- the house
+def test_the_house_is_its_network():
+    """From 5-min means and the true gains the network gives the states to rounding."""
+    house = make_house(3, zones=3, sampling_time="5min", noise_std=0.0, random_state=0)
+    model = GrayBoxRC(house.network, known=house.theta).fit(house.X, house.y)
+    states = model.simulate_states(house.X, heat_gain=house.heat_gain, initial_state=house.states.iloc[0])
+    np.testing.assert_allclose(states, house.states, atol=1e-9)
+    assert house.adjacency == [("living", "kitchen"), ("living", "bedroom")]
+    pd.testing.assert_frame_equal(
+        make_house(3, zones=3, sampling_time="5min", noise_std=0.0, random_state=0).X, house.X
+    )
+    assert house.heat["Q_hvac_living"].max() == pytest.approx(house.theta["Q_h_living"])
+    assert (house.y.max() > house.setpoints.max().to_numpy() - 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"zones": 1}, "zones=1 must be a whole number from 2 to 8"),
+        ({"n_days": 0}, "n_days=0 must be a positive whole number"),
+        ({"partition": 0.0}, r"partition=0.0 must be a positive resistance \[K/kW\]"),
+        ({"pattern": "bar"}, "pattern='bar' is unknown"),
+        ({"excitation": "step"}, "excitation='step' is unknown"),
+        ({"noise_std": np.nan}, "noise_std=nan must be zero or a positive"),
+        ({"sampling_time": "7h"}, "sampling_time='7h' does not divide a day"),
+    ],
+)
+def test_a_house_that_cannot_be_is_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        make_house(**{"n_days": 1, **settings})
+
+
+# ---------------------------------------------------------------------------------------------------------- gray boxes
+@pytest.mark.parametrize("estimator", [GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID])
+def test_gray_boxes_fit_a_building(house, estimator, tmp_path):
+    X, y = with_heat(house)[::4][:168], house.y[::4][:168]
+    own = {"tau": 2.0} if estimator is PeriodicDisturbanceID else {}
+    model = estimator(house.network, known={**house.theta, **own}, n_starts=1, horizon="1D").fit(X, y)
+    zones = list(house.network.zones)
+    assert model.predict(X).shape == (168, 4)
+    assert list(model.estimate_disturbance(X).columns) == [f"zeta_{zone}" for zone in zones]
+    assert list(model.forecast(X[:-24], X[-24:]).columns)[:4] == list(house.y)
+    assert list(model.innovations(X).columns)[:4] == [f"innovation_{zone}" for zone in zones]
+    persistence.save_model(model, tmp_path / "house.skops")
+    again = persistence.load_model(tmp_path / "house.skops")
+    np.testing.assert_array_equal(again.predict(X), model.predict(X))
+
+
+def test_targets_by_the_names_of_zones(house):
+    X, y = with_heat(house)[:200], house.y[:200]
+    zones = list(house.network.zones)
+    fit = lambda y: GrayBoxRC(house.network, known=house.theta).fit(X, y).initial_state_  # noqa: E731
+    expected = fit(y)
+    by_zone = y.set_axis(zones, axis=1)
+    for other in (
+        y[y.columns[::-1]],
+        by_zone[zones[::-1]],
+        y.to_numpy(),
+        by_zone.rename(columns={"bedroom": "T_za_bedroom"}),
+    ):
+        np.testing.assert_array_equal(fit(other), expected)
+    for wrong in (by_zone.rename(columns={"study": "office"}), by_zone[zones[:3]]):
+        with pytest.raises(ValueError, match=r"y has not one column 'T_za_study'; give .* or 'living', 'kitchen'"):
+            fit(wrong)
+
+
+def test_rooms_are_identified_one_by_one(house):
+    """The partitions of a house of four rooms within a fifth, and all else but the sun's share within 15 %."""
+    X = with_heat(house).rename(columns={"T_oa": "outdoors"})
+    model = PeriodicDisturbanceID(house.network, n_starts=1, variance="3h", columns={"T_oa": "outdoors"})
+    found = identify_rooms(model, X[: 14 * 96], house.y[: 14 * 96].set_axis(list(house.network.zones), axis=1))
+    assert list(found.rooms) == list(house.network.zones)
+    error = (found.theta / pd.Series(house.theta_effective) - 1).dropna().abs()
+    partitions = [f"R_{a}_{b}" for a, b in house.adjacency]
+    assert error[partitions].max() < 0.20
+    assert error[[n for n in error.index if not n.startswith("f_")]].median() < 0.05
+    assert error[[n for n in error.index if not n.startswith("f_")]].max() < 0.25
+    sides = [room.theta_std_["R_living_kitchen"] for zone, room in found.rooms.items() if zone in ("living", "kitchen")]
+    assert found.theta_std["R_living_kitchen"] < min(sides)
+    assert set(found.theta.index) == {p.name for p in house.network.parameters(list(with_heat(house).columns))}
+
+
+def test_rooms_that_cannot_be_identified_apart(house):
+    X, y = with_heat(house), house.y
+    with pytest.raises(ValueError, match="the network 2R2C has no zones"):
+        identify_rooms(InputDisturbanceID(), X, y)
+    walls = building_network(list(house.network.zones), house.adjacency, couple=("za", "w"))
+    with pytest.raises(
+        ValueError, match="R_w_living_kitchen joins rooms at w_kitchen, w_living, which is not measured"
+    ):
+        identify_rooms(InputDisturbanceID(walls), X, y)
+    with pytest.raises(ValueError, match="column 'Q_hvac' is heat that rooms share"):
+        identify_rooms(InputDisturbanceID(house.network), X.assign(Q_hvac=1.0), y)
+    with pytest.raises(ValueError, match="y has not one column 'T_za_study'"):
+        identify_rooms(InputDisturbanceID(house.network), X, y.iloc[:, :3])
+    with pytest.raises(ValueError, match="X is no DataFrame"):
+        identify_rooms(InputDisturbanceID(house.network), X.to_numpy(), y)
+
+
+# ----------------------------------------------------------------------------------------------------------- adjacency
+def test_the_floor_plan_of_a_house_is_found(house):
+    found = find_adjacency(with_heat(house), house.y)
+    assert found.index[found["kept"]].tolist() == house.adjacency
+    true = np.array([1.0 / house.theta[f"R_{a}_{b}"] for a, b in house.adjacency])
+    np.testing.assert_allclose(found.loc[house.adjacency, "conductance"], true, rtol=0.5)
+    assert (found.loc[~found["kept"], "conductance"] == 0.0).all()
+    assert (found["std"] > 0).all()
+    again = find_adjacency(with_heat(house), house.y.set_axis(list(house.network.zones), axis=1)[["study", "kitchen"]])
+    assert again.index.tolist() == [("study", "kitchen")]
+    assert (
+        building_network(list(house.network.zones), found.index[found["kept"]]).resistors.keys()
+        == house.network.resistors.keys()
+    )
+
+
+def test_rooms_without_partitions_have_few_couplings():
+    apart = make_house(28, partition=1e6, start="2023-10-07", random_state=3)
+    found = find_adjacency(with_heat(apart), apart.y)
+    assert found["kept"].sum() <= 1
+    assert found["conductance"].max() < 0.03
+
+
+def test_stages_and_missing_rows_do(house):
+    """Without heat in kW the conductances are relative; rows that lack a temperature are left out."""
+    y = house.y.copy()
+    y.iloc[300:400, 1] = np.nan
+    found = find_adjacency(house.X, y)
+    assert found.loc[house.adjacency, "kept"].all()
+
+
+@pytest.mark.parametrize(("data", "false"), [("strong_shift", 1), ("ref_base", 0)])
+def test_the_floor_plan_of_five_rooms_in_energyplus(shared_data, data, false):
+    log = pd.read_csv(
+        shared_data / "zones" / f"small_office_zones_{data}_1.csv.gz", index_col=0, parse_dates=True, nrows=72 * 96
+    )[30 * 96 :]
+    rooms = ["core", "south", "east", "north", "west"]
+    X = pd.DataFrame({"T_oa": log["T_out_degC"], "q_sol": log["ghi_kW_m2"], "q_sol_direct": log["dni_kW_m2"]})
+    X = X.join(log[[f"Q_{z}_kW" for z in rooms]].set_axis([f"Q_hvac_{z}" for z in rooms], axis=1))
+    found = find_adjacency(X, log[[f"T_{z}_degC" for z in rooms]].set_axis(rooms, axis=1))["kept"]
+    wrong = [("south", "north"), ("east", "west")]
+    assert found[wrong].sum() <= false
+    assert found.drop(wrong).sum() >= 7
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X, y: (X, y.iloc[:, :1]), "y needs the temperatures of two zones or more"),
+        (lambda X, y: (X, y.to_numpy()), "y needs the temperatures of two zones or more"),
+        (lambda X, y: (X[:500], y[:500]), "X has 5.21 days; give 10 or more"),
+        (lambda X, y: (X.drop(columns="T_oa"), y[1:]), "X has 2016 rows, y 2015"),
+    ],
+)
+def test_what_tells_no_floor_plan_is_refused(house, change, message):
+    X, y = change(with_heat(house), house.y)
+    with pytest.raises(ValueError, match=message):
+        find_adjacency(X, y)
+    with pytest.raises(ValueError, match="y has not one column 'T_za_x' or 'x' for the zone 'x'"):
+        find_adjacency(house.X, house.y, zones=["living", "x"])
