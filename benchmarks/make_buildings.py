@@ -1,7 +1,9 @@
 """Make the EnergyPlus years that the day-ahead forecast is tuned (``dev``) and, once, tested on (``held``, ``replay``).
 
+``rooms`` has every room of some offices.
+
     pip install pyenergyplus-lbnl
-    python benchmarks/make_buildings.py [--out FOLDER] [--only NAME ...] [--group dev|held|replay]
+    python benchmarks/make_buildings.py [--out FOLDER] [--only NAME ...] [--group dev|held|replay|rooms]
 
 Writes ``FOLDER/dev/<name>_{irregular,shifted}.csv``, the same under ``held``, ``<name>_{irregular,replayed}.csv`` under
 ``replay`` (heat of other people's thermostat), and a ``meta.csv`` in each with place and spans of training and test.
@@ -16,7 +18,17 @@ import time
 from pathlib import Path
 
 import pandas as pd
-from _buildings import BUILDINGS, CONTROLS, REPLAYABLE, REPLAYED, SEASONS, Building, make_tables
+from _buildings import (
+    BUILDINGS,
+    CONTROLS,
+    REPLAYABLE,
+    REPLAYED,
+    SEASONS,
+    WITH_ROOMS,
+    Building,
+    make_rooms,
+    make_tables,
+)
 from _energyplus import site
 
 #: folder -> buildings and their runs
@@ -24,6 +36,7 @@ GROUPS = {
     "dev": ([b for b in BUILDINGS if not b.held_out], CONTROLS),
     "held": ([b for b in BUILDINGS if b.held_out], CONTROLS),
     "replay": (list(REPLAYABLE), REPLAYED),
+    "rooms": (list(WITH_ROOMS), CONTROLS),
 }
 
 
@@ -40,7 +53,8 @@ def _make(building: Building, folder: Path, controls: tuple[str, ...] = CONTROLS
     if not missing:
         return
     begin = time.perf_counter()
-    for control, table in make_tables(building, missing):
+    make = make_rooms if building in WITH_ROOMS and folder.name == "rooms" else make_tables
+    for control, table in make(building, missing):
         write(table, _path(folder, building, control))
         print(f"{building.name}, {control}: {time.perf_counter() - begin:.0f} s since its start", flush=True)
 

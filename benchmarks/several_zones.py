@@ -4,8 +4,9 @@ Logs: five rooms of the small office (EnergyPlus, Chicago, September to December
 weakly, as two gypsum boards do, and strongly (doors open), under the control of the training and under another one.
 Trained on six weeks, tested on the six that follow from an origin every 25 h.
 
-``python benchmarks/several_zones.py`` runs what is missing and writes ``results/several_zones.md`` (half an hour on one
-core).  Finished rows are kept in ``benchmarks/.rows/several_zones``.
+``python benchmarks/several_zones.py --buildings FOLDER/rooms`` runs what is missing and writes
+``results/several_zones.md`` (an hour on one core); ``make_buildings.py --group rooms`` makes the folder.  Finished rows
+are kept in ``benchmarks/.rows/several_zones``.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import argparse
 import json
 import time
 import warnings
+from collections.abc import Callable
 from copy import copy
 from pathlib import Path
 from typing import Any
@@ -43,6 +45,8 @@ TRAIN, TEST, END = "2018-10-01", "2018-11-12", "2018-12-24"
 N_LEADS, EVERY = 96, 100
 LEADS = {"1 h": 4, "6 h": 24, "12 h": 48, "24 h": 96}
 N_SAMPLES = 50
+HEAT_AND_T = {"T_za": "T_{}_degC", "Q_hvac": "Q_{}_kW"}
+CONTROLS = {"irregular": "same", "shifted": "new"}  # runs of an office, and how the control of the test is
 
 
 def read_log(coupling: str, control: str) -> pd.DataFrame:
@@ -151,24 +155,116 @@ def errors_of(frame: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
     return np.stack([hourly[0].mean(axis=1), hourly[1][:, -1]])
 
 
-TASKS = {"heat known": heat_known, "set-points known": set_points_known}
+def by_the_hour(coupling: str) -> dict[str, Any]:
+    """Errors [K] after two weeks of hourly temperatures and kWh per room, as a house's own log may have them."""
+    logs = {}
+    for control in COUPLINGS[coupling][1]:
+        log = read_log(coupling, control)
+        log = log[[c for c in log if "_set_" not in c]]
+        means = log.resample("h").mean()
+        at_stamp = [c for c in log if c.startswith("T_za")]
+        logs[control] = means.assign(**{c: log[c].resample("h").first() for c in at_stamp})
+    begin = str((pd.Timestamp(TEST) - pd.Timedelta("14D")).date())
+    train = between(logs["base"], begin, TEST)
+    building = BuildingPredictor(HybridPredictor(intervals=False), adjacency=FLOOR_PLAN)
+    building.fit(train, temperatures(train))
+    out: dict[str, Any] = {}
+    for control, log in logs.items():
+        later = between(log, TEST, END)
+        origins = np.arange(25, len(later) - 25, 25)
+        truth = temperatures(later).to_numpy()[origins[:, None] + np.arange(1, 25)]
+        for name, model in (("with neighbours", building), ("by itself", alone(building))):
+            missed = model.predict_from(later, origins, "1D") - truth
+            out[f"{control} {name}"] = float(np.sqrt(np.mean(missed**2, axis=(0, 1))).mean())
+    return out
+
+
+def office(path: Path) -> dict[str, Any]:
+    """Errors [K] in an office of ``make_buildings.py``, under the control of its training and under another one."""
+    about = pd.read_csv(path.parent / "meta.csv").set_index(["name", "season"]).loc[path.name, "autumn"]
+    logs = {control: _rooms_of(path.with_name(f"{path.name}_{control}.csv"), about) for control in CONTROLS}
+    rooms = [c.removeprefix("T_za_") for c in logs["irregular"] if c.startswith("T_za_")]
+    days = [pd.Timestamp(about[name]) for name in ("train_start", "train_end", "test_start", "test_end")]
+
+    def part(log: pd.DataFrame, first: pd.Timestamp, last: pd.Timestamp) -> pd.DataFrame:
+        return log[first.tz_localize(log.index.tz) : (last + pd.Timedelta("23h45min")).tz_localize(log.index.tz)]
+
+    train = part(logs["irregular"], *days[:2])
+    begun = time.process_time()
+    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=on_floors(rooms))
+    model.fit(train, train[[f"T_za_{room}" for room in rooms]])
+    out: dict[str, Any] = {"rooms": len(rooms), "fit [s]": time.process_time() - begun}
+    for control, log in logs.items():
+        later = part(log, days[1] + pd.Timedelta("1D"), days[3])
+        first = int(later.index.searchsorted(days[2].tz_localize(log.index.tz)))
+        origins = np.arange(first, len(later) - N_LEADS - 1, EVERY)
+        measured = later[[f"T_za_{room}" for room in rooms]].to_numpy()
+        truth = measured[origins[:, None] + np.arange(1, N_LEADS + 1)]
+        for name, one in (("with neighbours", model), ("by itself", alone(model))):
+            missed = one.predict_from(later, origins, "1D") - truth
+            out[f"{control} {name}"] = np.sqrt(np.mean(missed**2, axis=(0, 1))).tolist()
+    return out
+
+
+def _rooms_of(path: Path, about: pd.Series) -> pd.DataFrame:
+    """Inputs and temperatures of all rooms of a file."""
+    log = pd.read_csv(path, index_col=0)
+    log.index = pd.to_datetime(log.index)
+    X = pd.DataFrame({"T_oa": log["T_out_degC"], "q_sol": log["ghi_kW_m2"]})
+    facades = FacadeIrradiance(latitude=about["latitude"], longitude=about["longitude"])
+    X = facades.set_output(transform="pandas").fit_transform(X)
+    rooms = [c[2:-5] for c in log if c.startswith("T_") and c != "T_out_degC"]
+    given = {f"{role}_{room}": log[c.format(room)] for room in rooms for role, c in HEAT_AND_T.items()}
+    return pd.concat([X, pd.DataFrame(given)], axis=1)
+
+
+def on_floors(rooms: list[str]) -> list[tuple[str, str]]:
+    """Pairs of a core and its four perimeter rooms, in a ring, floor by floor."""
+    out = []
+    for k in range(0, len(rooms), 5):
+        core, *ring = rooms[k : k + 5]
+        out += [(core, room) for room in ring] + list(zip(ring, [*ring[1:], ring[0]], strict=True))
+    return out
+
+
+TASKS = {"heat known": heat_known, "set-points known": set_points_known, "by the hour": by_the_hour}
 
 
 def row_of(task: str, coupling: str) -> dict[str, Any]:
     """A row, run where it is missing."""
-    path = STORE / f"{task.replace(' ', '_')}_{coupling}.json"
+    return kept(f"{task.replace(' ', '_')}_{coupling}", lambda: TASKS[task](coupling))
+
+
+def kept(name: str, run: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """What was stored under a name; run where it is missing."""
+    path = STORE / f"{name}.json"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
-        part.write_text(json.dumps(TASKS[task](coupling)), encoding="utf-8")
+        part.write_text(json.dumps(run()), encoding="utf-8")
         part.replace(path)
-        print(task, coupling, flush=True)
+        print(name, flush=True)
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def offices(folder: Path) -> pd.DataFrame:
+    """Errors in the offices of a folder."""
+    rows = {}
+    for name in dict.fromkeys(pd.read_csv(folder / "meta.csv")["name"]):
+        found = kept(f"office_{name}", lambda name=name: office(folder / name))
+        for control, how in CONTROLS.items():
+            both = {what: np.array(found[f"{control} {what}"]) for what in ("by itself", "with neighbours")}
+            ratios = both["with neighbours"] / both["by itself"]
+            row = {"rooms": found["rooms"], "fit [s]": found["fit [s]"]}
+            row |= {f"{what} [K]": float(values.mean()) for what, values in both.items()}
+            row["ratio"] = row["with neighbours [K]"] / row["by itself [K]"]
+            rows[f"{name}, {how} control"] = row | {"ratios of rooms": f"{ratios.min():.2f} to {ratios.max():.2f}"}
+    return pd.DataFrame(rows).T.rename_axis("office").infer_objects()
 
 
 def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
     """Tables of the rows of some couplings."""
-    errors, by_lead, loads, scores = {}, {}, {}, {}
+    errors, by_lead, loads, scores, short = {}, {}, {}, {}, {}
     for coupling in couplings:
         found, known = row_of("heat known", coupling), row_of("set-points known", coupling)
         for control in COUPLINGS[coupling][1]:
@@ -189,12 +285,16 @@ def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
             }
             loads[name] |= {"ratio, load": known[f"{control} load"] / known[f"{control} load by itself"]}
             loads[name] |= {"T by itself [K]": known[f"{control} T by itself"], "T [K]": known[f"{control} T"]}
+            hourly = row_of("by the hour", coupling)
+            both = [hourly[f"{control} {name}"] for name in ("by itself", "with neighbours")]
+            short[name] = {"by itself [K]": both[0], "with neighbours [K]": both[1], "ratio": both[1] / both[0]}
             joint, apart = found[f"{control} energy"]
             scores[name] = {"joint": joint, "rooms independent": apart, "ratio": joint / apart}
     out = {
         "Errors over all leads to 24 h, heat known": errors,
         "By lead: with neighbours / by itself [K]": by_lead,
         "Only set-points known": loads,
+        "Two weeks of training by the hour, heat known": short,
         "Energy score of the rooms' mean temperature": scores,
     }
     return {title: pd.DataFrame(rows).T.rename_axis("log").infer_objects() for title, rows in out.items()}
@@ -204,14 +304,18 @@ def main() -> None:
     """Run what is missing, write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--couplings", nargs="+", choices=list(COUPLINGS), default=list(COUPLINGS))
-    couplings = parser.parse_args().couplings
+    parser.add_argument("--buildings", type=Path, help="folder rooms of make_buildings.py")
+    options = parser.parse_args()
+    couplings = options.couplings
     warnings.simplefilter("ignore", SkhybridWarning)
     found = tables(couplings)
+    if options.buildings is not None:
+        found["Offices as they are, heat known"] = offices(options.buildings)
     seconds = [row_of("heat known", coupling)["fit [s]"] for coupling in couplings]
     write_table(
         "several_zones",
         "Several zones",
-        "python benchmarks/several_zones.py",
+        "python benchmarks/several_zones.py --buildings FOLDER/rooms",
         found,
         "Five rooms of the small office (EnergyPlus, Chicago) with facades' irradiance: trained from 2018-10-01 on "
         "six weeks of one control, tested on the six weeks that follow, from an origin every 25 h.  Root-mean-square "

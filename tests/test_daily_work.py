@@ -289,7 +289,7 @@ def test_rows_ahead_by_a_plan_or_by_the_clock():
 def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     zone = SimpleNamespace(
         settings=settings_from({"columns": COLUMNS, "estimator": {"known": {"Q_h": 6.0}}}),
-        predictor=SimpleNamespace(thermostat_learned_=True),
+        thermostat_learned=True,
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
         learned_until=pd.Timestamp("2024-01-01"),
     )

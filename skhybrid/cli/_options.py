@@ -69,10 +69,22 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not abs(value) < float("inf") else value
 
 
-def settings_at(config: Path | None) -> Any:
-    """The settings of a file; a sentence on how to make one where none is given."""
+def settings_at(config: Path | None, *, several: bool = False) -> Any:
+    """The settings of a file, of one zone unless ``several`` may be; a sentence on what to do where none is given."""
     from ..study import read_settings
 
     if config is None:
         raise click.UsageError("--config is missing: skhybrid check LOG --config zone.toml proposes one")
-    return read_settings(config)
+    settings = read_settings(config)
+    if not several:
+        refuse_zones(settings, config)
+    return settings
+
+
+def refuse_zones(settings: Any, source: Any) -> None:
+    """Refuse settings of several zones."""
+    if settings.zones:
+        raise ValueError(
+            f"{source} is of several zones ({', '.join(settings.zones)}), which only check, fit, forecast, update and "
+            "backtest take; give a configuration of one of them, with T_za."
+        )

@@ -20,13 +20,17 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
 
     The model is fitted on [train] of the configuration and forecasts every day of [test].
     """
-    settings = settings_at(config)
+    settings = settings_at(config, several=True)
     from .._files import atomic_path
     from ..study import read_log, split_log
+    from ..zone.building_backtest import backtest_building
     from ..zone.zone_backtest import backtest_zone
 
     frame, _ = read_log(log, settings)
-    found = backtest_zone(settings, split_log(frame, settings), say)
+    if settings.zones:
+        found = backtest_building(settings, frame, say)
+    else:
+        found = backtest_zone(settings, split_log(frame, settings), say)
     if out is not None:
         with atomic_path(out) as made:
             found.frame.to_csv(made, index=False, float_format="%.6g")
@@ -37,6 +41,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         print_json(content | {"coverage": found.coverage})
     else:
         units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
+        units |= {f"rmse_{zone}": f"{zone} [K]" for zone in settings.zones}
         table = found.table.rename(columns=units).round(3).to_string(na_rep="-")
         print("\n".join([*map(str, found.verdicts), "", table]))
         if found.coverage is not None:

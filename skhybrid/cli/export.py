@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, as_command, print_json, settings_at
+from ._options import CONFIG, as_command, print_json, refuse_zones, settings_at
 from ._output import DONE, Progress
 
 
@@ -97,6 +97,7 @@ def _identified(source: str, config: Path | None, log: str | None) -> tuple[Any,
         settings, log = settings_at(config), source
     else:
         zone = ZoneFolder(path).load() if path.is_dir() else ZoneModel.load(path)
+        refuse_zones(zone.settings, source)
         if config is None and path.is_dir():
             config = ZoneFolder(path).config
         settings = zone.settings if config is None else settings_at(config)

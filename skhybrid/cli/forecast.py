@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,20 @@ _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # 
     help="Log up to now; rows after it may hold what is planned.",
 )
 @click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
-@click.option("--setpoint", help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24.")
+@click.option(
+    "--setpoint",
+    multiple=True,
+    help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
 def command(
-    model: Path, log: str, weather: Path | None, setpoint: str | None, out: Path | None, say: Progress, as_json: bool
+    model: Path,
+    log: str,
+    weather: Path | None,
+    setpoint: tuple[str, ...],
+    out: Path | None,
+    say: Progress,
+    as_json: bool,
 ) -> int:
     """Forecast the day after a log: room temperature and heat.
 
@@ -44,12 +55,11 @@ def command(
     in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
     """
     from .._files import atomic_path
-    from ..study.thermostat import Schedule
     from ..zone import ZoneModel, day_ahead
+    from ..zone.tomorrow import schedules_of
 
     zone = ZoneModel.load(model)
-    schedule = None if setpoint is None else Schedule.of_text(setpoint)
-    found = day_ahead(zone, log, weather, schedule)
+    found = day_ahead(zone, log, weather, schedules_of(setpoint, zone.zones))
     for text in found.remarks:
         say.warn(text)
     if out is not None:
@@ -59,7 +69,7 @@ def command(
     if as_json:
         print_json(forecast_content(found))
     else:
-        print(_text(found))
+        print(_text(found, zone.zones))
     return DONE
 
 
@@ -72,7 +82,19 @@ def forecast_content(found: Any) -> dict[str, Any]:
     return {"summary": found.summary, "remarks": list(found.remarks), "forecast": rows}
 
 
-def _text(found: Any) -> str:
+def _titles(zones: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
+    """Title and unit of each column of the table, and the ends of intervals; without set-points of several zones."""
+    if not zones:
+        return _TITLES, {name: list(ends) for name, ends in _ENDS.items()}
+    titles: dict[str, tuple[str, str]] = {}
+    ends: dict[str, list[str]] = {}
+    for zone in zones:
+        titles |= {f"T_za_{zone}": (zone, "[degC]"), f"Q_hvac_{zone}": (f"{zone}, heat", "[kW]")}
+        ends |= {f"{name}_{zone}": [f"{end}_{zone}" for end in _ENDS[name]] for name in _ENDS}
+    return titles | {name: _TITLES[name] for name in ("T_oa", "q_sol")}, ends
+
+
+def _text(found: Any, zones: Sequence[str] = ()) -> str:
     """A row for some hours, with the units on top, and the sums of the day."""
     import pandas as pd
 
@@ -81,12 +103,13 @@ def _text(found: Any) -> str:
     shown = frame.iloc[:: max(1, round(_HOURS / hours))]
     power = "[kW]" if "largest load [kW]" in found.summary else "[relative]"
     cells = {}
-    for name, (title, unit) in _TITLES.items():
+    titles, intervals = _titles(zones)
+    for name, (title, unit) in titles.items():
         if name in shown:
             top = unit.replace("[kW]", power)
             cells[title, top] = [f"{value:.2f}" for value in shown[name]]
-            if name in _ENDS and set(_ENDS[name]) <= set(shown):
-                ends = zip(*(shown[end] for end in _ENDS[name]), strict=True)
+            if name in intervals and set(intervals[name]) <= set(shown):
+                ends = zip(*(shown[end] for end in intervals[name]), strict=True)
                 cells[f"80 % of {title}", top] = [f"{a:.2f} to {b:.2f}" for a, b in ends]
     table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
     return "\n".join([table.replace("nan", "-").rename_axis(None).to_string(), "", *summary_lines(found.summary)])

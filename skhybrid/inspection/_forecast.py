@@ -6,11 +6,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
 from ._display import Display
-from ._style import COLORS, MARKERS, MEASURED, axes_or_new, bands, heading, legend, line_style, tidy, time_axis
+from ._style import (
+    COLORS,
+    MARKERS,
+    MEASURED,
+    axes_or_new,
+    bands,
+    heading,
+    legend,
+    line_style,
+    shared_legend,
+    tidy,
+    time_axis,
+)
 
 
 class ForecastDisplay(Display):
@@ -20,7 +34,7 @@ class ForecastDisplay(Display):
     ----------
     frames : mapping of label to DataFrame
         Back-tests, as returned by :func:`skhybrid.model_selection.backtest`; if they have quantiles, the bands between
-        these are shaded.
+        these are shaded.  With a column ``zone`` there is a panel per zone.
 
     %(attributes)s
     """
@@ -41,13 +55,18 @@ class ForecastDisplay(Display):
         ax: Any = None,
         **kwargs: Any,
     ) -> ForecastDisplay:
-        """Back-test fitted estimators and draw their forecasts.
+        """Back-test fitted estimators and draw their forecasts, or the forecast of a building.
+
+        Of a :class:`skhybrid.BuildingPredictor` X is the history, or None, and y the rows ahead, as in its
+        ``forecast``; ``T_za_<zone>`` of y is drawn as measured, and each zone has a panel.
 
         %(backtest)s
         quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
         %(drawing)s
         """
+        if hasattr(estimator, "zones_"):
+            return cls.from_predictions(_forecast_of_zones(estimator, X, y, quantiles), ax=ax, **kwargs)
         return cls.from_predictions(_run_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
 
     @classmethod
@@ -59,7 +78,8 @@ class ForecastDisplay(Display):
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
-            Back-tests with the columns origin, lead, time, y_true and y_pred, and ``q_...`` for bands.
+            Back-tests with the columns origin, lead, time, y_true and y_pred, ``q_...`` for bands, and ``zone`` where
+            there are several.
         %(drawing)s
         """
         return cls(_labelled(frames)).plot(ax, **kwargs)
@@ -78,21 +98,38 @@ class ForecastDisplay(Display):
             Unit in the label of the axis.
         %(title)s
         """
-        ax = axes_or_new(ax, (9.0, 3.6))
         chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
         first = next(iter(chosen.values()))
+        given = next(iter(self.frames.values()))
+        zones = list(given["zone"].unique()) if "zone" in given else []
+        axes = axes_or_new(ax, (9.0, 2.0 * len(zones) + 0.9 if zones else 3.6), max(1, len(zones)))
+        panels = np.ravel(np.asarray(axes, dtype=object))
+        for panel, zone in zip(panels, zones or [None], strict=True):
+            of_zone = {
+                label: frame if zone is None else frame[frame["zone"] == zone] for label, frame in chosen.items()
+            }
+            _draw_forecasts(panel, of_zone)
+            tidy(panel, ylabel=f"zone temperature [{unit}]" if zone is None else f"{zone} [{unit}]")
+        time_axis(panels[-1], pd.Index(first["time"]))
+        if zones:
+            shared_legend(panels, title)
+        else:
+            legend(axes)
+            heading(axes, title)
+        return self._drawn_on(axes)
+
+
+def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
+    """One zone: the measurement, and the forecasts by label."""
+    first = next(iter(frames.values()))
+    if "zone" not in first or first["y_true"].notna().any():
         ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
-        for number, (label, frame) in enumerate(chosen.items()):
-            style = line_style(number, beside_measured=True)
-            ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
-            bands(ax, frame["time"], frame, style["color"], label if len(chosen) > 1 else "")
-        for origin in first["origin"].unique():
-            ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
-        tidy(ax, ylabel=f"zone temperature [{unit}]")
-        time_axis(ax, pd.Index(first["time"]))
-        legend(ax)
-        heading(ax, title)
-        return self._drawn_on(ax)
+    for number, (label, frame) in enumerate(frames.items()):
+        style = line_style(number, beside_measured=True)
+        ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
+        bands(ax, frame["time"], frame, style["color"], label if len(frames) > 1 else "")
+    for origin in first["origin"].unique():
+        ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
 
 
 @dataclass(eq=False, repr=False)
@@ -271,6 +308,25 @@ def _run_backtests(
         label: backtest(model, X, y, horizon=horizon, origin_step=origin_step, quantiles=quantiles)
         for label, model in models.items()
     }
+
+
+def _forecast_of_zones(
+    building: Any, history: pd.DataFrame | None, future: pd.DataFrame, quantiles: Sequence[float] | None
+) -> pd.DataFrame:
+    """The forecast of a building in the form of a back-test, with a column ``zone``."""
+    measured = {zone: f"T_za_{zone}" for zone in building.zones_}
+    found = building.forecast(
+        history, future.drop(columns=list(measured.values()), errors="ignore"), quantiles=quantiles
+    )
+    step = next(iter(building.own_.values())).sampling_time_
+    parts = []
+    for zone, name in measured.items():
+        own = {q: found[f"{q}_{zone}"] for q in quantile_columns(quantiles or ())}
+        origin = found.index[0] - step
+        known = {"zone": zone, "origin": origin, "lead": found.index - origin, "time": found.index}
+        true = future[name].to_numpy() if name in future else np.nan
+        parts.append(pd.DataFrame({**known, "y_true": true, "y_pred": found[name], **own}).reset_index(drop=True))
+    return pd.concat(parts, ignore_index=True)
 
 
 def _without_overlap(frame: pd.DataFrame) -> pd.DataFrame:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .._table import is_plant
+from .._table import SETPOINT_ROLES, is_plant
 
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant tells little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
@@ -43,19 +44,22 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").reindex(columns=columns).rename_axis("role")
 
 
-def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
-    """Judge what can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale."""
+def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",)) -> Abilities:
+    """Judge what can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale.
+
+    ``rooms`` are the roles of the rooms' temperatures; what is said of one room is that of the first.
+    """
     can: list[str] = []
     cannot: list[str] = []
     steps: list[str] = []
     have = set(moved.index)
     plants = list(filter(is_plant, moved.index))
-    for role, what in (("T_za", "room"), ("T_oa", "outdoor")):
+    for role, what in (*((room, "room") for room in rooms), ("T_oa", "outdoor")):
         if role not in have:
             cannot.append(f"anything: there is no {what} temperature ({role}).")
             steps.append(f"name the column of the {what} temperature as {role}, or log it.")
-    if {"T_za", "T_oa"} <= have:
-        _building(moved, n_days, can, cannot)
+    if {rooms[0], "T_oa"} <= have:
+        _building(moved, n_days, can, cannot, rooms[0])
     if not plants:
         cannot.append("how the room answers to heating or cooling: no column tells when the plant ran.")
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
@@ -76,24 +80,24 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str]) -> Abilities:
     if not any(role.startswith("q_sol") for role in have):
         cannot.append("the heat of the sun: no column has irradiance; it becomes part of the unmeasured heat.")
         steps.append("add the global irradiance, from a sensor or a weather service.")
-    if not {"T_heat_set", "T_cool_set"} & have and plants:
+    if not any(role.startswith(SETPOINT_ROLES) for role in have) and plants:
         cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
         steps.append("log the set-points, with which the thermostat is learned.")
     return Abilities(can, cannot, steps)
 
 
-def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str]) -> None:
+def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str) -> None:
     spread = moved["highest"] - moved["lowest"]
     if n_days < _FEW_DAYS:
         cannot.append(f"a day's course: {n_days} days are too few; three are the least, two weeks are good.")
     else:
         better = "" if n_days >= _ENOUGH_DAYS else " (two weeks would be better)"
         can.append(f"a day-ahead forecast of the temperature, from {n_days} days{better}.")
-    if spread["T_za"] < _LEAST_SPREAD:
-        cannot.append(f"time constants: the room moved by {spread['T_za']:.1f} K only.")
+    if spread[room] < _LEAST_SPREAD:
+        cannot.append(f"time constants: the room moved by {spread[room]:.1f} K only.")
     if spread["T_oa"] < _LEAST_WEATHER:
         cannot.append(f"the loss to outdoors: the outdoor temperature moved by {spread['T_oa']:.1f} K only.")
-    elif spread["T_za"] >= _LEAST_SPREAD and n_days >= _FEW_DAYS:
+    elif spread[room] >= _LEAST_SPREAD and n_days >= _FEW_DAYS:
         can.append("the loss to outdoors and the time constants, relative to the heat.")
 
 

@@ -19,6 +19,7 @@ from .log_findings import Finding, clock_findings, gaps_of, guessed_label, senso
 from .log_report_html import report_html
 from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
+from .zone_names import zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
@@ -32,7 +33,8 @@ class LogReport:
     frame : DataFrame or RawLog
         A log with a DatetimeIndex and columns of numbers under their own names, or what :func:`read_log` returns.
     columns : mapping of role to column, optional
-        Roles that are known; the others are guessed from names, units and values.
+        Roles that are known; the others are guessed from names, units and values.  If none are known, and two rooms or
+        more have a temperature and a plant of their own, roles end with the room's name, as ``T_za_kitchen``.
     units : mapping of role to unit, optional
         Units that are known.
     scale : mapping of role to number, optional
@@ -49,6 +51,7 @@ class LogReport:
         a guess from values), ``scale`` and ``reason``.
     frame : DataFrame of shape (n_rows, n_roles)
         The columns with a role, in the units of the data contract, at the stamps of the log.
+    zones : list of str, the rooms of a log with several; empty for one
     step : Timedelta, usual distance of two rows
     gaps : DataFrame, ``last``, ``next`` and ``hours`` of each gap of the rows
     days : dict, number of whole days by kind: working days, weekends, holidays
@@ -89,7 +92,9 @@ class LogReport:
         self._assumed: dict[str, str] = {}
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
-        self._guesses = assign_roles(stated, columns, raw.roles)
+        rooms = {} if columns or raw.roles else zone_roles(stated)
+        self._guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
+        self.zones = zones_of(columns or rooms)
         channels = [
             self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
             for name, guess in self._guesses.items()
@@ -101,7 +106,9 @@ class LogReport:
         self.days = _days(self.frame, self.step, holidays)
         self.excitation = excitation(self.frame)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
-        self.can, self.cannot, self.next_steps = abilities(self.excitation, sum(self.days.values()), unsure)
+        self.can, self.cannot, self.next_steps = abilities(
+            self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
+        )
         self.findings = sorted(self._find(logged, channels), key=lambda f: ("error", "warning", "note").index(f.level))
 
     @property
@@ -258,7 +265,8 @@ class LogReport:
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
-            found += sensor_findings(channel.role, channel.name, self.frame[channel.role])
+            role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
+            found += sensor_findings(role, channel.name, self.frame[channel.role])
             if self._guesses[channel.name].is_electricity:
                 text = "this seems to be electricity, not heat: give a coefficient of performance"
                 found.append(Finding("warning", channel.name, f"{text} ([plant] cop = 3.0) or another column."))
@@ -297,7 +305,8 @@ def _fitting(unit: str | None, role: str) -> str | None:
 def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:
     """Number of days of each kind with at least nine tenths of their rows."""
     index = pd.DatetimeIndex(frame.index)
-    known = frame["T_za"].notna().to_numpy() if "T_za" in frame else np.ones(len(frame), dtype=bool)
+    rooms = [role for role in frame if role == "T_za" or str(role).startswith("T_za_")]
+    known = frame[rooms].notna().any(axis=1).to_numpy() if rooms else np.ones(len(frame), dtype=bool)
     local = index[known].tz_localize(None) if index.tz is not None else index[known]
     per_day = pd.Series(1, index=local.normalize()).groupby(level=0).sum()
     whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])

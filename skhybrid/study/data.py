@@ -167,7 +167,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     if not len(known):
         raise ValueError("the log has no measured temperature (T_za) at all.")
     measured = frame.iloc[: known[-1] + 1]
-    train, test = _spans(measured, settings)
+    train, test = train_and_test(measured, settings)
     if train["T_za"].nunique() < 2:
         raise ValueError(
             f"T_za is the same in all rows from {train.index[0]} to {train.index[-1]}; choose another column or span."
@@ -256,8 +256,19 @@ def _refuse_empty_ahead(frame: pd.DataFrame, inputs: pd.DataFrame) -> None:
             )
 
 
-def _spans(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Training rows and test rows; without settings, two thirds and one third of the days."""
+def train_and_test(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The training rows and the test rows of a log; without settings, two thirds and one third of the days.
+
+    Parameters
+    ----------
+    frame : DataFrame, one column per role, at an even step
+    settings : Settings
+
+    Raises
+    ------
+    ValueError
+        If a span has no rows, or the test begins before the training ends.
+    """
     train, test = dict(settings.train), dict(settings.test)
     if "end" not in train and "start" not in test:
         days = pd.DatetimeIndex(frame.index).normalize().unique()

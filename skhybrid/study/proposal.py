@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._table import SETPOINT_ROLES
 from ..logs import LogReport, read_log, to_left_label
 from .settings import SCHEDULE, as_toml
 
@@ -78,6 +79,16 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
         "means in its row",
         f'step = "{step.total_seconds() / 60:g}min"',
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
+        *_adjacency_lines(report.zones),
+    ]
+
+
+def _adjacency_lines(zones: list[str]) -> list[str]:
+    if not zones:
+        return []
+    return [
+        "# pairs of rooms that exchange heat, by the floor plan; without it they are found by likeness of temperatures",
+        f"# adjacency = [[{as_toml(zones[0])}, {as_toml(zones[-1])}]]",
     ]
 
 
@@ -88,10 +99,10 @@ def _column_lines(report: LogReport) -> list[str]:
         lines.append(f"{role} = {as_toml(name)}" + ("" if role == name else f"  # {reason!s}"))
     free = report.columns[report.columns["role"].isna()]
     for role, what in _WANTED.items():
-        if role not in roles:
+        if role not in roles and not any(f"{role}_{zone}" in roles for zone in report.zones):
             near = _candidates(report, free, role)
             lines.append(f'# {role} = "..."  # {what}: not found' + (f"; perhaps {near}" if near else ""))
-    if not any(role in _PLANTS for role in roles):
+    if not report.zones and not any(role in _PLANTS for role in roles):
         text = '# u_heat = "..."  # no column looks like heating or cooling: add a stage (u_heat) or heat [kW] (Q_hvac)'
         lines.append(text)
     return lines
@@ -137,6 +148,12 @@ def _model_lines(report: LogReport) -> list[list[str]]:
 def _plant_lines(report: LogReport) -> list[list[str]]:
     """Tables of the plant, and of the set-points of a day to come."""
     electric = report.electricity()
+    thermostat = ["# [thermostat]  # set-points of a day to come", "# heat = 21", "# cool = 25"]
+    if report.zones:
+        notes = [
+            f"# {role} seems to be electricity; only heat and stages can be read of several zones" for role in electric
+        ]
+        return [notes, thermostat]
     plant = ["[plant]" if electric else "# [plant]"]
     if electric:
         seems = f"  # {electric[0]} seems to be electricity; false if it is heat"
@@ -149,7 +166,6 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
     plant.append("# most_heat = 8.0  # what the plant can deliver [kW]")
     tariff = ["# [tariff]  # of electricity, or of heat where there is no cop"]
     tariff += ['# price = 0.30  # of a kWh; by the clock: { "7:00" = 0.35, "22:00" = 0.22 }', '# currency = "EUR"']
-    thermostat = ["# [thermostat]  # set-points of a day to come", "# heat = 21", "# cool = 25"]
     return [plant, tariff, thermostat]
 
 
@@ -179,9 +195,10 @@ def _segment(report: LogReport) -> pd.DatetimeIndex:
     frame = report.frame
     if report.assumed_label == "right" and frame.index.is_unique:
         frame = to_left_label(frame)
-    known = np.flatnonzero(frame["T_za"].notna().to_numpy()) if "T_za" in frame else np.arange(len(frame))
+    rooms = [f"T_za_{zone}" for zone in report.zones] or [role for role in ("T_za",) if role in frame]
+    known = np.flatnonzero(frame[rooms].notna().any(axis=1).to_numpy()) if rooms else np.arange(len(frame))
     frame = frame.iloc[: known[-1] + 1 if len(known) else 0]
-    inputs = frame.drop(columns=["T_za", "T_heat_set", "T_cool_set"], errors="ignore")
+    inputs = frame[[role for role in frame if role not in rooms and not str(role).startswith(SETPOINT_ROLES)]]
     found = pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
     if len(found) < 2:
         return found[:0]

@@ -14,8 +14,10 @@ from typing import Any
 import pandas as pd
 
 from .._holidays import read_holidays
-from .._table import ROLES, role_of
+from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
+from ..hybrid.zone_columns import neighbours_of
+from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .plant import Performance
 from .tariff import Tariff
@@ -56,8 +58,10 @@ class Settings:
     holidays : str or list of dates, optional
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or dates; for all models with a
         calendar.
+    adjacency : list of pairs of zones, optional, which zones exchange heat, where there are several
     columns : mapping of role to column
-        Columns of the log; ``T_za`` and ``T_oa`` are needed.
+        Columns of the log; ``T_za`` and ``T_oa`` are needed.  Of several zones: ``T_za_<zone>`` of each, with its
+        plants and set-points, as for :class:`skhybrid.BuildingPredictor`.
     units : mapping of role to unit, units of columns, where they are not those of the data contract
     scale : mapping of role to number, factors on columns, applied after the units
     network : mapping
@@ -100,6 +104,7 @@ class Settings:
     origin_step: str = "1D"
     random_state: int = 0
     holidays: Any = None
+    adjacency: Any = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
@@ -136,6 +141,26 @@ class Settings:
         Schedule.of_tables(self.thermostat)
         Tariff.of(self.tariff)
         _check_site(self.site, self.columns)
+        _check_zones(self)
+
+    @property
+    def zones(self) -> list[str]:
+        """Names of the zones; empty for one zone, ``T_za``."""
+        return zones_of(self.columns)
+
+    def roles_of(self, role: str) -> list[str]:
+        """The roles of a quantity that each zone has: ``T_za``, or ``T_za_<zone>`` of several.
+
+        Parameters
+        ----------
+        role : str, of one zone
+        """
+        return [f"{role}_{zone}" for zone in self.zones] or [role]
+
+    @property
+    def setpoints(self) -> list[str]:
+        """Roles of set-points: those of the zones, and ``T_heat_set`` and ``T_cool_set``."""
+        return list(dict.fromkeys([*SETPOINT_ROLES, *(own for role in SETPOINT_ROLES for own in self.roles_of(role))]))
 
     @property
     def capacities(self) -> dict[str, float]:
@@ -202,7 +227,8 @@ def settings_from(content: Mapping[str, Any]) -> Settings:
     for key, value in content.items():
         if types[key] != isinstance(value, dict):
             raise ValueError(f"{key} must be {'a table, [' + key + ']' if types[key] else 'a single value'}.")
-    missing = [role for role in ("T_za", "T_oa") if role not in content.get("columns", {})]
+    given = content.get("columns", {})
+    missing = [role for role in ("T_za", "T_oa") if role not in given and not (role == "T_za" and zones_of(given))]
     if missing:
         raise ValueError(f"[columns] does not say which column is {missing[0]}.")
     return Settings(**content)
@@ -279,6 +305,21 @@ def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
             raise ValueError(f"[site] {key} = {site[key]!r} must be a number of degrees from {-bound:g} to {bound:g}.")
     if site and "q_sol" not in columns:
         raise ValueError("[site] needs the irradiance on the horizontal, q_sol, in [columns].")
+
+
+def _check_zones(settings: Settings) -> None:
+    """Refuse what a building of several zones does not have, and what only it has."""
+    zones, pairs = settings.zones, settings.adjacency
+    if pairs is not None and not zones:
+        raise ValueError("adjacency is of several zones, T_za_<zone> in [columns], but there is one, T_za; remove it.")
+    if pairs is not None and not (
+        isinstance(pairs, list | tuple) and all(isinstance(p, list | tuple) and len(p) == 2 for p in pairs)
+    ):
+        raise ValueError(f'adjacency = {pairs!r} must be a list of pairs of zones, such as [["kitchen", "hall"]].')
+    neighbours_of(zones, pairs or ())
+    of_one = next((name for name in ("plant", "tariff") if zones and getattr(settings, name)), None)
+    if of_one:
+        raise ValueError(f"[{of_one}] is of one zone, but [columns] has {listed(zones)}; remove it.")
 
 
 def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, Any]:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
@@ -18,8 +17,7 @@ from ..study.doubts import day_beyond
 from ..study.plant import Performance
 from ..study.settings import Settings, is_scaled
 from ..study.tariff import energy_cost
-from ..study.thermostat import Schedule
-from .tomorrow import rows_ahead
+from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
@@ -44,7 +42,7 @@ def day_ahead(
     zone: ZoneModel,
     log: str | PathLike[str] | pd.DataFrame,
     weather: str | PathLike[str] | None = None,
-    schedule: Schedule | None = None,
+    schedule: Schedules | None = None,
 ) -> DayAhead:
     """Forecast temperature and load from the end of a log.
 
@@ -55,7 +53,7 @@ def day_ahead(
         Or its rows, as :func:`skhybrid.study.read_log` returns them.
     weather : path-like, optional
         CSV, EPW or Open-Meteo's JSON of the rows ahead.
-    schedule : Schedule, optional
+    schedule : Schedule, or mapping of zone to Schedule, optional
         Set-points; by default those of the rows ahead, then of the settings.
 
     Returns
@@ -63,7 +61,7 @@ def day_ahead(
     DayAhead
         Columns: ``T_za`` [degC], ``q_0.1`` and ``q_0.9``, the set-points and the weather; under a thermostat
         ``Q_hvac`` [kW] with ``Q_hvac_0.1`` and ``Q_hvac_0.9``, and electricity [kW] where the settings have a
-        coefficient of performance.
+        coefficient of performance.  Of several zones, names end with the zone's.
 
     Raises
     ------
@@ -74,15 +72,20 @@ def day_ahead(
     frame = log if isinstance(log, pd.DataFrame) else read_log(log, settings)[0]
     history = zone.history(frame)
     origin = history.index[-1]
-    later = frame[frame.index > origin].drop(columns="T_za")
+    measured = settings.roles_of("T_za")
+    later = frame[frame.index > origin].drop(columns=measured)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
-    inputs = [str(role) for role in inputs_of(history) if role not in SETPOINT_ROLES]
+    inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)
     if not ahead.planned:
         found = with_limits(found, settings)
-    setpoints = ahead.frame[[role for role in SETPOINT_ROLES if role in ahead.frame]]
-    out = found.drop(columns="zeta", errors="ignore").join(setpoints).join(ahead.frame[_weather(inputs)])
+    setpoints = ahead.frame[[role for role in settings.setpoints if role in ahead.frame]]
+    out = (
+        found.drop(columns=settings.roles_of("zeta"), errors="ignore")
+        .join(setpoints)
+        .join(ahead.frame[_weather(inputs)])
+    )
     out = with_electricity(out, settings).rename_axis("time")
     return DayAhead(out, _summary(out, settings), tuple(_remarks(zone, history, ahead.frame, ahead.planned)))
 
@@ -126,9 +129,17 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
     found: dict[str, Any] = {
         "from": str(out.index[0]),
         "to": str(out.index[-1]),
-        "lowest temperature [degC]": round(float(out["T_za"].min()), 2),
-        "highest temperature [degC]": round(float(out["T_za"].max()), 2),
     }
+    for zone, role in zip(settings.zones or [""], settings.roles_of("T_za"), strict=True):
+        of = f" of {zone}" if zone else ""
+        found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)
+        found[f"highest temperature{of} [degC]"] = round(float(out[role].max()), 2)
+    loads = [role for role in settings.roles_of("Q_hvac") if role in out]
+    if settings.zones and loads and is_scaled(settings.columns, settings.capacities):
+        of_all = out[loads].sum(axis=1)
+        kWh = {role.removeprefix("Q_hvac_"): float(out[role].clip(lower=0).sum() * hours) for role in loads}
+        found |= {f"heating of {zone} [kWh]": round(heat, 2) for zone, heat in kWh.items()}
+        found["largest load [kW]"] = round(float(of_all.abs().max()), 2)
     if "Q_hvac" not in out or not is_scaled(settings.columns, settings.capacities):
         return found  # kW without a scale are no sum to put in front
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
@@ -143,7 +154,7 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
     """Remarks on this forecast for its user."""
     out = []
-    if not planned and not zone.predictor.thermostat_learned_:
+    if not planned and not zone.thermostat_learned:
         out.append(
             "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
             "interval"
@@ -155,5 +166,5 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
         )
     if (age := history.index[-1] - zone.learned_until) > _OLD:
         out.append(f"the model last learned {age.days} days ago; learn anew with skhybrid update --relearn")
-    out += day_beyond(ahead.drop(columns=list(SETPOINT_ROLES), errors="ignore"), zone.covered())
+    out += day_beyond(ahead.drop(columns=zone.settings.setpoints, errors="ignore"), zone.covered())
     return out

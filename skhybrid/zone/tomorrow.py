@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import is_plant, listed
 from ..datasets import weather_on_steps
 from ..study.settings import Settings
 from ..study.thermostat import Schedule, free_days
+
+Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone
 
 
 class RowsAhead(NamedTuple):
@@ -20,6 +23,34 @@ class RowsAhead(NamedTuple):
     planned: bool  # whether the heat is planned, and no thermostat acts
 
 
+def schedules_of(texts: Sequence[str], zones: Sequence[str] = ()) -> Schedules | None:
+    """Set-points of the command line: of one zone the last text; of several ``21,24`` for all, ``hall:21,24`` for one.
+
+    Parameters
+    ----------
+    texts : sequence of str, each as for :meth:`skhybrid.study.thermostat.Schedule.of_text`
+    zones : sequence of str, empty for one zone
+
+    Raises
+    ------
+    ValueError
+        If a text cannot be read, or names an unknown zone.
+    """
+    if not texts or not zones:
+        return Schedule.of_text(texts[-1]) if texts else None
+    for_all: dict[str, Schedule] = {}
+    own: dict[str, Schedule] = {}
+    for text in texts:
+        name, colon, rest = text.partition(":")
+        if colon and name.strip() in zones:
+            own[name.strip()] = Schedule.of_text(rest)
+        elif colon and name.strip().isidentifier():
+            raise ValueError(f"--setpoint names the zone {name.strip()!r}, but the model has {listed(zones)}.")
+        else:
+            for_all = dict.fromkeys(zones, Schedule.of_text(text))
+    return for_all | own
+
+
 def rows_ahead(
     settings: Settings,
     origin: pd.Timestamp,
@@ -27,7 +58,7 @@ def rows_ahead(
     *,
     weather: pd.DataFrame | None = None,
     plan: pd.DataFrame | None = None,
-    schedule: Schedule | None = None,
+    schedule: Schedules | None = None,
 ) -> RowsAhead:
     """The rows after an origin, one horizon long.
 
@@ -40,7 +71,7 @@ def rows_ahead(
         Columns by role over the rows ahead, at any step: from a forecast, or the end of the log.
     plan : DataFrame, optional
         Planned heat or stages, or set-points, by role; rows as in ``weather``.
-    schedule : Schedule, optional
+    schedule : Schedule, or mapping of zone to Schedule, optional
         Set-points; by default those of ``plan``, then of the settings.
 
     Raises
@@ -65,11 +96,11 @@ def _setpoints(
     settings: Settings,
     index: pd.DatetimeIndex,
     plan: pd.DataFrame | None,
-    schedule: Schedule | None,
+    schedule: Schedules | None,
     plant: list[str],
 ) -> pd.DataFrame:
     """Set-points by role: as given, else of the plan, else of the settings."""
-    of_plan = [role for role in SETPOINT_ROLES if plan is not None and role in plan]
+    of_plan = [role for role in settings.setpoints if plan is not None and role in plan]
     if schedule is None and plan is not None and of_plan and plan[of_plan].reindex(index).notna().any(axis=None):
         return pd.DataFrame({role: _whole(plan[role].reindex(index), role, "set-point") for role in of_plan})
     found = schedule or Schedule.of_tables(settings.thermostat)
@@ -79,7 +110,14 @@ def _setpoints(
             f"nothing tells what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
             f"configuration, or fill in {names} in the rows ahead."
         )
-    return found.band(index, free_days(settings.holidays, index))
+    free = free_days(settings.holidays, index)
+    if isinstance(found, Schedule) and not settings.zones:
+        return found.band(index, free)
+    by_zone = dict.fromkeys(settings.zones, found) if isinstance(found, Schedule) else found
+    absent = [zone for zone in settings.zones if zone not in by_zone]
+    if absent:
+        raise ValueError(f"the zone {absent[0]!r} has no set-point; give one for all, or --setpoint {absent[0]}:21,24.")
+    return pd.concat([by_zone[zone].band(index, free).add_suffix(f"_{zone}") for zone in settings.zones], axis=1)
 
 
 def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:

@@ -97,7 +97,7 @@ class ZoneFolder:
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
                 with atomic_path(folder.config) as made:
                     made.write_text(text, encoding="utf-8")
-            settings = read_settings(folder.config)
+            settings = _of_one_zone(folder.config)
             frame, _ = read_log(log, settings)
             zone = ZoneModel.fit(settings, frame)
             origin = zone.history(frame).index[-1]
@@ -151,7 +151,7 @@ class ZoneFolder:
         self._require_model()
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+            zone, settings = self.load(), _of_one_zone(self.config)
             frame, _ = read_log(log, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
@@ -191,7 +191,7 @@ class ZoneFolder:
         self._require_model()
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+            zone, settings = self.load(), _of_one_zone(self.config)
             frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = None
@@ -259,6 +259,17 @@ class ZoneFolder:
         for file in (self.config, self.model):
             for left in self.path.glob(f".{file.name}.*"):
                 left.unlink(missing_ok=True)
+
+
+def _of_one_zone(config: Path) -> Settings:
+    """The settings of a folder; those of several zones are refused."""
+    settings = read_settings(config)
+    if settings.zones:
+        raise ValueError(
+            f"{config.name} is of several zones ({', '.join(settings.zones)}), but a folder is of one; give it a "
+            "configuration with T_za of one room, or use skhybrid fit, update and forecast."
+        )
+    return settings
 
 
 def drift_of(days: pd.DataFrame) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from os import PathLike
@@ -13,6 +14,7 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
 from ..exceptions import TooFewDaysError
+from ..hybrid import BuildingPredictor
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
@@ -27,11 +29,11 @@ _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedule
 
 @dataclass
 class ZoneModel:
-    """A model of one zone, as the command line fits, updates and saves it.
+    """A model of one zone or of a building, as the command line fits, updates and saves it.
 
     Parameters
     ----------
-    predictor : fitted HybridPredictor
+    predictor : fitted HybridPredictor, or BuildingPredictor where the settings have several zones
     settings : Settings
     """
 
@@ -53,7 +55,7 @@ class ZoneModel:
         ValueError
             If no three days of the log have all inputs and a temperature.
         """
-        rows = complete_rows(with_facades(frame, settings))
+        rows = complete_rows(with_facades(frame, settings), settings.roles_of("T_za"))
         step = pd.Timedelta(settings.step)
         if len(rows):
             rows = max(stretches(rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)], step), key=len)
@@ -64,12 +66,30 @@ class ZoneModel:
                 f"needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
             )
         predictor = make_models(settings)[0].estimator
+        if settings.zones:
+            building = BuildingPredictor(predictor, adjacency=settings.adjacency)
+            return cls(building.fit(rows, rows[settings.roles_of("T_za")]), settings)
         return cls(predictor.fit(rows, rows["T_za"]), settings)
+
+    @property
+    def zones(self) -> list[str]:
+        """Names of the zones of a building; empty for one zone."""
+        return self.settings.zones
+
+    @property
+    def _of_zones(self) -> dict[str, Any]:
+        """The predictor of each zone by itself, by its name; of one zone by an empty name."""
+        return dict(self.predictor.own_) if self.zones else {"": self.predictor}
+
+    @property
+    def thermostat_learned(self) -> bool:
+        """Whether the thermostats of all zones were learned."""
+        return all(model.thermostat_learned_ for model in self._of_zones.values())
 
     @property
     def known_until(self) -> pd.Timestamp:
         """The last stamp that the model knows, in the time zone of the log."""
-        stamp = pd.Timestamp(self.predictor.known_until_)
+        stamp = pd.Timestamp(next(iter(self._of_zones.values())).known_until_)
         return stamp if stamp.tz is None else stamp.tz_convert(self.learned_until.tz)
 
     @property
@@ -79,17 +99,24 @@ class ZoneModel:
 
     def covered(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of each input in training, by role."""
-        return dict(self.predictor.training_.ranges)
+        found = {}
+        for zone, model in self._of_zones.items():
+            for role, span in model.training_.ranges.items():
+                own = f"{role}_{zone}"
+                found[own if own in self.settings.columns else role] = span
+        return found
 
     def facts(self) -> dict[str, Any]:
         """Name, training span and inputs, as plain values."""
         record = self.predictor.training_
+        zones = {"zones": ", ".join(self.zones)} if self.zones else {}
         return {
             "name": self.settings.name,
+            **zones,
             "learned from": f"{record.first} to {record.last}",
             "rows": record.n_rows,
             "inputs": ", ".join(self.covered()),
-            "thermostat": "learned" if self.predictor.thermostat_learned_ else "ideal (no set-points in the log)",
+            "thermostat": "learned" if self.thermostat_learned else "ideal (no set-points in the log)",
         }
 
     def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
@@ -103,8 +130,10 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they do not follow the known rows without a gap.
+            If they do not follow the known rows without a gap, or several zones are to learn.
         """
+        if relearn and self.zones:
+            raise ValueError("a building of several zones does not learn from new rows alone; use skhybrid fit.")
         new = self.new_rows(frame)
         if len(new) and relearn:
             self.predictor.partial_fit(new, new["T_za"])
@@ -119,7 +148,7 @@ class ZoneModel:
         ----------
         frame : DataFrame, one column per role
         """
-        return complete_rows(with_facades(frame, self.settings))
+        return complete_rows(with_facades(frame, self.settings), self.settings.roles_of("T_za"))
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.
@@ -161,16 +190,21 @@ class ZoneModel:
         Returns
         -------
         DataFrame
-            ``T_za`` [degC], ``q_0.1`` and ``q_0.9``; under a thermostat also ``Q_hvac`` [kW] and its quantiles.
+            ``T_za`` [degC], ``q_0.1`` and ``q_0.9``; under a thermostat also ``Q_hvac`` [kW] and its quantiles.  Of
+            several zones each name ends with the zone's.
         """
         future = with_facades(future, self.settings)
         setpoint = self._ideal_setpoint(future)
-        ahead = future.drop(columns=[role for role in SETPOINT_ROLES if setpoint is not None and role in future])
+        ahead = future.drop(
+            columns=[role for role in self.settings.setpoints if setpoint is not None and role in future]
+        )
         if setpoint is None:
             return self._with_intervals(history, ahead)
         found = self.predictor.forecast(history, ahead, setpoint=setpoint)
         planned = future.assign(**{r: found[r] for r in self._plant() if r in found})
-        bands = self._with_intervals(history, planned.drop(columns=list(SETPOINT_ROLES), errors="ignore"))
+        bands = self._with_intervals(history, planned.drop(columns=self.settings.setpoints, errors="ignore"))
+        if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
+            found = found.assign(**{role: bands[role] for role in self.settings.roles_of("T_za")})
         return found.join(bands[[c for c in bands if str(c).startswith("q_")]])
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -216,21 +250,33 @@ class ZoneModel:
 
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
         """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
-        given = [role for role in SETPOINT_ROLES if role in future]
-        if not given or self.predictor.thermostat_learned_ or any(map(is_plant, future)):
+        given = [role for role in self.settings.setpoints if role in future]
+        if not given or self.thermostat_learned or any(map(is_plant, future)):
             return None
-        return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)
+        if not self.zones:
+            return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)
+        by_zone = {zone: [f"{role}_{zone}" for role in SETPOINT_ROLES] for zone in self.zones}
+        return {
+            zone: tuple(future[r].to_numpy() if r in future else None for r in own) for zone, own in by_zone.items()
+        }
 
 
-def complete_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """Rows with every input, up to the last measured temperature; set-points are filled from the rows before."""
-    if "T_za" not in frame:
-        raise ValueError("the log has no room temperature, T_za.")
-    held = {role: frame[role].ffill().bfill() for role in SETPOINT_ROLES if role in frame}
-    frame = frame.assign(T_za=without_standstills(frame["T_za"]), **held)
-    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> pd.DataFrame:
+    """Rows with every input, up to the last measured temperature; set-points are filled from the rows before.
+
+    ``measured`` are the roles of the zones' temperatures.
+    """
+    measured = list(measured)
+    for role in measured:
+        if role not in frame:
+            raise ValueError(f"the log has no room temperature, {role}.")
+    of_zones = () if measured == ["T_za"] else tuple(f"{role}_" for role in SETPOINT_ROLES)
+    set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
+    held = {str(role): frame[role].ffill().bfill() for role in set_points}
+    frame = frame.assign(**{role: without_standstills(frame[role]) for role in measured}, **held)
+    known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
     rows = frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
-    return rows[rows.drop(columns="T_za").notna().all(axis=1)]
+    return rows[rows.drop(columns=measured).notna().all(axis=1)]
 
 
 def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:

@@ -1,0 +1,92 @@
+"""Zones of a log whose columns differ by the name of a room, and the role of each of their columns."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+
+from ..preprocessing._units import UNITS
+from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
+
+_NO_ZONES = {"heat", "cool", "heating", "cooling", "min", "max", "mean", "low", "high", "set", "sp", "actual", "target"}
+_OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
+
+
+def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
+    """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants.
+
+    Parameters
+    ----------
+    units : mapping of column to unit or None, the columns in their order
+    """
+    zones = _zones(units)
+    found: dict[str, str] = {}
+    for zone, measured in zones.items():
+        of_zone = {c: u for c, u in units.items() if zone in plain(c).split() and c != measured}
+        own: dict[str, str] = {}
+        for name, unit in of_zone.items():
+            role = _role_of(name, zone, unit)
+            if role is not None and role not in own:
+                own[role] = name
+        if "Q_hvac" in own or "Q_heat" in own or "Q_cool" in own:  # a stage adds nothing to the heat that it delivered
+            own = {role: name for role, name in own.items() if not role.startswith("u_")}
+        found |= {f"T_za_{zone}": measured} | {f"{role}_{zone}": name for role, name in own.items()}
+    if len([zone for zone in zones if any(f"{role}_{zone}" in found for role in _OWN[:5])]) < 2:
+        return {}
+    others = {c: unit for c, unit in units.items() if not set(plain(c).split()) & set(zones)}
+    shared = {g.role: c for c, g in assign_roles(others).items() if g.role is not None and g.role != "T_za"}
+    return shared | found
+
+
+def zones_of(roles: Iterable[str]) -> list[str]:
+    """The zones whose temperatures are among some roles; none where ``T_za`` is the only zone's."""
+    roles = list(roles)
+    return [] if "T_za" in roles else [role.removeprefix("T_za_") for role in roles if role.startswith("T_za_")]
+
+
+def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
+    """The role of each column, or none, by the column of each role."""
+    by_name = {name: role for role, name in roles.items()}
+    zones = zones_of(roles)
+    found = {}
+    for name, unit in units.items():
+        role, plain_guess = by_name.get(name), guess_role(name, unit)
+        reason = plain_guess.reason
+        if role is None and plain_guess.role is not None:
+            reason = "another column was taken for the same quantity"
+        elif role == name:
+            reason = NAMED_BY_ROLE
+        elif role is not None and any(role.endswith(f"_{zone}") for zone in zones):
+            reason = "its name is that of a quantity and a room"
+        found[name] = Guess(role, 99, reason, role is not None and plain_guess.is_electricity)
+    return found
+
+
+def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
+    """Temperature of each zone: of columns that are named alike but for one word, the most."""
+    alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
+    for name, unit in units.items():
+        words = plain(name).split()
+        if not _is_room(name, unit):
+            continue
+        for k, word in enumerate(words):
+            if not word.isdigit() and len(word) > 1 and word not in _NO_ZONES:
+                alike[(*words[:k], "", *words[k + 1 :], str(unit))].setdefault(word, name)
+    return max(alike.values(), key=len, default={})
+
+
+def _is_room(name: str, unit: str | None) -> bool:
+    """Whether a column may be the temperature of some room: one by its unit or words, and no other quantity."""
+    guess = guess_role(f"room temp {name}", unit)
+    return guess.role == "T_za" and guess_role(name, unit).role in (None, "T_za")
+
+
+def _role_of(name: str, zone: str, unit: str | None) -> str | None:
+    """The role of a zone's column, by its name without the zone's."""
+    rest = re.sub(rf"(?i)[\W_]*(?<![^\W_]){re.escape(zone)}(?![^\W_])", "", name)
+    guess = guess_role(rest, unit)
+    if guess.role in _OWN or guess.role == "q_sol":
+        return guess.role
+    power = rest == "Q" or unit in ENERGY or (unit in UNITS and UNITS[unit].kind == "power")
+    return "Q_hvac" if power and guess_role(f"hvac {rest}", unit or "kW").role == "Q_hvac" else None

@@ -1,0 +1,235 @@
+"""The command line with a log of several rooms: proposal, fit, forecast, update, back-test, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.cli import main
+from skhybrid.logs import LogReport
+from skhybrid.persistence import load_model, save_model
+from skhybrid.study import read_settings
+from skhybrid.study.settings import settings_from
+from skhybrid.zone.tomorrow import schedules_of
+
+sys.path.insert(0, str(Path(__file__).parent / "rooms"))
+from three_rooms import make_rooms
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+ZONES = ("kitchen", "hall")
+N_KNOWN = 8 * 24
+CONFIG = """
+name = "house"
+step = "1h"
+adjacency = [["kitchen", "hall"]]
+[columns]
+T_oa = "T_out_degC"
+q_sol = "ghi_kW_m2"
+T_za_kitchen = "T_kitchen_degC"
+Q_hvac_kitchen = "Q_kitchen_kW"
+T_za_hall = "T_hall_degC"
+Q_hvac_hall = "Q_hall_kW"
+[network]
+name = "1R1C"
+[train]
+end = 2024-01-15
+[test]
+start = 2024-01-16
+end = 2024-01-17
+"""
+
+
+@pytest.fixture(scope="module")
+def log() -> pd.DataFrame:
+    X = make_rooms()[0].drop(columns=["T_za_study", "Q_hvac_study"])
+    X = X.rename(columns={"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2"})
+    X = X.rename(columns={f"T_za_{zone}": f"T_{zone}_degC" for zone in ZONES})
+    X = X.rename(columns={f"Q_hvac_{zone}": f"Q_{zone}_kW" for zone in ZONES})
+    return X[: N_KNOWN + 96].rename_axis("time")
+
+
+@pytest.fixture(scope="module")
+def folder(log, tmp_path_factory) -> Path:
+    """A folder with the log, its configuration and a fitted model."""
+    made = tmp_path_factory.mktemp("house")
+    log.to_csv(made / "log.csv")
+    log[:N_KNOWN].to_csv(made / "known.csv")
+    (made / "house.toml").write_text(CONFIG)
+    assert run("fit", made / "known.csv", "--config", made / "house.toml", "--model", made / "house.skops") == 0
+    return made
+
+
+def run(*arguments: object) -> int:
+    return main([*map(str, arguments), "-q"])
+
+
+def refusal(capsys, *arguments: object) -> str:
+    assert run(*arguments) != 0
+    return capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------------- names and proposals
+def test_check_proposes_a_configuration_with_the_rooms(folder, tmp_path, capsys):
+    assert run("check", folder / "log.csv", "--config", tmp_path / "made.toml") == 0
+    assert "T_za_hall   'T_hall_degC'" in capsys.readouterr().out
+    text = (tmp_path / "made.toml").read_text()
+    made = settings_from(tomllib.loads(text))
+    assert dict(made.columns) == tomllib.loads(CONFIG)["columns"]
+    assert made.zones == list(ZONES)
+    assert "T_za =" not in text
+    assert "tariff" not in text
+
+
+ROOMS = {
+    "valves": (["Kitchen temp (°C)", "Hall temp (°C)", "Outdoor temp (°C)", "Kitchen valve (%)", "Hall valve (%)"], {
+        "T_oa": "Outdoor temp (°C)", "T_za_kitchen": "Kitchen temp (°C)", "u_heat_kitchen": "Kitchen valve (%)",
+        "T_za_hall": "Hall temp (°C)", "u_heat_hall": "Hall valve (%)"}),
+    "roles": (["T_oa", "T_za_a1", "Q_a1", "T_heat_set_a1", "T_za_b1", "Q_hvac_b1", "q_sol_b1"], {
+        "T_oa": "T_oa", "T_za_a1": "T_za_a1", "Q_hvac_a1": "Q_a1", "T_heat_set_a1": "T_heat_set_a1",
+        "T_za_b1": "T_za_b1", "Q_hvac_b1": "Q_hvac_b1", "q_sol_b1": "q_sol_b1"}),
+    "heat": (["t_out_C", "east_temp_C", "west_temp_C", "east_heat_kW", "west_heat_kW", "east_heat_stage"], {
+        "T_oa": "t_out_C", "T_za_east": "east_temp_C", "Q_heat_east": "east_heat_kW", "T_za_west": "west_temp_C",
+        "Q_heat_west": "west_heat_kW"}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", list(ROOMS))
+def test_rooms_are_found_in_names(case):
+    names, expected = ROOMS[case]
+    index = pd.date_range("2024-01-01", periods=48, freq="1h")
+    report = LogReport(pd.DataFrame(np.random.default_rng(0).uniform(0.1, 0.9, (48, len(names))), index, names))
+    assert report.roles == expected
+
+
+def test_one_plant_is_one_zone():
+    """Sensors in several rooms of which none has a plant of its own are no building of zones."""
+    names = ["kitchen_temp_C", "hall_temp_C", "outdoor_temp_C", "hvac_kW"]
+    index = pd.date_range("2024-01-01", periods=48, freq="1h")
+    report = LogReport(pd.DataFrame(np.random.default_rng(0).uniform(0.1, 0.9, (48, 4)), index, names))
+    assert not report.zones
+    assert "Q_hvac" in report.roles
+
+
+# ------------------------------------------------------------------------------------------------------ the whole path
+def test_a_planned_day_has_columns_per_zone(folder, log, tmp_path, capsys):
+    ahead = log[: N_KNOWN + 24].copy()
+    ahead.iloc[N_KNOWN:, [ahead.columns.get_loc(f"T_{zone}_degC") for zone in ZONES]] = np.nan
+    ahead.to_csv(tmp_path / "planned.csv")
+    common = ("--model", folder / "house.skops", "--log", tmp_path / "planned.csv")
+    assert run("forecast", *common, "--out", tmp_path / "out.csv") == 0
+    assert "lowest temperature of hall [degC]" in capsys.readouterr().out
+    found = pd.read_csv(tmp_path / "out.csv", index_col=0, parse_dates=True)
+    model = load_model(folder / "house.skops")
+    by_role = ahead.rename(columns={column: role for role, column in tomllib.loads(CONFIG)["columns"].items()})
+    expected = model.forecast(by_role[:N_KNOWN], by_role[N_KNOWN:].drop(columns=[f"T_za_{zone}" for zone in ZONES]))
+    for zone in ZONES:
+        np.testing.assert_allclose(found[f"T_za_{zone}"], expected[f"T_za_{zone}"], atol=1e-3)
+        assert found[f"T_za_{zone}"].between(found[f"q_0.1_{zone}"], found[f"q_0.9_{zone}"]).mean() > 0.5
+    assert not any(c.startswith("zeta") for c in found)
+
+
+def test_set_points_may_be_given_per_zone(folder, log, tmp_path, capsys):
+    log[N_KNOWN : N_KNOWN + 24][["T_out_degC", "ghi_kW_m2"]].to_csv(tmp_path / "weather.csv")
+    common = ("--model", folder / "house.skops", "--log", folder / "known.csv", "--weather", tmp_path / "weather.csv")
+    assert run("forecast", *common, "--setpoint", "21", "--setpoint", "hall:12", "--json") == 0
+    rows = pd.DataFrame(json.loads(capsys.readouterr().out)["forecast"])
+    assert set(rows["T_heat_set_hall"]) == {12.0}
+    assert set(rows["T_heat_set_kitchen"]) == {21.0}
+    assert rows["Q_hvac_hall"].max() < 0.05, "the hall is warmer than 12 degC without heat"
+    assert rows["Q_hvac_kitchen"].mean() > 0.5
+    assert "the zone 'kitchen' has no set-point" in refusal(capsys, "forecast", *common, "--setpoint", "hall:20")
+    assert "--setpoint names the zone 'attic'" in refusal(capsys, "forecast", *common, "--setpoint", "attic:20")
+
+
+def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):
+    model = tmp_path / "house.skops"
+    model.write_bytes((folder / "house.skops").read_bytes())
+    log[: N_KNOWN + 30].to_csv(tmp_path / "later.csv")
+    common = ("update", "--model", model, "--log", tmp_path / "later.csv")
+    assert "use skhybrid fit" in refusal(capsys, *common, "--relearn")
+    assert run(*common, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"new rows": 30, "known until": str(log.index[N_KNOWN + 29])}
+    assert run(*common, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["new rows"] == 0
+
+
+def test_a_model_file_keeps_everything(folder, log, tmp_path):
+    model = load_model(folder / "house.skops")
+    save_model(model, tmp_path / "again.skops")
+    again = load_model(tmp_path / "again.skops")
+    by_role = log.rename(columns={column: role for role, column in tomllib.loads(CONFIG)["columns"].items()})
+    tomorrow = by_role[N_KNOWN : N_KNOWN + 24].drop(columns=[f"T_za_{zone}" for zone in ZONES])
+    levels = [0.1, 0.9]
+    pd.testing.assert_frame_equal(*[one.forecast(None, tomorrow, quantiles=levels) for one in (model, again)])
+    drawn = [one.sample(None, tomorrow, 5, random_state=0) for one in (model, again)]
+    np.testing.assert_array_equal(*drawn)
+    pd.testing.assert_frame_equal(again.shares_, model.shares_)
+    assert again.coupled_["hall"].neighbours == ("kitchen",)
+    updated = [one.update(by_role[N_KNOWN : N_KNOWN + 3]).forecast(None, tomorrow[3:]) for one in (model, again)]
+    pd.testing.assert_frame_equal(*updated)
+
+
+def test_backtest_judges_every_zone(folder, tmp_path, capsys):
+    common = ("backtest", folder / "log.csv", "--config", folder / "house.toml")
+    assert run(*common, "--out", tmp_path / "backtest.csv", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["quantity"] for one in found["verdicts"]] == [f"temperature of {zone}" for zone in ZONES]
+    frame = pd.read_csv(tmp_path / "backtest.csv")
+    error = frame["y_pred"] - frame["y_true"]
+    assert found["table"]["hybrid"]["rmse"] == pytest.approx(np.sqrt((error**2).mean()), abs=1e-4)
+    of_hall = np.sqrt((error[frame["zone"] == "hall"] ** 2).mean())
+    assert found["table"]["hybrid"]["rmse_hall"] == pytest.approx(of_hall, abs=1e-4)
+    log = pd.read_csv(folder / "log.csv", index_col=0, parse_dates=True)["T_hall_degC"]
+    hall = frame[frame["zone"] == "hall"]
+    np.testing.assert_allclose(hall["y_true"], log.reindex(pd.DatetimeIndex(hall["time"])), rtol=1e-5)
+    assert found["table"]["hybrid"]["rmse"] < found["table"]["yesterday"]["rmse"]
+
+
+# --------------------------------------------------------------------------------------------------------- refused
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "log.csv", "--out", "made"),
+        ("report", "log.csv", "--out", "report.html"),
+        ("search", "log.csv", "--store", "made"),
+        ("identify", "log.csv"),
+        ("export", "emhass", "log.csv"),
+        ("zone", "init", "made", "--log", "log.csv"),
+    ],
+)
+def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
+    given = [folder / a if a == "log.csv" else tmp_path / a if a in ("made", "report.html") else a for a in command]
+    message = refusal(capsys, *given, "--config", folder / "house.toml")
+    assert "of several zones (kitchen, hall)" in message
+    assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] is of one zone"),
+        (('"hall"]]', '"attic"]]'), "zone 'attic'"),
+        (('[["kitchen", "hall"]]', '["hall"]'), "list of pairs"),
+        (("T_za_kitchen", "T_za"), "adjacency is of several zones"),
+        (('adjacency = [["kitchen"', 'adjacent = [["kitchen"'), "did you mean 'adjacency'"),
+    ],
+)
+def test_a_configuration_that_cannot_be_right_is_refused(change, message, tmp_path):
+    assert change[0] in CONFIG
+    (tmp_path / "house.toml").write_text(CONFIG.replace(*change))
+    with pytest.raises(ValueError, match=message):
+        read_settings(tmp_path / "house.toml")
+
+
+def test_set_points_of_one_zone_are_the_last_given():
+    assert schedules_of(()) is None
+    assert schedules_of(("20", "6:00=21,22:00=17;24")).heat == {360: 21.0, 1320: 17.0}
+    both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
+    assert both["hall"].heat == {360: 21.0, 1320: 17.0}
+    assert both["study"].cool == {0: 26.0}
