@@ -14,7 +14,7 @@ from .base import BaseHybrid
 from .blend import GROUP_NAMES, blend_weights, by_lead, lead_groups, moments
 from .zone_columns import NEXT
 
-#: shares where the training says nothing: of a zone by itself, and with neighbours; chosen on coupled rooms and an office
+#: shares of a zone by itself and with neighbours where the training says nothing; chosen on coupled rooms and an office
 _PRIOR = np.array([0.6, 0.4])
 
 
