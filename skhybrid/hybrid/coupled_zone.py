@@ -14,7 +14,8 @@ from .base import BaseHybrid
 from .blend import GROUP_NAMES, blend_weights, by_lead, lead_groups, moments
 from .zone_columns import NEXT
 
-_PULL = 1.0  # toward equal shares: what a training says of the coupling holds for its own control
+#: shares of a zone by itself and with neighbours where the training says nothing; chosen on coupled rooms and an office
+_PRIOR = np.array([0.6, 0.4])
 
 
 def with_neighbours(network: RCNetwork, neighbours: Sequence[str]) -> RCNetwork:
@@ -75,7 +76,7 @@ def couple(
     n_leads = alone.shape[1]
     both = np.stack([alone, errors], axis=-1)
     groups = lead_groups(np.arange(1, n_leads + 1), n_leads)
-    weights = blend_weights(moments(both, groups, np.ones(alone.shape)), pull=_PULL)
+    weights = blend_weights(moments(both, groups, np.ones(alone.shape)), _PRIOR)
     blended = np.sum(both * by_lead(weights, n_leads, n_leads), axis=-1)
     spread = [np.sqrt(np.mean(e**2, axis=0)) if len(e) else np.ones(n_leads) for e in (blended, alone)]
     ratio = np.clip(spread[0] / np.maximum(spread[1], 1e-9), 0.2, 1.5)
