@@ -236,7 +236,7 @@ def row_of(task: str, coupling: str) -> dict[str, Any]:
 
 
 def kept(name: str, run: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """What was stored under a name; run where it is missing."""
+    """The row that was stored under a name; run where it is missing."""
     path = STORE / f"{name}.json"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -39,7 +39,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     Each zone has a predictor of its own, and a second one that takes its neighbours' temperatures as boundaries.  What
     the first ones forecast of the neighbours drives the second, and a zone's forecast is a blend of its two, by their
-    errors on left-out days of the training: zones that hardly exchange heat are forecast by themselves.
+    errors on left-out days of the training.
 
     Columns of one zone end with its name: ``T_za_north``, ``Q_hvac_north`` or ``Q_north``, ``u_heat_north``,
     ``q_sol_north``, ``T_heat_set_north``.  All others, such as ``T_oa``, ``q_sol``, a facade's irradiance or the stage
