@@ -79,13 +79,6 @@ def fitted(coupling: str, plan: Any, *, setpoints: bool) -> tuple[BuildingPredic
     return model.fit(train, temperatures(train)), time.process_time() - begun
 
 
-def alone(model: BuildingPredictor) -> BuildingPredictor:
-    """The same with every room by itself."""
-    made = copy(model)
-    made.coupled_ = {}
-    return made
-
-
 def heat_known(coupling: str) -> dict[str, Any]:
     """Errors [K] of temperatures with the heat of all rooms known ahead, and energy scores."""
     models = {"floor plan": fitted(coupling, FLOOR_PLAN, setpoints=False)}
@@ -97,7 +90,7 @@ def heat_known(coupling: str) -> dict[str, Any]:
         truth = temperatures(later).to_numpy()[origins[:, None] + np.arange(1, N_LEADS + 1)]
         paths = {name: model.predict_from(later, origins, "1D") for name, (model, _) in models.items()}
         building = models["floor plan"][0]
-        paths["by itself"] = alone(building).predict_from(later, origins, "1D")
+        paths["by itself"] = building.without_neighbours().predict_from(later, origins, "1D")
         for name, found in paths.items():
             squares = (found - truth) ** 2
             out[f"{control} {name}"] = float(np.sqrt(squares.mean(axis=(0, 1))).mean())
@@ -141,7 +134,7 @@ def set_points_known(coupling: str) -> dict[str, Any]:
             done = origin + 1
             truth = later[done : done + N_LEADS]
             future = truth[[c for c in truth if not c.startswith(("T_za", "Q_hvac"))]]
-            missed.append([errors_of(one.forecast(None, future), truth) for one in (alone(model), model)])
+            missed.append([errors_of(one.forecast(None, future), truth) for one in (model.without_neighbours(), model)])
         root = np.sqrt(np.mean(np.square(missed), axis=(0, 3))).mean(axis=-1)  # (model, quantity)
         out |= {f"{control} load by itself": root[0, 0], f"{control} load": root[1, 0]}
         out |= {f"{control} T by itself": root[0, 1], f"{control} T": root[1, 1]}
@@ -173,7 +166,7 @@ def by_the_hour(coupling: str) -> dict[str, Any]:
         later = between(log, TEST, END)
         origins = np.arange(25, len(later) - 25, 25)
         truth = temperatures(later).to_numpy()[origins[:, None] + np.arange(1, 25)]
-        for name, model in (("with neighbours", building), ("by itself", alone(building))):
+        for name, model in (("with neighbours", building), ("by itself", building.without_neighbours())):
             missed = model.predict_from(later, origins, "1D") - truth
             out[f"{control} {name}"] = float(np.sqrt(np.mean(missed**2, axis=(0, 1))).mean())
     return out
@@ -200,7 +193,7 @@ def office(path: Path) -> dict[str, Any]:
         origins = np.arange(first, len(later) - N_LEADS - 1, EVERY)
         measured = later[[f"T_za_{room}" for room in rooms]].to_numpy()
         truth = measured[origins[:, None] + np.arange(1, N_LEADS + 1)]
-        for name, one in (("with neighbours", model), ("by itself", alone(model))):
+        for name, one in (("with neighbours", model), ("by itself", model.without_neighbours())):
             missed = one.predict_from(later, origins, "1D") - truth
             out[f"{control} {name}"] = np.sqrt(np.mean(missed**2, axis=(0, 1))).tolist()
     return out

@@ -52,7 +52,7 @@ CASES = {
     "forecaster": DisturbanceForecaster("ridge"),
     "hybrid": HybridPredictor(),
     "schedule": SchedulePredictor(),
-    "building": BuildingPredictor(SchedulePredictor("1R1C", intervals=False)),
+    "building": BuildingPredictor(SchedulePredictor("1R1C")),
     "two-stage": TwoStagePredictor(GrayBoxRC(**ONE), DisturbanceForecaster("ridge"), random_state=0),
     "units": UnitConverter(),
     "gaps": GapFiller(),

@@ -207,6 +207,18 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """Keep the last known temperature of each zone."""
         self._last = {zone: float(carried_on(T[zone].to_numpy(float), self._last[zone])[-1]) for zone in self.zones_}
 
+    def without_neighbours(self) -> Self:
+        """A copy that forecasts each zone by itself.
+
+        Returns
+        -------
+        BuildingPredictor
+        """
+        check_is_fitted(self)
+        made = copy(self)
+        made.coupled_ = {}
+        return made
+
     @property
     def shares_(self) -> pd.DataFrame:
         """Share of the forecast with neighbours, by zone and group of leads."""

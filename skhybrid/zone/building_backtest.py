@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator
 
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
@@ -46,49 +45,23 @@ def backtest_building(
     building = BuildingPredictor(make_models(settings)[0].estimator, adjacency=settings.adjacency)
     building.fit(train, train[measured])
     say(2, 2, "back-test")
-    own = [(model, later) for model in building.own_.values()]
-    rule = [(Yesterday().fit(later, train[role]), later.assign(T_za=later[role])) for role in measured]
-    made = {HYBRID: _Paths([(building, later)]), ALONE: _Paths(own), YESTERDAY: _Paths(rule)}
-    frames = {name: _frame(paths, settings, later, test.index[0]) for name, paths in made.items()}
+    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": test.index[0]}
+    frames = {
+        HYBRID: backtest(building, later, later[measured], **given),
+        ALONE: backtest(building.without_neighbours(), later, later[measured], **given),
+    }
+    rules = (
+        backtest(Yesterday().fit(later, train[role]), later.assign(T_za=later[role]), later[role], **given)
+        for role in measured
+    )
+    by_zone = zip(rules, settings.zones, strict=True)
+    frames[YESTERDAY] = pd.concat([frame.assign(zone=zone) for frame, zone in by_zone], ignore_index=True)
     of = {name: dict(iter(found.groupby("zone", sort=False))) for name, found in frames.items()}
     verdicts = [
         judge_temperature(of[HYBRID][zone], of[YESTERDAY][zone])._replace(quantity=f"temperature of {zone}")
         for zone in settings.zones
     ]
     return ZoneBacktest(_table(frames), frames[HYBRID], None, tuple(verdicts), "")
-
-
-class _Paths(BaseEstimator):
-    """Forecasts of all zones by predictors of one or of all; a back-test sees the first zone's."""
-
-    def __init__(self, parts: list[tuple[Any, pd.DataFrame]]) -> None:
-        self.parts = parts
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return True
-
-    def fit(self, X: Any, y: Any = None) -> _Paths:
-        """Nothing: the predictors are fitted."""
-        return self
-
-    def predict_from(self, X: Any, origins: np.ndarray, horizon: Any = None) -> np.ndarray:
-        """(n_origins, n_leads) of the first zone."""
-        found = [model.predict_from(rows, origins, horizon) for model, rows in self.parts]
-        self.paths_ = found[0] if found[0].ndim == 3 else np.stack(found, axis=-1)
-        return self.paths_[..., 0]
-
-
-def _frame(model: _Paths, settings: Settings, later: pd.DataFrame, start: pd.Timestamp) -> pd.DataFrame:
-    """The back-test of all zones, with a column ``zone``."""
-    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": start}
-    measured = settings.roles_of("T_za")
-    first = backtest(model, later, later[measured[0]], **given)
-    parts = []
-    for j, (zone, role) in enumerate(zip(settings.zones, measured, strict=True)):
-        true = later[role].reindex(first["time"]).to_numpy()
-        parts.append(first.assign(y_true=true, y_pred=model.paths_[..., j].ravel()))
-        parts[-1].insert(0, "zone", zone)
-    return pd.concat(parts, ignore_index=True)
 
 
 def _table(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
