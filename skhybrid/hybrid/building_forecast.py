@@ -134,11 +134,12 @@ class BuildingForecastMixin:
 
     def _bands(self, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: Any) -> np.ndarray:
         """(n_origins, n_leads, n_zones, n_quantiles); ``horizon`` may be a number of rows."""
-        paths, out, span = self._paths(X, origins, horizon), [], self._span(horizon)
+        own, span, out = self._own_paths(X, origins, horizon), self._span(horizon), []
+        paths = self._among_neighbours(X, origins, span, own)
         for j, (zone, model) in enumerate(self.own_.items()):
             with of_zone(zone):
                 bands = model.predict_quantiles_from(X, origins, quantiles, span)
-            beyond = bands - model.predict_from(X, origins, span)[..., None]
+            beyond = bands - own[zone][..., None]
             widths = self.coupled_[zone].widths(bands.shape[1]) if zone in self.coupled_ else np.ones(bands.shape[1])
             out.append(paths[..., j, None] + widths[:, None] * beyond)
         return np.stack(out, axis=2)
@@ -166,10 +167,18 @@ class BuildingForecastMixin:
 
     def _paths(self, X: Any, origins: np.ndarray, horizon: Any) -> np.ndarray:
         """(n_origins, n_leads, n_zones); ``horizon`` may be a number of rows."""
+        return self._among_neighbours(X, origins, self._span(horizon), self._own_paths(X, origins, horizon))
+
+    def _own_paths(self, X: Any, origins: np.ndarray, horizon: Any) -> dict[str, np.ndarray]:
+        """(n_origins, n_leads) of each zone by itself."""
         own, span = {}, self._span(horizon)
         for zone, model in self.own_.items():
             with of_zone(zone):
                 own[zone] = model.predict_from(X, origins, span)
+        return own
+
+    def _among_neighbours(self, X: Any, origins: np.ndarray, span: Any, own: Mapping[str, np.ndarray]) -> np.ndarray:
+        """(n_origins, n_leads, n_zones) blended with the forecasts that neighbours' paths drive."""
         out = np.stack(list(own.values()), axis=-1)
         if not len(origins) or not self.coupled_:
             return out
@@ -220,11 +229,12 @@ class BuildingForecastMixin:
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
+        beside = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
 
         def of(model: BaseHybrid, rows: Any, zone: str) -> pd.DataFrame:
-            levels = quantiles if model is self.own_[zone] else None
-            before = known if known is None or rows is ahead else self._with_measured(known, self._known(known))
-            return model.forecast(before, rows, now.get(zone), wanted.get(zone), levels)
+            alone = model is self.own_[zone]
+            levels = quantiles if alone else None
+            return model.forecast(known if alone else beside, rows, now.get(zone), wanted.get(zone), levels)
 
         return self._joined(of, ahead, first_lead=0 if now else 1)
 
@@ -270,9 +280,8 @@ def _held(paths: np.ndarray) -> np.ndarray:
 
 def _blended(own: pd.DataFrame, coupled: pd.DataFrame, one: CoupledZone, first_lead: int) -> pd.DataFrame:
     """A zone's frame from that by itself and that with neighbours; quantiles move along, by the errors' spread."""
-    n = len(own) - 1 + first_lead
-    share, widths = np.zeros(len(own)), np.ones(len(own))
-    share[1 - first_lead :], widths[1 - first_lead :] = one.share(n), one.widths(n)
+    share = one.share_by_row(len(own), first_lead)
+    widths = np.append(np.ones(1 - first_lead), one.widths(len(own) - 1 + first_lead))
     out = own.copy()
     for name in coupled.columns.intersection(own.columns):
         out[name] = (1.0 - share) * own[name] + share * coupled[name]

@@ -16,7 +16,7 @@ from ..control import AffineForecast
 from ..forecasting.quantiles import LeftOut, quantile_columns
 from .base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, of_zone, with_next
-from .coupled_zone import CoupledZone
+from .coupled_zone import CoupledZone, at_common_origins
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
 _LEAST_DRAWN = 10  # forecasts of the training from about that hour of the day, below which those of any are drawn
@@ -31,11 +31,7 @@ class JointErrors(NamedTuple):
     @classmethod
     def of(cls, errors: Mapping[str, LeftOut], index: pd.Index) -> JointErrors:
         """Of the origins that all zones have."""
-        parts = list(errors.values())
-        origins = parts[0].origins
-        for part in parts[1:]:
-            origins = np.intersect1d(origins, part.origins)
-        values = [part.errors[np.searchsorted(part.origins, origins)] for part in parts]
+        origins, values = at_common_origins(list(errors.values()))
         return cls(np.stack(values, axis=-1).astype(np.float32), _hours(index)[origins])
 
     def drawn(self, hour: float, n_samples: int, n_rows: int, rng: np.random.RandomState) -> np.ndarray:
@@ -253,8 +249,6 @@ class _Affine(NamedTuple):
         return self._replace(gain=self.gain + sum(by_others))
 
     def blended(self, other: _Affine, one: CoupledZone, first_lead: int) -> _Affine:
-        n = len(self.path) - 1 + first_lead
-        share = np.zeros(len(self.path))
-        share[1 - first_lead :] = one.share(n)
+        share = one.share_by_row(len(self.path), first_lead)
         mean = [a + (share * (b - a).T).T for a, b in zip(self[:3], other[:3], strict=True)]
         return _Affine(mean[0], mean[1], mean[2], self.beside)

@@ -192,13 +192,15 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         errors: dict[str, LeftOut] = dict(own)
         for zone, model in models.items():
             others = neighbours[zone]
-            self.coupled_[zone], errors[zone] = couple(model, zone, others, own, self._answer(X, model, others))
+            self.coupled_[zone], errors[zone] = couple(
+                model, zone, others, own, self._answer(X, model, others, own[zone])
+            )
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
         self._joint = JointErrors.of(errors, index) if errors else None
 
-    def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str]) -> np.ndarray:
+    def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""
-        n_leads = model.left_out_errors().errors.shape[1]
+        n_leads = own.errors.shape[1]
         n_known = min(len(X) - n_leads, rows_of(f"{_SETTLED}D", model.sampling_time_))
         history, future = X[-n_leads - n_known : -n_leads], X[-n_leads:]
         return model.affine_forecast(history, future, [NEXT + other for other in neighbours]).gain
@@ -308,9 +310,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return pd.concat({zone: model.drift(X) for zone, model in self.own_.items()}, names=["zone"])
 
     def _facts(self) -> dict[str, str]:
-        pairs = sorted(
-            {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}
-        )
+        pairs = {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}
         return {"zones": ", ".join(self.zones_), "neighbours": ", ".join(map("-".join, sorted(pairs))) or "none"}
 
     def _tables(self) -> dict[str, pd.DataFrame]:

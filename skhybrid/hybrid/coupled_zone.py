@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import pandas as pd
@@ -48,6 +49,10 @@ class CoupledZone:
         """The same with another state of the predictor."""
         return replace(self, model=model)
 
+    def share_by_row(self, n_rows: int, first_lead: int) -> np.ndarray:
+        """(n_rows,) share of this forecast in rows of which the first has lead 1, or 0: the measured origin."""
+        return np.append(np.zeros(1 - first_lead), self.share(n_rows - 1 + first_lead))
+
     def share(self, n_leads: int) -> np.ndarray:
         """(n_leads,) share of this forecast."""
         return by_lead(self.weights, len(self.ratio), n_leads)[:, 1]
@@ -55,6 +60,12 @@ class CoupledZone:
     def widths(self, n_leads: int) -> np.ndarray:
         """(n_leads,) factor on the width of the intervals of the zone by itself; the last one holds on."""
         return self.ratio[np.minimum(np.arange(n_leads), len(self.ratio) - 1)]
+
+
+def at_common_origins(parts: Sequence[LeftOut]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Origins that all of some errors have, and each of the errors there."""
+    origins = reduce(np.intersect1d, [part.origins for part in parts])
+    return origins, [part.errors[np.searchsorted(part.origins, origins)] for part in parts]
 
 
 def couple(
@@ -65,12 +76,8 @@ def couple(
     Its errors are those under the neighbours' true temperatures, and what the errors of their own forecasts make of
     them by its ``gain`` (n_leads, n_leads, n_neighbours) [K/K].
     """
-    by_itself, coupled = own[zone], model.left_out_errors()
-    parts = (by_itself, coupled, *(own[other] for other in neighbours))
-    origins = parts[0].origins
-    for part in parts[1:]:
-        origins = np.intersect1d(origins, part.origins)
-    alone, errors, *others = (part.errors[np.searchsorted(part.origins, origins)] for part in parts)
+    parts = [own[zone], model.left_out_errors(), *(own[other] for other in neighbours)]
+    origins, (alone, errors, *others) = at_common_origins(parts)
     for k, missed in enumerate(others):
         errors = errors + missed @ gain[:, :, k].T
     n_leads = alone.shape[1]
