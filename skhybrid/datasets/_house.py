@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
-from .._time import rows_of
 from ..thermal import RCNetwork, building_network
-from ._gains import PATTERNS, draw_gains
-from ._office import SIMULATION_STEP
+from ._gains import draw_gains
+from ._office import SIMULATION_STEP, check_arguments
 from ._random import spawn_generators
 from ._thermostat_plan import make_prbs
 from ._weather import make_weather
@@ -101,7 +100,8 @@ def make_house(
     >>> house.adjacency
     [('living', 'kitchen')]
     """
-    per_step = _check_arguments(n_days, zones, partition, pattern, excitation, noise_std, sampling_time)
+    _check_rooms(zones, partition)
+    per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     names = _ROOMS[:zones]
     theta_rng, weather_rng, noise_rng, *room_rngs = spawn_generators(random_state, 3 + 3 * zones)
     time = pd.date_range(pd.Timestamp(start).normalize(), periods=n_days * 288, freq=SIMULATION_STEP)
@@ -142,32 +142,12 @@ def make_house(
     )
 
 
-def _check_arguments(
-    n_days: int,
-    zones: int,
-    partition: float,
-    pattern: str,
-    excitation: str | None,
-    noise_std: float,
-    sampling_time: Any,
-) -> int:
-    """Refuse arguments that are out of range; return the number of simulation steps per step of the log."""
-    if not isinstance(n_days, int | np.integer) or n_days < 1:
-        raise ValueError(f"n_days={n_days!r} must be a positive whole number of days.")
+def _check_rooms(zones: int, partition: float) -> None:
+    """Refuse a number of rooms, or a partition, that is out of range."""
     if not isinstance(zones, int | np.integer) or not 2 <= zones <= len(_ROOMS):
         raise ValueError(f"zones={zones!r} must be a whole number from 2 to {len(_ROOMS)}.")
     if not (np.isfinite(partition) and partition > 0):
         raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
-    if pattern not in PATTERNS:
-        raise ValueError(f"pattern={pattern!r} is unknown; choose one of {', '.join(map(repr, PATTERNS))}.")
-    if excitation not in ("weekend_prbs", "none", None):
-        raise ValueError(f"excitation={excitation!r} is unknown; choose 'weekend_prbs' or None.")
-    if not (np.isfinite(noise_std) and noise_std >= 0):
-        raise ValueError(f"noise_std={noise_std!r} must be zero or a positive number of kelvin.")
-    per_step = rows_of(sampling_time, SIMULATION_STEP, "sampling_time")
-    if 288 % per_step:
-        raise ValueError(f"sampling_time={sampling_time!r} does not divide a day.")
-    return per_step
 
 
 def _floor_plan(names: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -101,7 +101,7 @@ def make_office(
     >>> list(office.X.columns)
     ['T_oa', 'q_sol', 'u_heat', 'u_cool', 'T_za']
     """
-    per_step = _check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
+    per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     weather_rng, gain_rng, plan_rng, prbs_rng, noise_rng = spawn_generators(random_state, 5)
     first = pd.Timestamp(start).normalize()
     if first.tzinfo is not None:
@@ -125,7 +125,7 @@ def make_office(
     return _make_log(run, setpoints, per_step, noise, theta_effective, description)
 
 
-def _check_arguments(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
+def check_arguments(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
     """Refuse arguments that are out of range; return the number of simulation steps per step of the log."""
     if not isinstance(n_days, int | np.integer) or n_days < 1:
         raise ValueError(f"n_days={n_days!r} must be a positive whole number of days.")
