@@ -196,21 +196,19 @@ def test_a_path_that_is_no_file_is_named(tmp_path, kind):
         ResultStore(place, {})
 
 
-def test_a_read_only_store_is_named(path):
+def test_a_read_only_store_is_named():
     """As a user without rights, since files are never read-only for root."""
-    _filled(path)
-    path.chmod(0o444)
-    path.parent.chmod(0o555)
     program = (
         "import os, sys\nfrom skhybrid.model_selection.search.store import ResultStore\n"
         "if os.getuid() == 0: os.seteuid(65534)\nResultStore(sys.argv[1], {})"
     )
-    for folder in path.parents:
-        if folder == Path(tempfile.gettempdir()):
-            break
-        folder.chmod(folder.stat().st_mode | 0o055)
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
-    path.parent.chmod(0o755)
+    with tempfile.TemporaryDirectory() as made:  # another run may close the folders above those of pytest
+        path = Path(made) / "results.sqlite"
+        _filled(path)
+        path.chmod(0o444)
+        path.parent.chmod(0o555)
+        done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
+        path.parent.chmod(0o755)
     assert f"StoreError: store {path} cannot be used (" in done.stderr
     assert "writable, or give the path of another file." in done.stderr
 
