@@ -15,6 +15,7 @@ from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
 from skhybrid.exceptions import MeasurementWarning
+from skhybrid.hybrid import base, building_forecast, building_predictor
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
@@ -111,6 +112,30 @@ def test_update_and_forecast_are_predict_from(building, later, tomorrow):
     np.testing.assert_allclose(temperatures(building.forecast(known, future)), expected, atol=1e-9)
     model.update(known)
     np.testing.assert_allclose(temperatures(model.forecast(None, future)), expected, atol=1e-9)
+
+
+def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, later, tomorrow, monkeypatch):
+    """Whether a building parses a table for all of its zones, or each predictor by itself, changes nothing."""
+    n_read, read = [], base.read_table
+
+    def counted(*args, **kwargs):
+        n_read.append(1)
+        return read(*args, **kwargs)
+
+    def step(model):
+        n_read.clear()
+        model = copy.deepcopy(model).update(later[:5])
+        frames = [model.forecast(None, later[5 : 5 + DAY].drop(columns=T_OF), **given) for given in ({}, NOW, BANDS)]
+        return pd.concat(frames), len(n_read)
+
+    NOW, BANDS = {"T_za": [20.0, 18.0, 19.0]}, {"quantiles": (0.1, 0.9)}
+    monkeypatch.setattr(base, "read_table", counted)
+    at_once, n_at_once = step(building)
+    for module in (building_forecast, building_predictor):
+        monkeypatch.setattr(module, "tables_of_zones", lambda *args, **kwargs: None)
+    by_zone, n_by_zone = step(building)
+    pd.testing.assert_frame_equal(at_once, by_zone, rtol=0.0, atol=1e-10)
+    assert (n_at_once, n_by_zone) == (4, 4 * 6)  # an update and three forecasts, by two predictors of three zones
 
 
 def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
