@@ -14,7 +14,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
-from skhybrid.exceptions import MeasurementWarning
+from skhybrid.exceptions import MeasurementWarning, UnitWarning
 from skhybrid.hybrid import base, building_forecast, building_predictor
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
@@ -306,6 +306,19 @@ def test_a_failed_update_changes_nothing(building, later):
         with pytest.raises(ValueError):
             model.update(rows)
         pd.testing.assert_frame_equal(model.predict(later[:30]), before)
+
+
+def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
+    with pytest.raises(ValueError, match=r"zone 'hall': column 'Q_hvac_hall' contains NaN"):
+        building.forecast(None, tomorrow.assign(Q_hvac_hall=np.nan))
+    with pytest.raises(ValueError, match=r"zone 'study': .*T_za_study"):
+        copy.deepcopy(building).update(later[:5].assign(T_za_study=1e30))
+    in_watts = tomorrow.assign(q_sol=400.0)
+    for call in (lambda: building.forecast(None, in_watts), lambda: building.predict(later.assign(q_sol=400.0))):
+        with pytest.warns(UnitWarning) as given:
+            call()
+        messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
+        assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
 
 
 def test_one_zone_of_an_array(rooms):

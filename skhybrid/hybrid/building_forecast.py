@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._joining import read_now, refuse_no_frames
 from .._table import as_numbers, listed
 from .._threads import one_blas_thread
+from .._warnings import speaking_of
 from ..forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from .base import BaseHybrid
 from .building_tables import beside, tables_of_zones
@@ -25,9 +26,10 @@ _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np
 
 @contextmanager
 def of_zone(zone: str) -> Iterator[None]:
-    """Name the zone in errors of its predictor."""
+    """Name the zone in errors and warnings of its predictor."""
     try:
-        yield
+        with speaking_of(f"zone {zone!r}"):
+            yield
     except ValueError as error:
         raise type(error)(f"zone {zone!r}: {error}") from None
 
@@ -82,11 +84,15 @@ class BuildingForecastMixin:
     def _rolled(self, X: Any, paths_of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
         """(n_samples, n_zones, ...) forecasts of every row from the last origin before it."""
         models = list(self.own_.values())
-        origins, leads = models[0].rolled_origins(X)
+        with of_zone(self.zones_[0]):
+            origins, leads = models[0].rolled_origins(X)
         paths = paths_of(origins, max(int(leads.max()), 1))
         out = np.full((len(X), *paths.shape[2:]), np.nan)
         if origins[0] >= 0:
-            value = np.array([model.predict(X[:1])[0] for model in models])
+            value = np.empty(len(models))
+            for j, (zone, model) in enumerate(self.own_.items()):
+                with of_zone(zone):
+                    value[j] = model.predict(X[:1])[0]
             out[0] = value.reshape(-1, *[1] * (out.ndim - 2))
         for origin, count, path in zip(origins, leads, paths, strict=True):
             out[origin + 1 : origin + 1 + count] = path[:count]
@@ -189,7 +195,8 @@ class BuildingForecastMixin:
         for zone, one in self.coupled_.items():
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.zones_.index(zone)
-            out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
+            with of_zone(zone):
+                out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
         return out
 
     @one_blas_thread

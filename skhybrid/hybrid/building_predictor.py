@@ -195,9 +195,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         errors: dict[str, LeftOut] = dict(own)
         for zone, model in models.items():
             others = neighbours[zone]
-            self.coupled_[zone], errors[zone] = couple(
-                model, zone, others, own, self._answer(X, model, others, own[zone])
-            )
+            with of_zone(zone):
+                gain = self._answer(X, model, others, own[zone])
+            self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
         self._joint = JointErrors.of(errors, index) if errors else None
 
@@ -327,7 +327,11 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             With the zone as first level of the index.
         """
         check_is_fitted(self)
-        return pd.concat({zone: model.drift(X) for zone, model in self.own_.items()}, names=["zone"])
+        found = {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                found[zone] = model.drift(X)
+        return pd.concat(found, names=["zone"])
 
     def _facts(self) -> dict[str, str]:
         pairs = {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
+from ..exceptions import SkhybridWarning
 from .base import BaseHybrid
 from .zone_columns import NEXT, ZoneColumns
 
@@ -18,7 +20,8 @@ def tables_of_zones(
 ) -> dict[str, ZoneTable] | None:
     """Each zone's table of rows that follow the known ones, without its neighbours' temperatures.
 
-    None where the rows are not read by name, or are refused: then each zone's predictor says why, in its own words.
+    None where the rows are not read by name, or something in them is refused or warned of: then each zone's predictor
+    reads them, and says why in its own words.
     With ``measured`` every zone must have a column of its temperature.
     """
     first = next(iter(models.values()))
@@ -26,8 +29,10 @@ def tables_of_zones(
         return None
     past = [role for role in columns.columns if columns.is_history(role)]
     try:
-        whole = first.read_building(X, columns.columns, (*HISTORY_ROLES, *SETPOINT_ROLES, *past))
-    except ValueError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SkhybridWarning)
+            whole = first.read_building(X, columns.columns, (*HISTORY_ROLES, *SETPOINT_ROLES, *past))
+    except (ValueError, SkhybridWarning):
         return None
     role_of = {column: role for role, column in columns.columns.items()}
     tables = {zone: model.own_part(whole, role_of) for zone, model in models.items()}
