@@ -321,6 +321,41 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
         assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
 
 
+def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
+    assert building.known_until_ == rooms[0].index[N_TRAIN - 1].tz_localize("UTC")
+    model = copy.deepcopy(building).update(later[:3])
+    assert model.known_until_ == later.index[2].tz_localize("UTC")
+    assert model.thermostat_learned_ == dict.fromkeys(ZONES, False)
+    X = rooms[0].assign(T_heat_set_hall=rooms[0]["T_za_hall"].round())
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
+    model.fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    assert model.thermostat_learned_ == {"kitchen": False, "hall": True, "study": False}
+
+
+def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):
+    """The predictors learn as they do by themselves, whether the rows were taken in before or not."""
+    X, y = rooms
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=DOORS)
+    first, both = 10 * DAY, slice(10 * DAY, N_TRAIN)
+    model.partial_fit(X[:first], y[:first])
+    alone, shares = copy.deepcopy(model.own_["hall"]), model.shares_
+    updated = copy.deepcopy(model).update(X[both][: 2 * DAY]).partial_fit(X[both], y[both])
+    model.partial_fit(X[both], y[both])
+    assert model.known_until_ == updated.known_until_ == X.index[N_TRAIN - 1].tz_localize("UTC")
+    learned = model.forecast(None, tomorrow)
+    np.testing.assert_allclose(updated.forecast(None, tomorrow), learned, atol=1e-9)
+    pd.testing.assert_frame_equal(model.shares_, shares)
+    alone.partial_fit(X[both].drop(columns=[c for c in X if c.startswith("T_next")]), y["hall"][both])
+    found = model.without_neighbours().forecast(None, tomorrow)["T_za_hall"]
+    np.testing.assert_array_equal(found, alone.forecast(None, tomorrow)["T_za"])
+    before = model.forecast(None, tomorrow)
+    with pytest.raises(ValueError, match=r"zone 'kitchen': X begins at"):
+        model.partial_fit(later[5:40], y[N_TRAIN:][5:40])
+    with pytest.raises(ValueError, match=r"zone 'study': Input y contains NaN"):
+        model.partial_fit(later[:40], y[N_TRAIN:][:40].assign(study=np.nan))
+    pd.testing.assert_frame_equal(model.forecast(None, tomorrow), before)
+
+
 def test_one_zone_of_an_array(rooms):
     X, y = rooms
     frame = X[["T_oa", "q_sol"]].assign(Q_hvac=X["Q_hvac_hall"], T_za=X["T_za_hall"])

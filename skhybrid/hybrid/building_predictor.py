@@ -230,6 +230,57 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         check_is_fitted(self)
         return pd.DataFrame({zone: one.shares for zone, one in self.coupled_.items()}).T
 
+    @property
+    def known_until_(self) -> pd.Timestamp | None:
+        """Stamp of the last row that the model knows; None where the training had no stamps."""
+        check_is_fitted(self)
+        return self.own_[self.zones_[0]].known_until_
+
+    @property
+    def thermostat_learned_(self) -> dict[str, bool]:
+        """Whether the training had set-points of a zone, so that its thermostat was learned, by zone."""
+        check_is_fitted(self)
+        return {zone: model.thermostat_learned_ for zone, model in self.own_.items()}
+
+    @unchanged_on_failure
+    def partial_fit(self, X: Any, y: Any) -> Self:
+        """Learn from new rows, as :meth:`HybridPredictor.partial_fit` does; shares of neighbours and intervals stay.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Rows that follow the last known one, or a later part of those that :meth:`update` has taken in.
+        y : DataFrame or array-like of shape (n_samples, n_zones)
+            Measured temperature of each zone [degC], NaN where missing; the first call fits.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`fit` does, and if the rows do not follow; the estimator is then what it was.
+        """
+        if not hasattr(self, "own_"):
+            return self.fit(X, y)
+        X = self._read(X)
+        check_consistent_length(X, y)
+        X, before = self._prepared(X), self.known_until_
+        T = self._known(X, y)
+        among = self._with_measured(X, T) if self.coupled_ else X
+
+        def learned(zone: str, model: BaseHybrid, X: Any) -> BaseHybrid:
+            with of_zone(zone):
+                return copy(model).partial_fit(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
+
+        parallel, learn = Parallel(self.n_jobs), delayed(learned)
+        own = parallel(learn(zone, model, X) for zone, model in self.own_.items())
+        coupled = parallel(learn(zone, one.model, among) for zone, one in self.coupled_.items())
+        self.own_ = dict(zip(self.zones_, own, strict=True))
+        pairs = zip(self.coupled_.items(), coupled, strict=True)
+        self.coupled_ = {zone: one.with_model(model) for (zone, one), model in pairs}
+        if before is None or self.known_until_ != before:
+            self._take_in(T)
+        self.training_ = self.own_[self.zones_[0]].training_
+        return self
+
     @unchanged_on_failure
     def update(self, X: Any, y: Any = None) -> Self:
         """Take in new rows without learning, as :meth:`HybridPredictor.update` does.
