@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.linalg import solve
+from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
 from .._table import ZoneTable
@@ -74,7 +74,7 @@ class Moments(NamedTuple):
         """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free."""
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
+        return np.asarray(cho_solve(cho_factor(self.gram + np.diag(penalty)), self.cross))
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""

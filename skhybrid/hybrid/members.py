@@ -250,10 +250,15 @@ class _RollingErrors:
         self._errors.extend((origin - self.begin) // self._every + 1)
         # forecasts that had not ended at the row before
         place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), self._errors.n)
-        rows = self.begin + place * self._every
+        ends = self.begin + place[:, None] * self._every + self.leads
+        known = (ends > before) & (ends <= origin)
+        some = known.any(axis=1)
+        if not some.any():
+            return
+        place, ends, known = place[some], ends[some], known[some]
+        paths = self._past_paths(view, self.begin + place * self._every)
         place -= self._errors.first
-        ends, paths = rows[:, None] + self.leads, self._past_paths(view, rows)
-        known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
+        errors = self.errors[place, :, 0]
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
     def _learn(self, view: Any, origin: int) -> None:
