@@ -176,7 +176,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows = self._scheme.rows
         return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
 
-    def read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
+    def _read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
         """Rows of a building that follow the known ones, by the columns of all its zones; ``past`` may be missing."""
         rows, network = self._scheme.rows, self._scheme.network
         table = self._read(rows.in_own_zone(X), network, reset=False, columns=columns, history_roles=past)
@@ -184,7 +184,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows.refuse_unless_following(table)
         return table
 
-    def own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
+    def _own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
         """What a predictor of one zone reads of a building's table, whose roles are ``role_of`` columns."""
 
         def values(wanted: Iterable[str], given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -194,7 +194,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         inputs, history = values(self._scheme.rows.training.inputs, whole.inputs), ("T_za", *SETPOINT_ROLES)
         return whole.replace(inputs=inputs, history=values(history, whole.history))
 
-    def taking_in(self, table: ZoneTable) -> Self:
+    def _taking_in(self, table: ZoneTable) -> Self:
         """A copy after rows that follow the known ones, with their temperature as history."""
         check_setpoints(table)
         made = copy(self)

@@ -248,7 +248,7 @@ class BuildingForecastMixin:
         self, ahead: pd.DataFrame, now: Mapping[str, Any], quantiles: Sequence[float] | None
     ) -> _Columns | None:
         """Forecasts under given heat after all known rows, which are read once; None where they are not alike."""
-        if any(model.has_setpoints_only(ahead) for model in self.own_.values()):
+        if any(model._has_setpoints_only(ahead) for model in self.own_.values()):
             return None
         tables = tables_of_zones(self.own_, self._columns, ahead)
         if tables is None:
@@ -260,7 +260,7 @@ class BuildingForecastMixin:
                 T_now[zone] = read_now(T, ahead.index)
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-            return model.columns_ahead(beside(tables[zone], T), T_now.get(zone), None if T else levels)
+            return model._columns_ahead(beside(tables[zone], T), T_now.get(zone), None if T else levels)
 
         return of
 

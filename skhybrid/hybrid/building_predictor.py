@@ -319,7 +319,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
             with of_zone(zone):
-                return model.taking_in(beside(tables[zone], {other: known[other] for other in neighbours}))
+                return model._taking_in(beside(tables[zone], {other: known[other] for other in neighbours}))
 
         return after
 

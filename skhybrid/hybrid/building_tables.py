@@ -31,11 +31,11 @@ def tables_of_zones(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", SkhybridWarning)
-            whole = first.read_building(X, columns.columns, (*HISTORY_ROLES, *SETPOINT_ROLES, *past))
+            whole = first._read_building(X, columns.columns, (*HISTORY_ROLES, *SETPOINT_ROLES, *past))
     except (ValueError, SkhybridWarning):
         return None
     role_of = {column: role for role, column in columns.columns.items()}
-    tables = {zone: model.own_part(whole, role_of) for zone, model in models.items()}
+    tables = {zone: model._own_part(whole, role_of) for zone, model in models.items()}
     if measured and not all("T_za" in table.history for table in tables.values()):
         return None
     return tables

@@ -82,7 +82,7 @@ class FramesForecastMixin(FramesReadingMixin):
         now = None if T_za is None else read_now(T_za, future.index)
         levels = None if quantiles is None else read_quantiles(quantiles)
         weather = read_weather_error(weather_error)
-        if setpoint is None and not self.has_setpoints_only(future):
+        if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
             return self._under_heat(history, future, now, levels, weather)
         if weather is not None:
@@ -94,14 +94,14 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> pd.DataFrame:
         """The forecast with the heat of ``future``; ``now`` is the temperature of its first row, where measured."""
         if history is None:
-            return pd.DataFrame(self.columns_ahead(self._read_future(future), now, levels, weather), future.index)
+            return pd.DataFrame(self._columns_ahead(self._read_future(future), now, levels, weather), future.index)
         table, origin = self._read_both(history, future, now)
         paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
         found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)
         return pd.DataFrame(found | bands, future.index)
 
-    def columns_ahead(
+    def _columns_ahead(
         self,
         ahead: ZoneTable,
         now: float | None = None,
@@ -189,7 +189,7 @@ class FramesForecastMixin(FramesReadingMixin):
         lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
         return Limits(np.full(n_rows, lowest), np.full(n_rows, highest))
 
-    def has_setpoints_only(self, future: Any) -> bool:
+    def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
         names = future.roles if isinstance(future, ZoneTable) else list(future.columns)
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
