@@ -1,10 +1,12 @@
 """Time of one step of a controller: ``update``, then a forecast from the temperature measured now.
 
-``python benchmarks/control_speed.py`` writes ``results/control_speed.md``, in about a minute on one core.
+``python benchmarks/control_speed.py`` writes ``results/control_speed.md``, in about a minute on one core; with
+``--zones 8`` it writes ``results/control_speed_zones.md``, of a simulated house whose zones are forecast together.
 """
 
 from __future__ import annotations
 
+import argparse
 import time
 import warnings
 from collections.abc import Callable
@@ -15,8 +17,8 @@ import numpy as np
 import pandas as pd
 from _report import write_table
 
-from skhybrid import HybridPredictor, InputDisturbanceID, TwoStagePredictor
-from skhybrid.datasets import make_office
+from skhybrid import BuildingPredictor, HybridPredictor, InputDisturbanceID, TwoStagePredictor
+from skhybrid.datasets import make_house, make_office
 from skhybrid.exceptions import SkhybridWarning
 
 DAY, TRAIN, STEPS = 96, 28 * 96, 40
@@ -51,9 +53,52 @@ def measured(model: Any, X: pd.DataFrame, call: Callable[[Any, pd.DataFrame, flo
     return 1e3 * out[1:]
 
 
+def of_zones(n_zones: int) -> None:
+    """Time a building of some zones, with and without neighbours, and its zones one by one, in turn."""
+    house = make_house(28, zones=n_zones, random_state=0)
+    X = house.X[[name for name in house.X if not name.startswith("u_heat")]].join(house.heat)
+    train, now = 21 * DAY, 26 * DAY
+    building = BuildingPredictor(adjacency=house.adjacency).fit(X[:train], house.y[:train])
+    building.update(X[train:now])
+    models = {"with neighbours": building, "without": building.without_neighbours()}
+    models |= {"one by one": deepcopy(list(building.own_.values()))}
+    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in models}
+    for row in range(now, now + STEPS // 2 + 1):
+        for name, model in models.items():
+            parts = model if isinstance(model, list) else [model]
+            begin = time.process_time()
+            for one in parts:
+                one.update(X[row : row + 1])
+            middle = time.process_time()
+            for one in parts:
+                one.forecast(None, X[row + 1 : row + 1 + DAY])
+            spent[name].append((middle - begin, time.process_time() - middle))
+    each = {name: 1e3 * np.array(found[1:]) / n_zones for name, found in spent.items()}
+    middles = {name: np.append(np.median(found, axis=0), found[:, 1].min()) for name, found in each.items()}
+    names = ["update, one row [ms]", "forecast [ms]", "its least [ms]"]
+    table = pd.DataFrame(middles, names).T.rename_axis("forecast")
+    table["its least, to one by one"] = table[names[2]] / table.loc["one by one", names[2]]
+    print(table.round(2))
+    write_table(
+        "control_speed_zones",
+        "Time of one step of a building",
+        f"python benchmarks/control_speed.py --zones {n_zones}",
+        {"Processor time per zone, median over 20 steps, and the least": table},
+        f"make_house of {n_zones} zones, 15 min, 21 days of training and 5 of history; 24 h ahead.  With neighbours "
+        "each zone has two predictors; one by one: the predictors of the zones by themselves, each of which reads the "
+        "rows anew.",
+    )
+
+
 def main() -> None:
     """Fit the models, time them and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--zones", type=int, help="time a building of so many zones")
+    n_zones = parser.parse_args().zones
     warnings.simplefilter("ignore", SkhybridWarning)
+    if n_zones is not None:
+        of_zones(n_zones)
+        return
     office = make_office(n_days=36, random_state=3)
     heat = 6.0 * office.X["u_heat"] - 5.0 * office.X["u_cool"]
     X = office.X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=heat)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-_SUNDAY = 6
+_THURSDAY, _SUNDAY = 3, 6
 _HOW = "give a country or state such as 'US' or 'DE-BY', or a list of dates such as '2018-12-25'"
 
 
@@ -26,13 +26,15 @@ class Holidays:
 
     def day_of_week(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Kind of day (n,) of local stamps: Monday is 0, a Sunday or holiday 6."""
-        day = stamps.day_of_week.to_numpy()
+        stamps = stamps if stamps.tz is None else stamps.tz_localize(None)
+        dates = stamps.asi8 // (np.timedelta64(1, "D") // np.timedelta64(1, stamps.unit))
+        day = np.asarray((dates + _THURSDAY) % 7)  # the first of all dates is one
         if not self or not len(stamps):
             return day
-        local = (stamps if stamps.tz is None else stamps.tz_localize(None)).to_numpy().astype("M8[D]")
-        dates = _dates_between(self, stamps[0].year, stamps[-1].year)
-        place = np.searchsorted(dates, local)
-        return np.where(dates[np.minimum(place, len(dates) - 1)] == local, _SUNDAY, day)
+        local = dates.astype("M8[D]")
+        known = _dates_between(self, stamps[0].year, stamps[-1].year)
+        place = np.searchsorted(known, local)
+        return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
 
 
 NO_HOLIDAYS = Holidays()

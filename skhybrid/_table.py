@@ -43,7 +43,7 @@ from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity, refuse_target_among
-from ._time import read_index, spell
+from ._time import Stamps, joined_stamps, read_index, spell
 
 #: hours at the most that it gave, below which a plant hardly ran
 _FEW_HOURS = 1.0
@@ -138,22 +138,17 @@ class ZoneTable:
 
 def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     """Join tables that follow each other; inputs that one lacks are dropped, history that one lacks is NaN there."""
-    first, last = tables[0], tables[-1]
+    last = tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
     kept = {role for table in tables for role in table.history}
 
     def history(role: str) -> np.ndarray:
         return np.concatenate([table.history.get(role, np.full(table.n_rows, np.nan)) for table in tables])
 
-    def stamps(name: str) -> pd.DatetimeIndex:
-        return pd.DatetimeIndex(getattr(first, name).append([getattr(table, name) for table in tables[1:]]))
-
     return ZoneTable(
         {role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
         {role: history(role) for role in sorted(kept)},
-        first.index.append([table.index for table in tables[1:]]),
-        stamps("time"),
-        None if any(table.utc is None for table in tables) else stamps("utc"),
+        *joined_stamps([Stamps(table.index, table.time, table.utc) for table in tables]),
         last.step,
         order=last.order,
         named=last.named,

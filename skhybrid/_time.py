@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections import OrderedDict
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,7 @@ SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
+_FEW_ROWS, _MOST_JOINED = 10_000, 16  # of joined stamps that are kept
 _STAMPS = (
     "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
     ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
@@ -188,6 +191,53 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
     if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
         raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {spell(step)}.")
     return round(rows)
+
+
+class Stamps(NamedTuple):
+    """The stamps of consecutive rows."""
+
+    shown: pd.Index  # the caller's own
+    time: pd.DatetimeIndex  # local, without zone
+    utc: pd.DatetimeIndex | None
+
+
+#: of the tables that were joined last: zones on one clock share their stamps
+_joined: OrderedDict[Hashable, Stamps] = OrderedDict()
+
+
+def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
+    """The stamps of tables that follow each other as one."""
+    if any(part.utc is None for part in parts):
+        return Stamps(_joined_index([p.shown for p in parts]), _joined_index([p.time for p in parts]), None)
+    (shown, time, utc), end, n_rows = parts[0], parts[-1].utc, sum(len(part.time) for part in parts)
+    assert utc is not None
+    assert end is not None
+    kind = shown.dtype, shown.name, time.unit, utc.unit
+    key = (*kind, utc.asi8[:1].tobytes(), time.asi8[:1].tobytes(), end.asi8[-1:].tobytes(), n_rows)
+    found = _joined.get(key)
+    if found is None:
+        found = Stamps(*(_joined_index(list(part)) for part in zip(*parts, strict=True)))
+        if n_rows <= _FEW_ROWS:
+            _joined[key] = found
+            while len(_joined) > _MOST_JOINED:
+                _joined.popitem(last=False)
+    return found
+
+
+def _joined_index(parts: Sequence[Any]) -> Any:
+    """The parts of an index as one; stamps of one kind by their numbers, which takes a fifth of the time."""
+    first = parts[0]
+    kinds = {(type(p), p.name, getattr(p, "dtype", None)) for p in parts}
+    if len(kinds) > 1 or not isinstance(first, pd.DatetimeIndex):
+        return first.append(list(parts[1:]))
+    stamps = pd.DatetimeIndex(np.concatenate([p.asi8 for p in parts]).view(f"M8[{first.unit}]"), name=first.name)
+    return stamps if first.tz is None else stamps.tz_localize("UTC").tz_convert(first.tz)
+
+
+def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
+    """Local hour of day, with its fraction, (n,) float64."""
+    hour = np.timedelta64(1, "h") // np.timedelta64(1, time.unit)
+    return np.asarray((time.asi8 % (24 * hour)) / np.float64(hour))
 
 
 def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:

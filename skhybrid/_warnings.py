@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from types import FrameType
 
 from .exceptions import SkhybridWarning
 
+_subject: ContextVar[str] = ContextVar("subject", default="")
 _PACKAGE = __name__.partition(".")[0]
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
@@ -17,6 +21,16 @@ _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "sko
 def without_class(message: object) -> str:
     """A message without the name of the class that it begins with, for those who use no Python."""
     return re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message))
+
+
+@contextmanager
+def speaking_of(subject: str) -> Iterator[None]:
+    """Begin the warnings that are given here with what they are about, such as a zone."""
+    outer = _subject.set(f"{subject}: ")
+    try:
+        yield
+    finally:
+        _subject.reset(outer)
 
 
 def warn_user(message: str, category: type[SkhybridWarning]) -> None:
@@ -33,7 +47,7 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
             level = first or level
             break
         level, frame = level + 1, outer
-    warnings.warn(message, category, stacklevel=level)
+    warnings.warn(_subject.get() + message, category, stacklevel=level)
 
 
 def _package_of(frame: FrameType) -> str:

@@ -14,7 +14,8 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
-from skhybrid.exceptions import MeasurementWarning
+from skhybrid.exceptions import MeasurementWarning, UnitWarning
+from skhybrid.hybrid import base, building_forecast, building_predictor
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 
@@ -111,6 +112,30 @@ def test_update_and_forecast_are_predict_from(building, later, tomorrow):
     np.testing.assert_allclose(temperatures(building.forecast(known, future)), expected, atol=1e-9)
     model.update(known)
     np.testing.assert_allclose(temperatures(model.forecast(None, future)), expected, atol=1e-9)
+
+
+def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, later, tomorrow, monkeypatch):
+    """Whether a building parses a table for all of its zones, or each predictor by itself, changes nothing."""
+    n_read, read = [], base.read_table
+
+    def counted(*args, **kwargs):
+        n_read.append(1)
+        return read(*args, **kwargs)
+
+    def step(model):
+        n_read.clear()
+        model = copy.deepcopy(model).update(later[:5])
+        frames = [model.forecast(None, later[5 : 5 + DAY].drop(columns=T_OF), **given) for given in ({}, NOW, BANDS)]
+        return pd.concat(frames), len(n_read)
+
+    NOW, BANDS = {"T_za": [20.0, 18.0, 19.0]}, {"quantiles": (0.1, 0.9)}
+    monkeypatch.setattr(base, "read_table", counted)
+    at_once, n_at_once = step(building)
+    for module in (building_forecast, building_predictor):
+        monkeypatch.setattr(module, "tables_of_zones", lambda *args, **kwargs: None)
+    by_zone, n_by_zone = step(building)
+    pd.testing.assert_frame_equal(at_once, by_zone, rtol=0.0, atol=1e-10)
+    assert (n_at_once, n_by_zone) == (4, 4 * 6)  # an update and three forecasts, by two predictors of three zones
 
 
 def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
@@ -281,6 +306,54 @@ def test_a_failed_update_changes_nothing(building, later):
         with pytest.raises(ValueError):
             model.update(rows)
         pd.testing.assert_frame_equal(model.predict(later[:30]), before)
+
+
+def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
+    with pytest.raises(ValueError, match=r"zone 'hall': column 'Q_hvac_hall' contains NaN"):
+        building.forecast(None, tomorrow.assign(Q_hvac_hall=np.nan))
+    with pytest.raises(ValueError, match=r"zone 'study': .*T_za_study"):
+        copy.deepcopy(building).update(later[:5].assign(T_za_study=1e30))
+    in_watts = tomorrow.assign(q_sol=400.0)
+    for call in (lambda: building.forecast(None, in_watts), lambda: building.predict(later.assign(q_sol=400.0))):
+        with pytest.warns(UnitWarning) as given:
+            call()
+        messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
+        assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
+
+
+def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
+    assert building.known_until_ == rooms[0].index[N_TRAIN - 1].tz_localize("UTC")
+    model = copy.deepcopy(building).update(later[:3])
+    assert model.known_until_ == later.index[2].tz_localize("UTC")
+    assert model.thermostat_learned_ == dict.fromkeys(ZONES, False)
+    X = rooms[0].assign(T_heat_set_hall=rooms[0]["T_za_hall"].round())
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
+    model.fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    assert model.thermostat_learned_ == {"kitchen": False, "hall": True, "study": False}
+
+
+def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):
+    """The predictors learn as they do by themselves, whether the rows were taken in before or not."""
+    X, y = rooms
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=DOORS)
+    first, both = 10 * DAY, slice(10 * DAY, N_TRAIN)
+    model.partial_fit(X[:first], y[:first])
+    alone, shares = copy.deepcopy(model.own_["hall"]), model.shares_
+    updated = copy.deepcopy(model).update(X[both][: 2 * DAY]).partial_fit(X[both], y[both])
+    model.partial_fit(X[both], y[both])
+    assert model.known_until_ == updated.known_until_ == X.index[N_TRAIN - 1].tz_localize("UTC")
+    learned = model.forecast(None, tomorrow)
+    np.testing.assert_allclose(updated.forecast(None, tomorrow), learned, atol=1e-9)
+    pd.testing.assert_frame_equal(model.shares_, shares)
+    alone.partial_fit(X[both].drop(columns=[c for c in X if c.startswith("T_next")]), y["hall"][both])
+    found = model.without_neighbours().forecast(None, tomorrow)["T_za_hall"]
+    np.testing.assert_array_equal(found, alone.forecast(None, tomorrow)["T_za"])
+    before = model.forecast(None, tomorrow)
+    with pytest.raises(ValueError, match=r"zone 'kitchen': X begins at"):
+        model.partial_fit(later[5:40], y[N_TRAIN:][5:40])
+    with pytest.raises(ValueError, match=r"zone 'study': Input y contains NaN"):
+        model.partial_fit(later[:40], y[N_TRAIN:][:40].assign(study=np.nan))
+    pd.testing.assert_frame_equal(model.forecast(None, tomorrow), before)
 
 
 def test_one_zone_of_an_array(rooms):

@@ -17,7 +17,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, SchedulePredictor, _table
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
-from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
+from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import RoleWarning, UnitWarning
@@ -978,3 +978,21 @@ def test_an_interrupted_refit_leaves_the_fitted_estimator(office, step, monkeypa
     assert vars(model) == before
     np.testing.assert_array_equal(model.predict(office.X[288:]), expected)
     assert vars(fresh) == vars(ARXRegressor())
+
+
+@pytest.mark.parametrize("unit", ["s", "ns"])
+def test_joined_stamps_are_those_of_pandas(unit):
+    """Also where zones on other clocks have been joined before, over a change of the clock and with another name."""
+    start = pd.date_range("2024-03-30 20:00", periods=40, freq="30min", unit=unit)
+    clocks = [start, start.tz_localize("UTC"), start.tz_localize("UTC").tz_convert("Europe/Berlin")]
+    for index in [*clocks, start.rename("time"), *clocks]:
+        utc = index.tz_localize("UTC") if index.tz is None else index.tz_convert("UTC")
+        whole = Stamps(index, index.tz_localize(None), utc)
+        parts = [Stamps(*(stamps[rows] for stamps in whole)) for rows in (slice(7), slice(7, 8), slice(8, None))]
+        found = joined_stamps(parts)
+        for one, expected in zip(found, whole, strict=True):
+            assert one.equals(expected)
+            assert (one.dtype, one.name) == (expected.dtype, expected.name)
+        assert joined_stamps(parts).time is found.time, "zones on one clock share them"
+    numbers = [Stamps(pd.RangeIndex(k, k + 2), start[k : k + 2], None) for k in (0, 2)]
+    assert list(joined_stamps(numbers).shown) == [0, 1, 2, 3]

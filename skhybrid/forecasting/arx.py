@@ -258,14 +258,17 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             return 0
         return int((table.utc <= self._tail.utc[-1]).sum())
 
-    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0, before: ZoneTable | None = None) -> ARXData:
+    def view(
+        self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
+    ) -> ARXData:
         """A table as the regression reads it.
 
         Parameters
         ----------
         table, T : ZoneTable, ndarray of shape (n_rows,); rows and their measured temperature [degC], NaN where missing
         first : int; number of the table's first row
-        before : ZoneTable, optional; rows before the table, from which filtered inputs are computed
+        before : mapping of role to array, optional
+            Inputs of the rows before the table, from which filtered inputs are computed.
         """
         return self._design.view(table, T, first, before)
 

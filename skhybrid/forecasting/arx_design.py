@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.linalg import solve
+from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
 from .._table import ZoneTable
+from .._time import hour_of_day
 from ..filtering import iterate_lags
-from .features import day_type_hour, hour_of_day, irradiance_roles, one_hot, rows_per_day
+from .features import day_type_hour, irradiance_roles, one_hot, rows_per_day
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
 #: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
@@ -71,7 +74,7 @@ class Moments(NamedTuple):
         """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free."""
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return solve(self.gram + np.diag(penalty), self.cross, assume_a="pos")
+        return np.asarray(cho_solve(cho_factor(self.gram + np.diag(penalty)), self.cross))
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
@@ -106,13 +109,16 @@ class DailyColumns:
         decay = np.exp(-table.step_hours / np.array(_FILTER_HOURS))
         return cls(of_column, decay, noon, T_oa_mean, _FILTER_DAYS * rows_per_day(table.step))
 
-    def of(self, table: ZoneTable, roles: tuple[str, ...], before: ZoneTable | None) -> list[np.ndarray]:
+    def of(self, table: ZoneTable, roles: tuple[str, ...], before: Mapping[str, np.ndarray] | None) -> list[np.ndarray]:
         """The columns but those of the calendar, each (n_rows,); filters run from the first of the rows ``before``."""
-        columns = []
-        for role in roles:
-            earlier = np.empty(0) if before is None else before.inputs[role]
-            whole = np.concatenate([earlier, table.inputs[role]])
-            columns += [_filtered(whole, decay)[len(earlier) :] for decay in self.decay]
+        columns: list[np.ndarray] = []
+        if roles:
+            values = np.array([table.inputs[role] for role in roles])
+            earlier = np.array([before[role] for role in roles]) if before else values[:, :1]
+            earlier = earlier if earlier.size else values[:, :1]
+            states = earlier @ _filter_weights(earlier.shape[1], tuple(self.decay))
+            filtered = [_filtered(values, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
+            columns = [series[place] for place in range(len(roles)) for series in filtered]
         from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
         for role in irradiance_roles(dict.fromkeys(roles)):
             columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
@@ -176,7 +182,9 @@ class ARXDesign:
         """Columns of the calendar, which stand before the constant."""
         return self.calendar * (48 + 24 * (self.daily is not None and "T_oa" in self.roles))
 
-    def view(self, table: ZoneTable, T: np.ndarray, first: int = 0, before: ZoneTable | None = None) -> ARXData:
+    def view(
+        self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
+    ) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
         columns = _input_columns(table, self.roles, self.n_input_lags, self.daily, before)
         blocks = [(columns - self.input_mean) / self.input_scale]
@@ -269,7 +277,11 @@ class RecursiveARX:
 
 
 def _input_columns(
-    table: ZoneTable, roles: tuple[str, ...], n_lags: int, daily: DailyColumns | None, before: ZoneTable | None = None
+    table: ZoneTable,
+    roles: tuple[str, ...],
+    n_lags: int,
+    daily: DailyColumns | None,
+    before: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """(n_rows, n_input_columns) inputs of each row and of those before it; the first row stands for earlier ones."""
     rows = np.arange(table.n_rows)
@@ -279,9 +291,18 @@ def _input_columns(
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
 
-def _filtered(values: np.ndarray, decay: float) -> np.ndarray:
-    """A first-order filter of values (n_rows,), at rest before the first."""
-    return lfilter([1.0 - decay], [1.0, -decay], values, zi=decay * values[:1])[0]
+def _filtered(values: np.ndarray, decay: float, state: np.ndarray) -> np.ndarray:
+    """A first-order filter along values (m, n_rows), from its state (m,) in the row before the first."""
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], values, zi=decay * state[:, None])[0])
+
+
+@lru_cache(maxsize=16)
+def _filter_weights(n_rows: int, decays: tuple[float, ...]) -> np.ndarray:
+    """(n_rows, n_filters) weights of the rows in the last value of a filter, at rest before the first."""
+    decay, age = np.array(decays), np.arange(n_rows)[::-1, None]
+    weights = (1.0 - decay) * decay**age
+    weights[0] = decay ** age[0]
+    return weights
 
 
 def held(T: np.ndarray) -> np.ndarray:
@@ -293,6 +314,8 @@ def held(T: np.ndarray) -> np.ndarray:
 def _causally_filled(windows: np.ndarray, default: float) -> np.ndarray:
     """Windows (newest first) with missing values at the oldest known value, or at the default where none is known."""
     known = np.isfinite(windows)
+    if known.all():
+        return windows
     oldest = windows.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
     held = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
     return np.where(known, windows, held[:, None])

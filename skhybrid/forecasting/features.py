@@ -8,18 +8,13 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import hour_of_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
 _HOUR = pd.Timedelta("1h")
 #: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
-
-
-def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
-    """Local hour of day, with its fraction, (n,) float64."""
-    hour = np.timedelta64(1, "h") // np.timedelta64(1, time.unit)
-    return (time.asi8 % (24 * hour)) / np.float64(hour)
 
 
 def rows_per_day(step: pd.Timedelta) -> int:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -151,18 +152,18 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
         return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
 
-    def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
+    def _read(self, X: Any, network: RCNetwork, *, reset: bool, **reading: Any) -> ZoneTable:
+        given = {"history_roles": (*HISTORY_ROLES, *SETPOINT_ROLES), **self._reading(), **reading}
         return read_table(
             self,
             X if self.preprocess_ is None else preprocessed(self.preprocess_, X, self._column_of("T_za")),
             required=network.required_roles,
             # weather and plant, and of further boundary temperatures those that the network names
             needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
-            history_roles=(*HISTORY_ROLES, *SETPOINT_ROLES),
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,
-            **self._reading(),
+            **given,
         )
 
     def _read_X(self, X: Any) -> ZoneTable:
@@ -174,6 +175,31 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """X in the time zone of the known rows, which it continues."""
         rows = self._scheme.rows
         return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
+
+    def _read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
+        """Rows of a building that follow the known ones, by the columns of all its zones; ``past`` may be missing."""
+        rows, network = self._scheme.rows, self._scheme.network
+        table = self._read(rows.in_own_zone(X), network, reset=False, columns=columns, history_roles=past)
+        table = rows.with_own_clock(table)
+        rows.refuse_unless_following(table)
+        return table
+
+    def _own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
+        """What a predictor of one zone reads of a building's table, whose roles are ``role_of`` columns."""
+
+        def values(wanted: Iterable[str], given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            roles = {role: role_of.get(self._column_of(role)) for role in wanted}
+            return {role: given[name] for role, name in roles.items() if name is not None and name in given}
+
+        inputs, history = values(self._scheme.rows.training.inputs, whole.inputs), ("T_za", *SETPOINT_ROLES)
+        return whole.replace(inputs=inputs, history=values(history, whole.history))
+
+    def _taking_in(self, table: ZoneTable) -> Self:
+        """A copy after rows that follow the known ones, with their temperature as history."""
+        check_setpoints(table)
+        made = copy(self)
+        made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
+        return made
 
     def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         rows = self._scheme.rows

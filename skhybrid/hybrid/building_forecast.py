@@ -10,22 +10,26 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import refuse_no_frames
+from .._joining import read_now, refuse_no_frames
 from .._table import as_numbers, listed
-from ..forecasting.quantiles import DEFAULT_QUANTILES
+from .._threads import one_blas_thread
+from .._warnings import speaking_of
+from ..forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from .base import BaseHybrid
+from .building_tables import beside, tables_of_zones
 from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
 
-#: a frame of a zone's predictor under given boundaries
-_Frame = Callable[[BaseHybrid, Any, str], pd.DataFrame]
+#: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
+_Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
 
 
 @contextmanager
 def of_zone(zone: str) -> Iterator[None]:
-    """Name the zone in errors of its predictor."""
+    """Name the zone in errors and warnings of its predictor."""
     try:
-        yield
+        with speaking_of(f"zone {zone!r}"):
+            yield
     except ValueError as error:
         raise type(error)(f"zone {zone!r}: {error}") from None
 
@@ -80,11 +84,15 @@ class BuildingForecastMixin:
     def _rolled(self, X: Any, paths_of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
         """(n_samples, n_zones, ...) forecasts of every row from the last origin before it."""
         models = list(self.own_.values())
-        origins, leads = models[0].rolled_origins(X)
+        with of_zone(self.zones_[0]):
+            origins, leads = models[0].rolled_origins(X)
         paths = paths_of(origins, max(int(leads.max()), 1))
         out = np.full((len(X), *paths.shape[2:]), np.nan)
         if origins[0] >= 0:
-            value = np.array([model.predict(X[:1])[0] for model in models])
+            value = np.empty(len(models))
+            for j, (zone, model) in enumerate(self.own_.items()):
+                with of_zone(zone):
+                    value[j] = model.predict(X[:1])[0]
             out[0] = value.reshape(-1, *[1] * (out.ndim - 2))
         for origin, count, path in zip(origins, leads, paths, strict=True):
             out[origin + 1 : origin + 1 + count] = path[:count]
@@ -187,9 +195,11 @@ class BuildingForecastMixin:
         for zone, one in self.coupled_.items():
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.zones_.index(zone)
-            out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
+            with of_zone(zone):
+                out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
         return out
 
+    @one_blas_thread
     def forecast(
         self,
         history: pd.DataFrame | None,
@@ -229,14 +239,47 @@ class BuildingForecastMixin:
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
-        beside = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
+        of = None if known is not None or wanted else self._under_heat(ahead, now, quantiles)
+        if of is None:
+            of = self._by_frames(known, ahead, now, wanted, quantiles)
+        return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
 
-        def of(model: BaseHybrid, rows: Any, zone: str) -> pd.DataFrame:
-            alone = model is self.own_[zone]
-            levels = quantiles if alone else None
-            return model.forecast(known if alone else beside, rows, now.get(zone), wanted.get(zone), levels)
+    def _under_heat(
+        self, ahead: pd.DataFrame, now: Mapping[str, Any], quantiles: Sequence[float] | None
+    ) -> _Columns | None:
+        """Forecasts under given heat after all known rows, which are read once; None where they are not alike."""
+        if any(model._has_setpoints_only(ahead) for model in self.own_.values()):
+            return None
+        tables = tables_of_zones(self.own_, self._columns, ahead)
+        if tables is None:
+            return None
+        levels = None if quantiles is None else read_quantiles(quantiles)
+        T_now = {}
+        for zone, T in now.items():
+            with of_zone(zone):
+                T_now[zone] = read_now(T, ahead.index)
 
-        return self._joined(of, ahead, first_lead=0 if now else 1)
+        def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+            return model._columns_ahead(beside(tables[zone], T), T_now.get(zone), None if T else levels)
+
+        return of
+
+    def _by_frames(
+        self,
+        known: pd.DataFrame | None,
+        ahead: pd.DataFrame,
+        now: Mapping[str, Any],
+        wanted: Mapping[str, Any],
+        quantiles: Sequence[float] | None,
+    ) -> _Columns:
+        """Forecasts for which each predictor reads history and rows ahead by itself."""
+        among = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
+
+        def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+            history, rows, levels = (among, with_next(ahead, T), None) if T else (known, ahead, quantiles)
+            return columns_of(model.forecast(history, rows, now.get(zone), wanted.get(zone), levels))
+
+        return of
 
     def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
         """A value per zone: by name, or in the order of zones; a set-point that is no mapping holds for all of them."""
@@ -254,18 +297,18 @@ class BuildingForecastMixin:
             raise ValueError(f"{name} is given for {listed(by_zone)}; the zones are {listed(self.zones_)}.")
         return by_zone
 
-    def _joined(self, of: _Frame, rows: pd.DataFrame, first_lead: int) -> pd.DataFrame:
-        """Frames of all zones; ``of`` a predictor under rows, those of neighbours with what was forecast of them."""
+    def _joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
+        """Columns of all zones; those with neighbours under what was forecast of these."""
         own = {}
         for zone, model in self.own_.items():
             with of_zone(zone):
-                own[zone] = of(model, rows, zone)
+                own[zone] = of(model, zone, {})
         found = dict(own)
         for zone, one in self.coupled_.items():
-            under = with_next(rows, {other: own[other]["T_za"].to_numpy() for other in one.neighbours})
+            T = {other: own[other]["T_za"] for other in one.neighbours}
             with of_zone(zone):
-                found[zone] = _blended(own[zone], of(one.model, under, zone), one, first_lead)
-        return pd.concat([frame.add_suffix(f"_{zone}") for zone, frame in found.items()], axis=1)
+                found[zone] = _blended(own[zone], of(one.model, zone, T), one, first_lead)
+        return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
 
 
 def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
@@ -278,14 +321,22 @@ def _held(paths: np.ndarray) -> np.ndarray:
     return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
 
 
-def _blended(own: pd.DataFrame, coupled: pd.DataFrame, one: CoupledZone, first_lead: int) -> pd.DataFrame:
-    """A zone's frame from that by itself and that with neighbours; quantiles move along, by the errors' spread."""
-    share = one.share_by_row(len(own), first_lead)
-    widths = np.append(np.ones(1 - first_lead), one.widths(len(own) - 1 + first_lead))
-    out = own.copy()
-    for name in coupled.columns.intersection(own.columns):
-        out[name] = (1.0 - share) * own[name] + share * coupled[name]
-    for name in own.columns.difference(coupled.columns):  # q_0.1 and Q_hvac_0.1
-        of = "T_za" if str(name).startswith("q_") else "Q_hvac"
-        out[name] = out[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
-    return out
+def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
+    """The columns of a frame by name."""
+    return {str(name): values.to_numpy() for name, values in frame.items()}
+
+
+def _blended(
+    own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], one: CoupledZone, first_lead: int
+) -> dict[str, np.ndarray]:
+    """A zone's columns from those by itself and with neighbours; quantiles move along, by the errors' spread."""
+    n_rows = len(own["T_za"])
+    share = one.share_by_row(n_rows, first_lead)
+    widths = np.append(np.ones(1 - first_lead), one.widths(n_rows - 1 + first_lead))
+    both = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
+
+    def moved(name: str) -> np.ndarray:  # q_0.1 and Q_hvac_0.1
+        of = "T_za" if name.startswith("q_") else "Q_hvac"
+        return both[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
+
+    return {name: both[name] if name in both else moved(name) for name in own}

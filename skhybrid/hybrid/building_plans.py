@@ -15,7 +15,7 @@ from .._table import is_plant, listed
 from ..control import AffineForecast
 from ..forecasting.quantiles import LeftOut, quantile_columns
 from .base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, of_zone, with_next
+from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
 from .coupled_zone import CoupledZone, at_common_origins
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
@@ -90,10 +90,11 @@ class BuildingPlansMixin(BuildingForecastMixin):
         return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), *limits))
 
     def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
-        def of(model: BaseHybrid, under: Any, zone: str) -> pd.DataFrame:
-            return model.predict_load(under, wanted[zone], limits.get(zone))
+        def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+            under = with_next(rows, T) if T else rows
+            return columns_of(model.predict_load(under, wanted[zone], limits.get(zone)))
 
-        return self._joined(of, rows, first_lead=1)
+        return pd.DataFrame(self._joined(of, first_lead=1), getattr(rows, "index", None))
 
     def _shared_out(self, loads: pd.DataFrame, lowest: Any, highest: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Limits of each zone [kW] that add up to those of a plant, by what the zones need of it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any, Self
 
@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._summary import SummaryMixin
-from .._table import as_numbers, read_array
+from .._table import ZoneTable, as_numbers, read_array
 from .._time import rows_of
 from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
@@ -25,12 +25,15 @@ from ..thermal import get_network
 from .base import BaseHybrid
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
+from .building_tables import beside, tables_of_zones
 from .coupled_zone import CoupledZone, couple, with_neighbours
 from .predictor import HybridPredictor, takes_two_stages
 from .preprocess import fit_preprocess, preprocessed
 from .schedule_predictor import DEFAULT_NETWORK
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, found_neighbours, neighbours_of
 
+#: the predictor of a zone, with its neighbours or none, after new rows
+_TakenIn = Callable[[str, BaseHybrid, Sequence[str]], BaseHybrid]
 _SETTLED = 10  # days before the one on which the answer to a neighbour is computed
 
 
@@ -192,9 +195,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         errors: dict[str, LeftOut] = dict(own)
         for zone, model in models.items():
             others = neighbours[zone]
-            self.coupled_[zone], errors[zone] = couple(
-                model, zone, others, own, self._answer(X, model, others, own[zone])
-            )
+            with of_zone(zone):
+                gain = self._answer(X, model, others, own[zone])
+            self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
         self._joint = JointErrors.of(errors, index) if errors else None
 
@@ -227,6 +230,57 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         check_is_fitted(self)
         return pd.DataFrame({zone: one.shares for zone, one in self.coupled_.items()}).T
 
+    @property
+    def known_until_(self) -> pd.Timestamp | None:
+        """Stamp of the last row that the model knows; None where the training had no stamps."""
+        check_is_fitted(self)
+        return self.own_[self.zones_[0]].known_until_
+
+    @property
+    def thermostat_learned_(self) -> dict[str, bool]:
+        """Whether the training had set-points of a zone, so that its thermostat was learned, by zone."""
+        check_is_fitted(self)
+        return {zone: model.thermostat_learned_ for zone, model in self.own_.items()}
+
+    @unchanged_on_failure
+    def partial_fit(self, X: Any, y: Any) -> Self:
+        """Learn from new rows, as :meth:`HybridPredictor.partial_fit` does; shares of neighbours and intervals stay.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+            Rows that follow the last known one, or a later part of those that :meth:`update` has taken in.
+        y : DataFrame or array-like of shape (n_samples, n_zones)
+            Measured temperature of each zone [degC], NaN where missing; the first call fits.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`fit` does, and if the rows do not follow; the estimator is then what it was.
+        """
+        if not hasattr(self, "own_"):
+            return self.fit(X, y)
+        X = self._read(X)
+        check_consistent_length(X, y)
+        X, before = self._prepared(X), self.known_until_
+        T = self._known(X, y)
+        among = self._with_measured(X, T) if self.coupled_ else X
+
+        def learned(zone: str, model: BaseHybrid, X: Any) -> BaseHybrid:
+            with of_zone(zone):
+                return copy(model).partial_fit(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
+
+        parallel, learn = Parallel(self.n_jobs), delayed(learned)
+        own = parallel(learn(zone, model, X) for zone, model in self.own_.items())
+        coupled = parallel(learn(zone, one.model, among) for zone, one in self.coupled_.items())
+        self.own_ = dict(zip(self.zones_, own, strict=True))
+        pairs = zip(self.coupled_.items(), coupled, strict=True)
+        self.coupled_ = {zone: one.with_model(model) for (zone, one), model in pairs}
+        if before is None or self.known_until_ != before:
+            self._take_in(T)
+        self.training_ = self.own_[self.zones_[0]].training_
+        return self
+
     @unchanged_on_failure
     def update(self, X: Any, y: Any = None) -> Self:
         """Take in new rows without learning, as :meth:`HybridPredictor.update` does.
@@ -252,11 +306,32 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 "known before and from its neighbours.",
                 MeasurementWarning,
             )
-        X = self._with_measured(X, T) if self.coupled_ else X
-        self.own_ = {zone: self._advanced(zone, model, X, T) for zone, model in self.own_.items()}
-        self.coupled_ = {z: one.with_model(self._advanced(z, one.model, X, T)) for z, one in self.coupled_.items()}
+        tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
+        taken_in = self._by_frames_after(X, T) if tables is None else self._after(tables, T)
+        self.own_ = {zone: taken_in(zone, model, ()) for zone, model in self.own_.items()}
+        self.coupled_ = {z: one.with_model(taken_in(z, one.model, one.neighbours)) for z, one in self.coupled_.items()}
         self._take_in(T)
         return self
+
+    def _after(self, tables: Mapping[str, ZoneTable], T: pd.DataFrame) -> _TakenIn:
+        """Predictors after tables of their zones."""
+        known = {zone: carried_on(T[zone].to_numpy(float), self._last[zone]) for zone in self.zones_}
+
+        def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
+            with of_zone(zone):
+                return model._taking_in(beside(tables[zone], {other: known[other] for other in neighbours}))
+
+        return after
+
+    def _by_frames_after(self, X: Any, T: pd.DataFrame) -> _TakenIn:
+        """Predictors after rows that each of them reads by itself."""
+        X = self._with_measured(X, T) if self.coupled_ else X
+
+        def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
+            with of_zone(zone):
+                return copy(model).update(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
+
+        return after
 
     def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
         if y is not None:
@@ -274,10 +349,6 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
     def _measured(self, X: Any, zone: str) -> np.ndarray:
         column = self._columns.measured(zone)
         return as_numbers(X[column], str(column)) if column in X else np.full(len(X), np.nan)
-
-    def _advanced(self, zone: str, model: BaseHybrid, X: Any, T: pd.DataFrame) -> BaseHybrid:
-        with of_zone(zone):
-            return copy(model).update(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`, the mean of the zones; missing rows are left out.
@@ -307,7 +378,11 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             With the zone as first level of the index.
         """
         check_is_fitted(self)
-        return pd.concat({zone: model.drift(X) for zone, model in self.own_.items()}, names=["zone"])
+        found = {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                found[zone] = model.drift(X)
+        return pd.concat(found, names=["zone"])
 
     def _facts(self) -> dict[str, str]:
         pairs = {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}

@@ -6,11 +6,9 @@ from copy import copy
 from typing import NamedTuple, Self
 
 import numpy as np
-import pandas as pd
 
 from .._table import ZoneTable
 
-_A_MIDNIGHT = pd.Timestamp(0)
 _KEPT = 0.5 ** (1.0 / 7.0)  # a day counts half after a week
 
 
@@ -26,7 +24,7 @@ class ProfileRows(NamedTuple):
     @classmethod
     def of(cls, table: ZoneTable, T: np.ndarray, first: int = 0) -> Self:
         seen = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
-        place = ((table.time - _A_MIDNIGHT) // table.step).to_numpy()
+        place = table.time.as_unit("ns").asi8 // table.step.value  # the epoch is a midnight
         return cls(T, seen, place, table.weekend.astype(np.int64), first)
 
 

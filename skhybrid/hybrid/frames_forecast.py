@@ -21,7 +21,7 @@ from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .closed_loop import ClosedLoop, ClosedLoopPaths
 from .frames_reading import FramesReadingMixin
-from .scheme import Scheme
+from .scheme import Paths, Scheme
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
 
 
@@ -93,23 +93,43 @@ class FramesForecastMixin(FramesReadingMixin):
         self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
     ) -> pd.DataFrame:
         """The forecast with the heat of ``future``; ``now`` is the temperature of its first row, where measured."""
-        n_leads, scheme = len(future.index) - (now is not None), self._present_scheme()
         if history is None:
-            ahead = self._read_future(future)
-            paths = scheme.forecast_ahead(ahead, now)
-        else:
-            table, origin = self._read_both(history, future, now)
-            paths = scheme.forecast(table, origin, n_leads)
+            return pd.DataFrame(self._columns_ahead(self._read_future(future), now, levels, weather), future.index)
+        table, origin = self._read_both(history, future, now)
+        paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
         found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
-        if levels is not None:
-            if history is None:
-                table, origin = self._after_known(ahead, now)
-            bands = np.empty((0, len(levels)))
-            if n_leads:
-                bands = self._quantile_paths(table, origin, n_leads, levels, weather)[0]
-            bands = bands if now is None else np.vstack([np.full(len(levels), now), bands])
-            found |= dict(zip(quantile_columns(levels), bands.T, strict=True))
-        return pd.DataFrame(found, index=future.index)
+        bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)
+        return pd.DataFrame(found | bands, future.index)
+
+    def _columns_ahead(
+        self,
+        ahead: ZoneTable,
+        now: float | None = None,
+        levels: np.ndarray | None = None,
+        weather: WeatherError | None = None,
+    ) -> dict[str, np.ndarray]:
+        """The columns of :meth:`forecast` of rows that follow the known ones, under their heat."""
+        paths = self._present_scheme().forecast_ahead(ahead, now)
+        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
+        if levels is None:
+            return found
+        return found | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
+
+    def _band_columns(
+        self,
+        table: ZoneTable,
+        origin: np.ndarray,
+        paths: Paths,
+        now: float | None,
+        levels: np.ndarray,
+        weather: WeatherError | None,
+    ) -> dict[str, np.ndarray]:
+        """A column for each quantile of a path."""
+        n_leads, bands = paths.temperature.shape[1], np.empty((0, len(levels)))
+        if n_leads:
+            bands = self._quantile_paths(table, origin, n_leads, levels, weather)[0]
+        bands = bands if now is None else np.vstack([np.full(len(levels), now), bands])
+        return dict(zip(quantile_columns(levels), bands.T, strict=True))
 
     def _under_thermostat(
         self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, setpoint: Any

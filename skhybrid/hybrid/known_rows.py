@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+import numpy as np
 import pandas as pd
 
 from .._joining import in_zone_of
@@ -64,6 +65,17 @@ class KnownRows:
         if not table.n_history or not self.keeps_all or n_rows <= table.n_history:
             return table
         return append_tables(last_rows(self.tables, n_rows), table.rows(slice(table.n_history, None)))
+
+    def input_before(self, role: str, n_after: int, n_rows: int) -> np.ndarray:
+        """(n_rows,) values of an input before the last ``n_after`` rows, fewer where there are fewer."""
+        parts = [np.empty(0)]
+        for table in reversed(self.tables):
+            if n_rows <= 0:
+                break
+            end = max(table.n_rows - n_after, 0)
+            parts.append(table.inputs[role][max(end - n_rows, 0) : end])
+            n_after, n_rows = max(n_after - table.n_rows, 0), n_rows - len(parts[-1])
+        return np.concatenate(parts[::-1])
 
     def whole(self) -> ZoneTable:
         return concatenate_tables(self.tables)

@@ -33,7 +33,15 @@ class NumberedTable(NamedTuple):
     joined: bool  # whether the rows before ``begin`` are the training's own
     first: int = 0  # the table's first row, where it holds the last ones only
     whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
-    before: ZoneTable | None = None  # some of the rows before ``first``
+    before: Mapping[str, np.ndarray] | None = None  # inputs of some rows before ``first``
+
+    def since(self, row: int) -> NumberedTable:
+        """The rows from one on, for a member that has gone through those before it."""
+        if row <= self.first:
+            return self
+        later = slice(row - self.first, None)
+        whole = self.whole or (lambda: (self.table, self.T))
+        return self._replace(table=self.table.rows(later), T=self.T[later], first=row, whole=whole)
 
     def with_boundary(self, values: Mapping[str, np.ndarray], origin: int, n_back: int) -> NumberedTable:
         """Rows from ``n_back`` before an origin to the last lead, with other values (n_leads,) of some inputs ahead.
@@ -48,7 +56,8 @@ class NumberedTable(NamedTuple):
         n_ahead = first + kept.n_rows - origin - 1
         inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
         T = self.T[first : first + kept.n_rows]
-        kept, before = kept.replace(inputs={**kept.inputs, **inputs}), table.rows(slice(first)) if first else None
+        before = {role: v[:first] for role, v in table.inputs.items()} if first else None
+        kept = kept.replace(inputs={**kept.inputs, **inputs})
         return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before)
 
 
@@ -241,10 +250,15 @@ class _RollingErrors:
         self._errors.extend((origin - self.begin) // self._every + 1)
         # forecasts that had not ended at the row before
         place = np.arange(max(0, (before - int(self.leads[-1]) - self.begin) // self._every), self._errors.n)
-        rows = self.begin + place * self._every
+        ends = self.begin + place[:, None] * self._every + self.leads
+        known = (ends > before) & (ends <= origin)
+        some = known.any(axis=1)
+        if not some.any():
+            return
+        place, ends, known = place[some], ends[some], known[some]
+        paths = self._past_paths(view, self.begin + place * self._every)
         place -= self._errors.first
-        ends, paths = rows[:, None] + self.leads, self._past_paths(view, rows)
-        known, errors = (ends > before) & (ends <= origin), self.errors[place, :, 0]
+        errors = self.errors[place, :, 0]
         self.errors[place, :, 0] = np.where(known, view.T[np.minimum(ends, origin) - view.first] - paths, errors)
 
     def _learn(self, view: Any, origin: int) -> None:
@@ -277,8 +291,12 @@ class RollingARX(_RollingErrors):
 
     def _past_paths(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
         day = (origins - self.begin) // self._per_day
-        coefs = np.array(self._coefs[day[0] :])[day - day[0]]
-        return self.arx.iterate(view, origins, int(self.leads[-1]), coefs)[:, self.leads - 1]
+        paths = np.empty((len(origins), len(self.leads)))
+        for d in np.unique(day):
+            own = day == d
+            coef = self._coefs[d][None, :]
+            paths[own] = self.arx.iterate(view, origins[own], int(self.leads[-1]), coef)[:, self.leads - 1]
+        return paths
 
     def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
         return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :]), None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
@@ -77,7 +77,9 @@ class RollingBlend:
         return made
 
     def views(self, rows: NumberedTable) -> list[Any]:
-        return [member.view(rows) for member in self._members]
+        """The rows as each member takes them; the network needs none that it has gone through."""
+        network, *others = self._members
+        return [network.view(rows.since(self.row)), *(member.view(rows) for member in others)]
 
     def advance(self, views: list[Any], origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
@@ -183,25 +185,34 @@ class RollingBlend:
         """(L,) what the blend of these shares (L, K) missed that may come back."""
         record = self._record
         oldest = self.row - (int(_DAYS_BACK.max()) + 1) * record.rows_per_day
-        errors, origins = self._history(max(0, (oldest - self._begin) // record.every))
-        if self._joined:
-            recent = record.sample.origins >= oldest
-            errors = np.concatenate([record.errors(recent), errors])
-            origins = np.append(record.sample.origins[recent], origins)
-        missed = np.sum(errors * shares, axis=-1)
-        return residual_correction(missed, origins, record.sample.leads, self.row, record.rows_per_day)
+        first = max(0, (oldest - self._begin) // record.every)
+        origins = self._begin + record.every * np.arange(first, self._first + len(self._rolling[0].errors))
+        trained = np.flatnonzero(record.sample.origins >= oldest) if self._joined else np.empty(0, dtype=np.int64)
+        origins = np.append(record.sample.origins[trained], origins)
+
+        def missed_from(place: int) -> np.ndarray:
+            if place < len(trained):
+                errors = record.errors(trained[place])
+            else:
+                kept = first + place - len(trained) - self._first
+                errors = np.concatenate([rolling.errors[kept] for rolling in self._rolling], axis=-1)
+                errors = record.plausible.clip_errors(errors)
+            return np.sum(errors * shares, axis=-1)
+
+        return residual_correction(missed_from, origins, record.sample.leads, self.row, record.rows_per_day)
 
 
 def residual_correction(
-    errors: np.ndarray, origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
+    errors_from: Callable[[int], np.ndarray], origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
 ) -> np.ndarray:
-    """(L,) expected error of a forecast from ``row``, 0 where unknown, by ``errors`` (O, L) of ``origins`` up to it."""
+    """(L,) expected error of a forecast from ``row``, 0 where unknown, by errors (L,) from some of ``origins`` (O,)."""
     if len(origins) < 2:
         return np.zeros(len(leads))
     rows = row - _DAYS_BACK * rows_per_day
     at = np.searchsorted(origins, rows, side="right") - 1
     # where history joins the training two origins may lie closer than all others
     near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.median(np.diff(origins)))
-    at = np.maximum(at, 0)
-    known = near[:, None] & (origins[at][:, None] + leads <= row)
-    return np.asarray(_SHARES @ np.where(known, np.nan_to_num(errors[at]), 0.0))
+    out = np.zeros(len(leads))
+    for share, place in zip(_SHARES[near], at[near], strict=True):
+        out += share * np.where(origins[place] + leads <= row, np.nan_to_num(errors_from(int(place))), 0.0)
+    return out

@@ -357,17 +357,14 @@ class ScheduleScheme(Scheme):
         """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
         n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
-        known = last_rows(self.rows.tables, n_rows + n_filtered)
-        while not np.isfinite(known.history["T_za"][-n_rows]) and n_rows < n_known:
+        tables = (*self.rows.tables, ahead)
+        table = last_rows(tables, n_rows + ahead.n_rows)
+        while not np.isfinite(table.history["T_za"][0]) and n_rows < n_known:
             n_rows = min(2 * n_rows, n_known)
-            known = last_rows(self.rows.tables, n_rows + n_filtered)
-        n_before = known.n_rows - n_rows
-        longer = concatenate_tables([known, ahead])
-        table, before = longer.rows(slice(n_before, None)), longer.rows(slice(n_before))
-        begin, first = self.rows.training.n_rows, n_known - known.n_rows + n_before
-        return NumberedTable(
-            table, table.history["T_za"], begin, True, first, lambda: self._joined(self.rows.tables)[:2], before
-        )
+            table = last_rows(tables, n_rows + ahead.n_rows)
+        before = {role: self.rows.input_before(role, n_rows, n_filtered) for role in table.inputs}
+        begin, first, T = self.rows.training.n_rows, n_known - n_rows, table.history["T_za"]
+        return NumberedTable(table, T, begin, True, first, lambda: self._joined(self.rows.tables)[:2], before)
 
     def relearned(self, measured: ZoneTable | None) -> Self:
         """The scheme fitted again on the last weeks of all that is known."""

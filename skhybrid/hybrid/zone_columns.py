@@ -53,6 +53,10 @@ class ZoneColumns:
         ends = [zone for zone in self.zones if role.endswith(f"_{zone}")]
         return max(ends, key=len) if own and ends else None
 
+    def is_history(self, role: str) -> bool:
+        """Whether a role is a temperature that is measured, or a set-point."""
+        return role.startswith((MEASURED, *_SETPOINTS)) and self.owner(role) is not None
+
     def of_zone(self, zone: str) -> dict[str, Any]:
         """The column of each role as a predictor of that zone alone has it; None for columns of other zones."""
         owners = {role: self.owner(role) for role in self.columns}

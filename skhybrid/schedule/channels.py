@@ -9,12 +9,13 @@ differ from Sundays, wholly where the weekend has moved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from .._table import ZoneTable
+from .._time import hour_of_day
 from ..thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
@@ -60,14 +61,22 @@ class ChannelPlan(NamedTuple):
         return self.network.nodes.index(heated) if isinstance(heated, str) else self.zone
 
 
+class Block(NamedTuple):
+    """Channels that are alike, over the rows of a table."""
+
+    names: Sequence[str]  # (k,)
+    series: np.ndarray  # (N, k) heat per unit coefficient [kW]
+    node: Sequence[int]  # (k,) index of the node that each heats
+    positive: bool  # whether the coefficients are at least 0
+    group: str  # one of GROUPS
+
+
 class Channel(NamedTuple):
-    """One channel over the rows of a table."""
+    """One channel of the plant over the rows of a table."""
 
     name: str
     series: np.ndarray  # (N,) heat per unit coefficient [kW]
-    node: int  # index of the node that it heats
     positive: bool  # whether the coefficient is at least 0
-    group: str  # one of GROUPS
 
 
 class Channels(NamedTuple):
@@ -82,7 +91,7 @@ class Channels(NamedTuple):
     @property
     def scheduled(self) -> np.ndarray:
         """(J,) bool, unmeasured heat: schedules of gain and conductance."""
-        return np.array([name.startswith(("gain", "ua")) for name in self.names])
+        return _are_scheduled(self.names)
 
     @property
     def solar(self) -> np.ndarray:
@@ -139,7 +148,7 @@ def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
 def _standard_hour(table: ZoneTable) -> np.ndarray:
     """(N,) hour of day without daylight saving."""
     time = table.time if table.utc is None else table.utc.tz_localize(None)
-    return np.asarray((time - time.normalize()) / pd.Timedelta("1h"), dtype=np.float64)
+    return hour_of_day(time)
 
 
 def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
@@ -158,18 +167,24 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
 
 
 def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
-    makers = (_solar_channels, equipment, _schedule_channels, _swapped_day_channels)
-    names, series, node, positive, group = zip(*(c for make in makers for c in make(plan, table)), strict=True)
+    makers = (_solar_channels, _plant_channels, _schedule_channels, _swapped_day_channels)
+    blocks = [block for make in makers for block in make(plan, table)]
+    sizes = [len(block.names) for block in blocks]
     return Channels(
-        names,
-        np.column_stack(series),
-        np.array(node, dtype=np.int64),
-        np.array(positive, dtype=bool),
-        np.array([GROUPS.index(g) for g in group], dtype=np.int64),
+        tuple(name for block in blocks for name in block.names),
+        np.hstack([block.series for block in blocks]),
+        np.concatenate([block.node for block in blocks]),
+        np.repeat([block.positive for block in blocks], sizes),
+        np.repeat([GROUPS.index(block.group) for block in blocks], sizes),
     )
 
 
-def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+@lru_cache(maxsize=64)
+def _are_scheduled(names: tuple[str, ...]) -> np.ndarray:
+    return np.array([name.startswith(("gain", "ua")) for name in names])
+
+
+def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     """Each irradiance on each node; a single one is split into parts of the day, in place of facades."""
     beams = {role: table.inputs[role] for role in plan.irradiance}
     if len(beams) == 1:
@@ -179,19 +194,25 @@ def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
             f"{role}_{part}": light * np.clip(1.0 - np.abs(from_noon - centre) / _HALF_WIDTH, 0.0, 1.0)
             for part, centre in _DAY_PARTS.items()
         }
+    nodes = plan.network.nodes
     for role, light in beams.items():
-        for i, node in enumerate(plan.network.nodes):
-            yield Channel(f"{role}->{node}", light, i, True, "free")
+        names = [f"{role}->{node}" for node in nodes]
+        yield Block(names, np.repeat(light[:, None], len(nodes), axis=1), range(len(nodes)), True, "free")
+
+
+def _plant_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
+    for name, series, positive in equipment(plan, table):
+        yield Block([name], series[:, None], [plan.heated], positive, "free")
 
 
 def equipment(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
     """Stages whose capacity is fitted, and the part-load curves of those whose capacity is known."""
     for role, sign in plan.stages:
-        yield Channel(role, sign * table.inputs[role], plan.heated, True, "free")
+        yield Channel(role, sign * table.inputs[role], True)
     largest = dict(plan.max_stages)
     for role, knot, capacity in plan.knots:
         series = capacity * deviation(table.inputs[role], knot, largest[role])
-        yield Channel(knot_name(role, knot), series, plan.heated, False, "free")
+        yield Channel(knot_name(role, knot), series, False)
 
 
 def knot_name(role: str, knot: float) -> str:
@@ -217,29 +238,35 @@ def _day_type(table: ZoneTable) -> np.ndarray:
     return np.where(table.weekend, 1.0, -1.0)
 
 
-def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     """Levels, hourly profiles and hourly day-type contrasts of gain and conductance."""
     drivers = _drivers(plan, table)
     always, zone = drivers["gain"], plan.zone
-    yield Channel("gain", always, zone, False, "free")
+    yield Block(["gain"], always[:, None], [zone], False, "free")
     if "ua" in drivers:
-        yield Channel("ua", drivers["ua"], zone, False, "free" if plan.free_level else "ua_hour")
+        yield Block(["ua"], drivers["ua"][:, None], [zone], False, "free" if plan.free_level else "ua_hour")
     if not plan.calendar:
         return
-    at, day_type = table.time.hour.to_numpy() == np.arange(_HOURS)[:, None], _day_type(table)
+    at, day_type = _hour(table)[:, None] == np.arange(_HOURS), _day_type(table)
     for kind, driver in drivers.items():
         for group, sign in ((f"{kind}_hour", always), (f"{kind}_day_type", day_type)):
-            for h, series in enumerate(at * driver * sign):
-                yield Channel(f"{group}_{h}", series, zone, False, group)
+            names = [f"{group}_{h}" for h in range(_HOURS)]
+            yield Block(names, at * driver[:, None] * sign[:, None], [zone] * _HOURS, False, group)
 
 
-def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
+def _hour(table: ZoneTable) -> np.ndarray:
+    """(N,) int, the local hour of day."""
+    return hour_of_day(table.time).astype(np.int64)
+
+
+def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     """Heat of a day of the other type less that of its own type, for each day of the week."""
     if not plan.contrast:
         return
-    hour, day = table.time.hour.to_numpy(), table.day_of_week
+    hour, day = _hour(table), table.day_of_week
     by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
     contrast = sum(by_hour[kind][hour] * driver for kind, driver in _drivers(plan, table).items())
     swap = -2.0 * _day_type(table) * contrast
-    for d in range(_DAYS):
-        yield Channel(f"gain_swapped_{d}", (day == d) * swap, plan.zone, False, "swapped")
+    names = [f"gain_swapped_{d}" for d in range(_DAYS)]
+    of_day = (day[:, None] == np.arange(_DAYS)) * swap[:, None]
+    yield Block(names, of_day, [plan.zone] * _DAYS, False, "swapped")

@@ -22,8 +22,15 @@ def gram(E: np.ndarray) -> np.ndarray:
     """``E' E``, symmetric to the bit."""
     if not len(E):
         return np.zeros((E.shape[1],) * 2)
-    upper = dsyrk(1.0, np.ascontiguousarray(E).T)
-    return upper + np.triu(upper, 1).T
+    upper = dsyrk(1.0, np.ascontiguousarray(E).T)  # the rest is 0
+    whole = upper + upper.T
+    _diagonal(whole)[:] *= 0.5
+    return np.asarray(whole)
+
+
+def _diagonal(square: np.ndarray) -> np.ndarray:
+    """The diagonal of a matrix, to be written."""
+    return np.einsum("ii->i", square)
 
 
 def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray) -> Solution:
@@ -32,16 +39,19 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
     ``G`` (J + 1, J + 1) are sums of products of the columns and, last, the target.
     """
     J = len(penalty)
-    H, b = G[:J, :J] + np.diag(penalty), G[:J, J]
+    H, b = G[:J, :J].copy(), G[:J, J]
+    _diagonal(H)[:] += penalty
     free, bounded = np.flatnonzero(~positive), np.flatnonzero(positive)
-    factor = cho_factor(H[np.ix_(free, free)])
-    coef = np.zeros(J)
-    cross = cho_solve(factor, H[np.ix_(free, bounded)])
+    of_free = H[free]
+    beside = of_free[:, bounded]
+    factor = cho_factor(of_free[:, free])
+    solved = cho_solve(factor, np.column_stack([beside, b[free]]))
+    coef, cross = np.zeros(J), solved[:, :-1]
     if len(bounded):
         # with the free ones eliminated, what is left is a small problem with bounds
-        inner = H[np.ix_(bounded, bounded)] - H[np.ix_(bounded, free)] @ cross
-        inner[np.diag_indices_from(inner)] += 1e-10 * np.trace(inner)
+        inner = H[bounded][:, bounded] - beside.T @ cross
+        _diagonal(inner)[:] += 1e-10 * np.trace(inner)
         L = cholesky(inner, lower=True)
         coef[bounded], _ = nnls(L.T, solve_triangular(L, b[bounded] - cross.T @ b[free], lower=True))
-    coef[free] = cho_solve(factor, b[free]) - cross @ coef[bounded]
+    coef[free] = solved[:, -1] - cross @ coef[bounded]
     return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - b @ coef))

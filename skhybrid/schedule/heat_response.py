@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -47,7 +47,11 @@ class HeatResponse:
 
     def without_plants(self, table: ZoneTable) -> ZoneTable:
         """A table without the columns of the plants."""
-        return table.replace(inputs={role: v for role, v in table.inputs.items() if role not in self.roles})
+        return table.replace(inputs=self.of_others(table.inputs))
+
+    def of_others(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Inputs without those of the plants."""
+        return {role: v for role, v in inputs.items() if role not in self.roles}
 
     def simulate(self, heat: np.ndarray, state: np.ndarray | None = None) -> np.ndarray:
         """(N + 1, n + 1) states from ``state`` on under heat (N, 2), by default from rest."""
