@@ -14,7 +14,9 @@ from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, heading
 
 PAGE = "#fefefe"  # ground of labels that lines pass below; a page may replace it with its own
-_INCHES = (1.9, 1.25)  # between two neighbours, and around the outermost
+_APART = 1.9  # distance of two neighbours, where there is room [inch]
+_MARGIN = np.array([0.6, 0.5])  # around the outermost rooms [inch]
+_TRIES = 12  # begun at different places, since some end with crossed lines
 _QUIET = "#888888"
 
 
@@ -91,8 +93,8 @@ class RoomMapDisplay(Display):
         width : float, the most [inch]; a narrow map is turned
         """
         across, along = np.ptp(self._places(width), axis=0)
-        apart = min(_INCHES[0], (width - 2 * _INCHES[1]) / max(across, 1e-9))
-        return width, float(along * apart + 1.2 * _INCHES[1])
+        apart = min(_APART, (width - 2 * _MARGIN[0]) / max(across, 1e-9))
+        return width, float(along * apart + 2 * _MARGIN[1])
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> RoomMapDisplay:
         """Draw the map.
@@ -111,8 +113,8 @@ class RoomMapDisplay(Display):
         for zone, error in self.errors.items():
             self._draw_room(ax, zone, at[zone], error, worst)
         lowest, highest = places.min(axis=0), places.max(axis=0)
-        free = np.maximum(size - _INCHES[1] * np.array([1.0, 0.5]) * 2, 0.3)
-        half = size / (2 * min(_INCHES[0], *(free / np.maximum(highest - lowest, 1e-9))))
+        free = np.maximum(size - 2 * _MARGIN, 0.3)
+        half = size / (2 * min(_APART, *(free / np.maximum(highest - lowest, 1e-9))))
         for limit, middle, reach in zip((ax.set_xlim, ax.set_ylim), (lowest + highest) / 2, half, strict=True):
             limit(middle - reach, middle + reach)
         ax.set_axis_off()
@@ -173,7 +175,8 @@ def _spread(zones: list[str], pairs: list[tuple[str, str]]) -> np.ndarray:
 
     angle = 2 * np.pi * np.arange(n) / n
     begin = 0.5 * n / np.pi * np.column_stack([np.cos(angle), np.sin(angle)])
-    tries = [begin, np.random.default_rng(0).normal(size=(n, 2)) + begin[::-1]]
+    rng = np.random.default_rng(0)
+    tries = [begin, *(rng.normal(size=(n, 2)) * np.ptp(begin) for _ in range(_TRIES - 1))]
     best = min(
         (minimize(stress, one.ravel(), jac=True, method="L-BFGS-B", tol=1e-12) for one in tries), key=lambda f: f.fun
     )
