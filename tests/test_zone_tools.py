@@ -51,7 +51,7 @@ def test_a_building_of_one_resistance_by_hand():
     ],
 )
 def test_remarks_on_a_heat_loss(value, std, words):
-    found = identified_building._remark("heat loss [W/K]", value, std)
+    found = identified_building.remark_on("heat loss [W/K]", value, std)
     assert found.startswith(words)
     assert bool(found) == bool(words)
 

@@ -15,6 +15,11 @@ from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
 CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
+SETPOINT = click.option(
+    "--setpoint",
+    multiple=True,
+    help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
+)
 HELP_NAMES = {"help_option_names": ["-h", "--help"]}
 MODEL = click.option(
     "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
@@ -85,6 +90,6 @@ def refuse_zones(settings: Any, source: Any) -> None:
     """Refuse settings of several zones."""
     if settings.zones:
         raise ValueError(
-            f"{source} is of several zones ({', '.join(settings.zones)}), which only check, fit, forecast, update and "
-            "backtest take; give a configuration of one of them, with T_za."
+            f"{source} is of several zones ({', '.join(settings.zones)}), and this command is for one; give a "
+            "configuration of one of them, with T_za."
         )

@@ -8,6 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from ..study import Settings, StudyData, StudyResult, read_log, run_study, split_log, write_outputs
+from ..study.building_outputs import building_metrics, format_zones, verdicts_by_zone, write_building
+from ..study.building_study import BuildingResult, run_building
 from ..study.outputs import format_table, metrics_text
 from ._output import DONE, Progress, check_stopped
 
@@ -23,10 +25,18 @@ def study_to_folder(
 ) -> int:
     """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
     refuse_unwritable(out)
-    result = run_study(settings, data, progress)
-    truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
-    written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
+    result = study_of(settings, data, progress)
+    if isinstance(result, BuildingResult):
+        written = write_building(result, out, before_swap=check_stopped)
+    else:
+        truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
+        written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
     return tell(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
+
+
+def study_of(settings: Settings, data: StudyData, progress: Progress) -> StudyResult | BuildingResult:
+    """The study of one zone, or of several."""
+    return run_building(settings, data, progress) if settings.zones else run_study(settings, data, progress)
 
 
 def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
@@ -37,15 +47,21 @@ def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
     return split_log(frame, settings)
 
 
-def tell(result: StudyResult, progress: Progress, written: str, *, as_json: bool) -> int:
+def tell(result: StudyResult | BuildingResult, progress: Progress, written: str, *, as_json: bool) -> int:
     """Print the warnings, the verdicts and the comparison of a study, and what was written; the exit code."""
     for text in result.warnings:
         progress.warn(text)
+    if isinstance(result, BuildingResult):
+        lines = (
+            [building_metrics(result)] if as_json else [*map(str, verdicts_by_zone(result)), "", format_zones(result)]
+        )
+    elif as_json:
+        lines = [metrics_text(result)]
+    else:
+        lines = [*map(str, result.verdicts), "", format_table(result.table, scaled=result.scaled)]
+    print("\n".join(lines))
     if as_json:
-        print(metrics_text(result))
         return DONE
-    print("\n".join(map(str, result.verdicts)) + "\n")
-    print(format_table(result.table, scaled=result.scaled))
     print(f"\n{written}")
     return DONE
 

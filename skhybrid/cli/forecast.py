@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import MODEL, as_command, print_json
+from ._options import MODEL, SETPOINT, as_command, print_json
 from ._output import DONE, Progress
 
 _HOURS = 3  # of a row of the table on the terminal
@@ -34,11 +34,7 @@ _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # 
     help="Log up to now; rows after it may hold what is planned.",
 )
 @click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
-@click.option(
-    "--setpoint",
-    multiple=True,
-    help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
-)
+@SETPOINT
 @click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
 def command(
     model: Path,

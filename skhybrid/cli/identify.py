@@ -15,22 +15,43 @@ from ._output import DONE, Progress
 def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     """Describe the building by its heat loss and time constants.
 
-    Solar aperture and capacities too, each with its standard error, or "not identified".
+    Solar aperture and capacities too, each with its standard error, or "not identified".  Of several zones also what
+    each two exchange.
     """
-    settings = settings_at(config)
+    settings = settings_at(config, several=True)
     from ..study import read_log
     from ..study.identified_building import told
-    from ..zone.building import describe_building
+    from ..zone.building import describe_building, describe_rooms
 
     say(1, 2, "reading the log")
     frame, _ = read_log(log, settings)
     say(2, 2, "identifying the building")
+    if settings.zones:
+        _tell_rooms(describe_rooms(settings, frame), as_json)
+        return DONE
     table = told(describe_building(settings, frame))
     if as_json:
         print_json(table.to_dict(orient="index"))
     else:
         print(_text(table))
     return DONE
+
+
+def _tell_rooms(found: Any, as_json: bool) -> None:
+    """Print the rooms, and what each two exchange."""
+    from ..study.building_outputs import identified_content
+    from ..study.identified_building import told
+
+    if as_json:
+        print_json(identified_content(found))
+        return
+    rooms, partitions = told(found.rooms), told(found.partitions)
+    for zone in rooms.index.get_level_values("zone").unique():
+        print(f"{zone}\n{_text(rooms.loc[zone])}\n")
+    how = "found in the log; adjacency in the configuration is surer" if found.found else "by the floor plan"
+    print(f"exchange between zones ({how})")
+    named = partitions.set_axis([f"{a} - {b}" for a, b in partitions.index])
+    print(_text(named) if len(named) else "none")
 
 
 def _text(table: Any) -> str:

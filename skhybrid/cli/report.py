@@ -16,12 +16,16 @@ from ._output import Progress
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", required=True, help="HTML file to write.")
 def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> int:
     """Write the report of a study of a log, and nothing else."""
-    settings = settings_at(config)
-    from ..study import run_study
+    settings = settings_at(config, several=True)
+    from ..study.building_study import BuildingResult
     from ..study.outputs import write_page
-    from ._study import read_study, refuse_unwritable, tell
+    from ..study.report.building_page import write_building_report
+    from ._study import read_study, refuse_unwritable, study_of, tell
 
     refuse_unwritable(out, "file")
-    result = run_study(settings, read_study(log, settings, say), say)
-    write_page(result, out)
+    result = study_of(settings, read_study(log, settings, say), say)
+    if isinstance(result, BuildingResult):
+        write_building_report(out, result)
+    else:
+        write_page(result, out)
     return tell(result, say, str(out), as_json=as_json)

@@ -19,7 +19,7 @@ def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bo
 
     The hybrid and the models that it is compared with are fitted on [train] and scored on [test].
     """
-    settings = settings_at(config)
+    settings = settings_at(config, several=True)
     from ._study import read_study, study_to_folder
 
     return study_to_folder(settings, read_study(log, settings, say), out, say, as_json=as_json)

@@ -23,14 +23,14 @@ from ._output import DONE, Progress
     help="What requests must send, as Authorization: Bearer TOKEN; better the variable, which others cannot see.",
 )
 @click.option("--weather", type=click.Path(path_type=Path), help="As for zone tick, read anew at each post.")
-@click.option("--setpoint", help="As for zone tick.")
+@click.option("--setpoint", multiple=True, help="As for zone tick.")
 def command(
     folder: Path,
     host: str,
     port: int,
     token: str | None,
     weather: Path | None,
-    setpoint: str | None,
+    setpoint: tuple[str, ...],
     say: Progress,
     as_json: bool,
 ) -> int:
@@ -40,10 +40,10 @@ def command(
     whose lock it shares.  It ends with Ctrl-C.
     """
     from ..server import check_token, open_socket, serve
-    from ..study.thermostat import Schedule
     from ..zone import ZoneFolder
+    from ..zone.tomorrow import schedules_of
 
-    schedule = None if setpoint is None else Schedule.of_text(setpoint)
+    schedule = schedules_of(setpoint, ZoneFolder(folder).zones)
     check_token(host, token)
     ZoneFolder(folder).load()  # what is wrong with it is said before anyone is answered
     with open_socket(host, port) as listener:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, as_command, print_json
+from ._options import CONFIG, SETPOINT, as_command, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
@@ -39,7 +39,7 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
 @_DIR
 @_LOG
 @click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
-@click.option("--setpoint", help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24.")
+@SETPOINT
 @click.option(
     "--refit-after",
     type=click.IntRange(1),
@@ -52,7 +52,7 @@ def tick(
     folder: Path,
     log: str,
     weather: Path | None,
-    setpoint: str | None,
+    setpoint: tuple[str, ...],
     refit_after: int,
     say: Progress,
     as_json: bool,
@@ -64,11 +64,11 @@ def tick(
     """
     import pandas as pd
 
-    from ..study.thermostat import Schedule
     from ..zone import ZoneFolder
+    from ..zone.tomorrow import schedules_of
 
-    schedule = None if setpoint is None else Schedule.of_text(setpoint)
-    done = ZoneFolder(folder).tick(log, weather, schedule, pd.Timedelta(days=refit_after))
+    zone = ZoneFolder(folder)
+    done = zone.tick(log, weather, schedules_of(setpoint, zone.zones), pd.Timedelta(days=refit_after))
     for text in done.remarks:
         say.warn(text)
     found = {"new rows": done.n_new, "fitted again because": done.learned or None}
@@ -84,12 +84,17 @@ def tick(
 def status(folder: Path, say: Progress, as_json: bool) -> int:
     """Show how past forecasts did, and whether the model drifts.
 
-    Verdicts on temperature and load come first.
+    Verdicts on temperature and load come first; of several zones, the worst zone.
     """
     from ..zone import ZoneFolder
 
     found = ZoneFolder(folder).status()
-    _print(found if as_json else _in_words(found), as_json)
+    if as_json:
+        _print(found, as_json)
+    elif "zones" in found:
+        _print(found | {"zones": {zone: _in_words(state) for zone, state in found["zones"].items()}}, as_json)
+    else:
+        _print(_in_words(found), as_json)
     return DONE
 
 

@@ -6,6 +6,7 @@ from ._posterior import PosteriorDisplay, RobustnessDisplay
 from ._profile import ProfileDisplay
 from ._residuals import ResidualDisplay
 from ._response_display import BodeDisplay, StepResponseDisplay
+from ._room_map import RoomMapDisplay
 
 __all__ = [
     "BodeDisplay",
@@ -17,6 +18,7 @@ __all__ = [
     "ProfileDisplay",
     "ResidualDisplay",
     "RobustnessDisplay",
+    "RoomMapDisplay",
     "ScheduleDisplay",
     "StepResponseDisplay",
 ]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 
-def blank_axes(n_rows: int, figsize: tuple[float, float], share: bool = True) -> tuple[Any, Any]:
-    """Make a figure that pyplot does not keep in memory, and its (n_rows,) axes."""
+def blank_axes(n_rows: int, figsize: tuple[float, float], n_columns: int = 1, share: bool = True) -> tuple[Any, Any]:
+    """Make a figure that pyplot does not keep in memory, and its (n_rows * n_columns,) axes, row by row."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=figsize, layout="constrained")
-    axes = figure.subplots(n_rows, 1, sharex=share, squeeze=False)
-    return figure, axes[:, 0]
+    axes = figure.subplots(n_rows, n_columns, sharex=share, squeeze=False)
+    return figure, axes.ravel()
 
 
 def svg_text(figure: Any, salt: str) -> str:

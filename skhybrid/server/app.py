@@ -22,8 +22,9 @@ from ..exceptions import ModelFileError
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, zone_page
-from .schemas import ROWS, Forecast, Posted, Refusal, Row, Status
-from .zone_view import plain_rows, view_zone
+from .schemas import ROWS, BuildingForecast, BuildingStatus, Forecast, Posted, Refusal, Row, Status
+from .zone_view import plain_rows, view_zones
+from .zones_page import building_page
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
 _UNITS = {
@@ -70,10 +71,11 @@ def make_app(
     weather, schedule : as for :meth:`skhybrid.zone.ZoneFolder.tick`, at each post
     """
     zone = ZoneFolder(folder)
+    what = "several zones" if zone.zones else "one zone"
     app = FastAPI(
         title="skhybrid",
         version=__version__,
-        summary="Forecast of one zone: temperature and heat of the day to come.",
+        summary=f"Forecast of {what}: temperature and heat of the day to come.",
         docs_url=None,  # FastAPI's own pages load scripts from a CDN
         redoc_url=None,
     )
@@ -91,24 +93,14 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
     drawing = threading.Lock()  # matplotlib is not made for several threads
     drawn: dict[tuple[int, ...], str] = {}  # the page, by what it shows
 
-    @app.get("/forecast", response_model=Forecast, responses=_REFUSALS | _NOTHING)
+    several = bool(zone.zones)
+
+    @app.get("/forecast", response_model=BuildingForecast if several else Forecast, responses=_REFUSALS | _NOTHING)
     def forecast() -> dict[str, Any]:
         """The latest forecast."""
-        view = view_zone(zone, zone.load())
-        if view.origin is None:
-            raise HTTPException(404, "there is no forecast yet; post rows, or run skhybrid zone tick.")
-        return {
-            "name": view.name,
-            "origin": view.origin.isoformat(),
-            "timezone": view.timezone,
-            "step_minutes": view.step / pd.Timedelta("1min"),
-            "interval": 0.8,
-            "scaled": view.scaled,
-            "units": _UNITS,
-            "rows": plain_rows(view.forecast),
-        }
+        return _latest(zone)
 
-    @app.get("/status", response_model=Status, responses=_REFUSALS)
+    @app.get("/status", response_model=BuildingStatus if several else Status, responses=_REFUSALS)
     def status() -> dict[str, Any]:
         """Drift, the last row, and how past forecasts did: as skhybrid zone status."""
         return zone.status()
@@ -120,7 +112,10 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
             now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
             if now not in drawn:
                 model = zone.load()
-                text = zone_page(view_zone(zone, model), zone.status(model))
+                views, status = view_zones(zone, model), zone.status(model)
+                text = (
+                    building_page(model.settings.name, views, status) if model.zones else zone_page(views[""], status)
+                )
                 drawn.clear()
                 drawn[now] = text
             return drawn[now]
@@ -128,6 +123,27 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
     @app.get("/docs", response_class=HTMLResponse, include_in_schema=False)
     def docs() -> str:
         return docs_page(app.openapi())
+
+
+def _latest(zone: ZoneFolder) -> dict[str, Any]:
+    """The latest forecast as an answer has it."""
+    model = zone.load()
+    views = view_zones(zone, model)
+    view = next(iter(views.values()))
+    if view.origin is None:
+        raise HTTPException(404, "there is no forecast yet; post rows, or run skhybrid zone tick.")
+    units = {f"{name}_{one}" if one else name: unit for one in views for name, unit in _UNITS.items()}
+    return {
+        "name": model.settings.name,
+        **({"zones": list(views)} if model.zones else {}),
+        "origin": view.origin.isoformat(),
+        "timezone": view.timezone,
+        "step_minutes": view.step / pd.Timedelta("1min"),
+        "interval": 0.8,
+        "scaled": all(one.scaled for one in views.values()),
+        "units": units,
+        "rows": plain_rows(views),
+    }
 
 
 def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) -> None:

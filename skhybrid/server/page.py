@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
 import pandas as pd
 
-from ..study.report.figures import as_svg, backtest_figure, day_figure
+from ..study.report.figures import NARROW, WIDE, backtest_figure, day_figure, in_two_widths
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
 from ..study.verdict import Verdict
 from .zone_view import ZoneView, compared
 
-_REFRESH = '<meta http-equiv="refresh" content="300">\n'
-_WIDE, _NARROW = 9.0, 4.4  # of a figure [in]
+REFRESH = '<meta http-equiv="refresh" content="300">\n'
+SPANS = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of past days in a figure
 _OLD = pd.Timedelta(days=1)
 
 
@@ -30,7 +29,7 @@ def zone_page(view: ZoneView, status: dict[str, Any]) -> str:
         _state(status),
         f'<p class="soft">{links}</p>',
     ]
-    return html_page(f"{view.name}: forecast", sections, _REFRESH)
+    return html_page(f"{view.name}: forecast", sections, REFRESH)
 
 
 def _tomorrow(view: ZoneView) -> str:
@@ -41,38 +40,48 @@ def _tomorrow(view: ZoneView) -> str:
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "room temperature in the day to come")]
     if view.scaled:
         cards += [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
-    old = ""
-    if view.origin.tz is not None and pd.Timestamp.now(view.origin.tz) - view.origin > _OLD:
-        old = " It is more than a day old: no newer rows came in, or the weather to come was not known."
+    old = age_words(view.origin)
     scale = "" if view.scaled or "Q_hvac" not in rows else " The heat has no certain scale: no capacity is known."
     return (
-        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_words(view.origin)}; the band is meant to "
-        f"hold 80 % of the measurements.{scale}{old}</p>\n"
-        + _figure(lambda width: day_figure(rows, width), "Forecast of temperature and heat.", "day")
+        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(view.origin)}; the band is meant "
+        f"to hold 80 % of the measurements.{scale}{old}</p>\n"
+        + in_two_widths(lambda width: day_figure(rows, width), "Forecast of temperature and heat.", "day")
     )
+
+
+def age_words(origin: pd.Timestamp) -> str:
+    """A sentence on an origin that is old; else ""."""
+    if origin.tz is None or pd.Timestamp.now(origin.tz) - origin <= _OLD:
+        return ""
+    return " It is more than a day old: no newer rows came in, or the weather to come was not known."
 
 
 def _yesterday(view: ZoneView) -> str:
     if view.past.empty:
         return "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
-    last = view.past[view.past["origin"] == view.past["origin"].max()].set_index("time")
-    rows = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"}).dropna(axis=1, how="all")
+    origin, rows = last_past(view)
     return (
         "<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from "
-        f"{_words(last['origin'].iloc[0])}.</p>\n"
-        + _figure(
+        f"{stamp_words(origin)}.</p>\n"
+        + in_two_widths(
             lambda width: day_figure(rows, width), "The last forecast that has run out, and measurements.", "past"
         )
     )
+
+
+def last_past(view: ZoneView) -> tuple[pd.Timestamp, pd.DataFrame]:
+    """Origin and rows of the last forecast that has run out, with what was measured."""
+    last = view.past[view.past["origin"] == view.past["origin"].max()].set_index("time")
+    rows = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"}).dropna(axis=1, how="all")
+    return last["origin"].iloc[0], rows
 
 
 def _week(view: ZoneView) -> str:
     rows = compared(view.past)
     if rows["origin"].nunique() < 2 or rows["y_true"].isna().all():
         return ""
-    spans = {_WIDE: pd.Timedelta("7D"), _NARROW: pd.Timedelta("3D")}
-    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + _figure(
-        lambda width: backtest_figure({"forecast": rows}, spans[width], width),
+    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + in_two_widths(
+        lambda width: backtest_figure({"forecast": rows}, SPANS[width], width),
         "Past forecasts and measurements.",
         "week",
     )
@@ -87,28 +96,27 @@ def _state(status: dict[str, Any]) -> str:
                 shown = (f"{errors[key]:.2f}" for key in ("rmse", "bias"))
                 inside = "–" if errors["coverage"] is None else f"{errors['coverage']:.0%}"
                 rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, inside))
-    drift = status["drift"]
-    words = "cannot be told yet"
-    if drift:
-        words = f"yes, since {drift['since']}" if drift["drifted"] else "no"
-    facts = f"Last row: {status['last row'] or '–'}. Learned until: {status['learned until']}. Drift: {words}."
+    facts = f"{rows_words(status)} Drift: {drift_words(status['drift'])}."
     table = html_table(("errors", "RMSE", "bias", "in band"), rows) if rows else ""
     return f"<h2>State</h2>\n{table}<p>{escape(facts)}</p>"
 
 
-def _words(stamp: pd.Timestamp) -> str:
+def rows_words(status: dict[str, Any]) -> str:
+    """The last row, and until when the model learned."""
+    return f"Last row: {status['last row'] or '–'}. Learned until: {status['learned until']}."
+
+
+def drift_words(drift: dict[str, Any]) -> str:
+    """Whether errors have drifted."""
+    if not drift:
+        return "cannot be told yet"
+    return f"yes, since {drift['since']}" if drift["drifted"] else "no"
+
+
+def stamp_words(stamp: pd.Timestamp) -> str:
+    """A stamp in words, with its time zone."""
     zone = f" ({escape(str(stamp.tz))})" if stamp.tz is not None else ""
     return f"{stamp:%A} {stamp.day} {stamp:%B %Y, %H:%M}{zone}"
-
-
-def _figure(draw: Callable[[float], Any], caption: str, name: str) -> str:
-    """A figure in two widths, of which the style shows one."""
-    text = escape(caption, quote=True)
-    drawn = "".join(
-        f'<div class="{kind}">{as_svg(draw(width), text, f"{name}-{kind}")}</div>'
-        for kind, width in (("wide-figure", _WIDE), ("narrow-figure", _NARROW))
-    )
-    return f"<figure>{drawn}<figcaption>{text}</figcaption></figure>\n"
 
 
 def docs_page(description: dict[str, Any]) -> str:

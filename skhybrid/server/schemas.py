@@ -105,6 +105,47 @@ class Status(BaseModel):
     four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
 
 
+class ZonesRow(BaseModel):
+    """One step of a forecast of several zones, with the quantities of ForecastRow per zone, such as T_za_low_hall."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, float | None]
+    time: str = Field(description="start of the step, ISO 8601, with an offset where the log has a time zone")
+
+
+class BuildingForecast(BaseModel):
+    """The latest forecast of several zones."""
+
+    name: str = Field(description="name of the building")
+    zones: list[str] = Field(description="names of the zones, with which names of quantities end")
+    origin: str = Field(description="time of the last measurement that the forecast knows, ISO 8601")
+    timezone: str | None = Field(description="time zone of the stamps; null where the log has none")
+    step_minutes: float = Field(description="length of a step [min]")
+    interval: float = Field(description="share of the measurements that lies between low and high [-]")
+    scaled: bool = Field(description="whether the log fixes what a kW is in every zone; if not, heats are relative")
+    units: dict[str, str] = Field(description="unit of each quantity")
+    rows: list[ZonesRow] = Field(description="steps after the origin, in the order of time")
+
+
+class ZoneState(BaseModel):
+    """Errors of the forecasts of one of several zones."""
+
+    drift: Drift = Field(description="drift of the errors")
+    verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
+    yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
+    four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
+
+
+class BuildingStatus(BaseModel):
+    """State of several zones, and errors of their forecasts."""
+
+    name: str = Field(description="name of the building")
+    last_row: str | None = Field(alias="last row", description="time of the last measurement")
+    last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
+    learned_until: str = Field(alias="learned until", description="last row that the model learned from")
+    zones: dict[str, ZoneState] = Field(description="state of each zone, that with the worst verdict first")
+
+
 class Refusal(BaseModel):
     """Why a request was refused."""
 

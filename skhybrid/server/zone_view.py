@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,13 +11,19 @@ import pandas as pd
 from ..study.settings import is_scaled
 from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
+from ..zone.zone_state import archives_of
 
 _PAST = pd.Timedelta(days=28)
 _LEVELS = ["q_0.1", "q_0.9"]
+#: columns of the archive -> their names in an answer
+QUANTITIES = {
+    "T_za": "T_za", "q_0.1": "T_za_low", "q_0.9": "T_za_high", "Q_hvac": "Q_hvac", "Q_hvac_0.1": "Q_hvac_low",
+    "Q_hvac_0.9": "Q_hvac_high",
+}  # fmt: skip
 
 
 class ZoneView(NamedTuple):
-    """A zone as it is now."""
+    """A zone as it is now, alone or one of several."""
 
     name: str
     timezone: str | None
@@ -27,20 +34,25 @@ class ZoneView(NamedTuple):
     past: pd.DataFrame  # forecasts of the last four weeks that have run out, and what was measured
 
 
-def view_zone(folder: ZoneFolder, zone: ZoneModel) -> ZoneView:
-    """A zone as it is now, by the model of its folder.
+def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:
+    """Each zone as it is now, by the model of its folder; one zone by an empty name.
 
     Raises
     ------
     OSError
         If the archive cannot be read.
     """
+    with open_archive(folder.archive) as archive:
+        archives = archives_of(archive, zone)
+        return {name: _view(archives[name], part) for name, part in zone.parts().items()}
+
+
+def _view(archive: Any, zone: ZoneModel) -> ZoneView:
     tz = zone.learned_until.tz
     scaled = is_scaled(zone.covered(), zone.settings.capacities)
-    with open_archive(folder.archive) as archive:
-        last = archive.last_measured()
-        since = pd.Timestamp(0) if last is None else last - _PAST
-        past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
+    last = archive.last_measured()
+    since = pd.Timestamp(0) if last is None else last - _PAST
+    past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
     past = past.assign(
         **{name: _local(pd.DatetimeIndex(pd.to_datetime(past[name])), tz) for name in ("origin", "time")}
     )
@@ -61,15 +73,20 @@ def _local(index: Any, tz: Any) -> pd.DatetimeIndex:
     return index if index.tz is None or tz is None else index.tz_convert(tz)
 
 
-def plain_rows(forecast: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of a forecast as plain values; what is not known is None."""
-    names = {"T_za": "T_za", "q_0.1": "T_za_low", "q_0.9": "T_za_high"}
-    names |= {"Q_hvac": "Q_hvac", "Q_hvac_0.1": "Q_hvac_low", "Q_hvac_0.9": "Q_hvac_high"}
-    table = forecast.reindex(columns=list(names)).set_axis(list(names.values()), axis=1).round(4).astype(object)
+def plain_rows(views: Mapping[str, ZoneView]) -> list[dict[str, Any]]:
+    """The rows of a forecast as plain values, those of several zones with names that end with the zone's.
+
+    What is not known is None.
+    """
+    tables = []
+    for zone, view in views.items():
+        table = view.forecast.reindex(columns=list(QUANTITIES)).set_axis(list(QUANTITIES.values()), axis=1)
+        tables.append(table.add_suffix(f"_{zone}" if zone else ""))
+    table = pd.concat(tables, axis=1).round(4).astype(object)
     rows = table.where(table.notna(), None).to_dict("records")
     return [
         {"time": stamp.isoformat()} | {str(k): v for k, v in row.items()}
-        for stamp, row in zip(forecast.index, rows, strict=True)
+        for stamp, row in zip(table.index, rows, strict=True)
     ]
 
 

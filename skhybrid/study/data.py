@@ -30,7 +30,7 @@ _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a f
 
 
 class StudyData(NamedTuple):
-    """The rows of a study; every frame has roles as columns and ``T_za`` as history.
+    """The rows of a study; every frame has roles as columns and ``T_za``, or that of each zone, as history.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class StudyData(NamedTuple):
     later : DataFrame, rows after the training rows, to the end of the test rows
     test_start : Timestamp, first stamp of the test rows in ``later``
     history, future : DataFrame, rows before the next day, and the next day, with ``T_za`` as far as it was measured
-    setpoint : Series, temperature to hold [degC], over history and future
+    setpoint : Series, temperature to hold [degC], over history and future; of several zones a DataFrame by zone
     held_out : bool, whether the next day is the last day of the log, and so was measured
     remarks : tuple of str, what was found on the way
     """
@@ -48,7 +48,7 @@ class StudyData(NamedTuple):
     test_start: pd.Timestamp
     history: pd.DataFrame
     future: pd.DataFrame
-    setpoint: pd.Series
+    setpoint: Any
     held_out: bool
     remarks: tuple[str, ...] = ()
 
@@ -159,51 +159,60 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     ValueError
         If a span has no rows, or the test begins before the training ends.
     """
-    frame = _checked(frame)
-    stuck = standstill(frame["T_za"])
+    temperatures = settings.roles_of("T_za")
+    frame = _checked(frame, temperatures)
+    stuck = [remark for role in temperatures if (remark := standstill(frame[role])) is not None]
     frame = _usable(frame, settings)
-    inputs = inputs_of(frame)
-    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+    inputs = inputs_of(frame, temperatures)
+    known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())
     if not len(known):
-        raise ValueError("the log has no measured temperature (T_za) at all.")
+        raise ValueError(f"the log has no measured temperature ({', '.join(temperatures)}) at all.")
     measured = frame.iloc[: known[-1] + 1]
     train, test = train_and_test(measured, settings)
-    if train["T_za"].nunique() < 2:
-        raise ValueError(
-            f"T_za is the same in all rows from {train.index[0]} to {train.index[-1]}; choose another column or span."
-        )
-    roles = frame[[*inputs, "T_za"]]
+    for role in temperatures:
+        _refuse_constant(train[role], least=0)
+    roles = frame[[*inputs, *temperatures]]
     later = roles.loc[train.index[-1] : test.index[-1]].iloc[1:]
     before = later.loc[later.index < test.index[0]]
     begin, end, held_out = _next_day(frame, measured.index[-1], pd.Timedelta(settings.horizon))
     earliest = min(train.index[-1], begin - _HISTORY)
-    history = _unbroken(roles.loc[earliest:begin].iloc[1:-1])
+    history = _unbroken(roles.loc[earliest:begin].iloc[1:-1], temperatures)
     future = roles.loc[begin:end]
     return StudyData(
         roles.loc[train.index[0] : train.index[-1]],
-        later.iloc[len(before) - len(_unbroken(before)) :],  # a missing input in the test itself is refused later
+        later.iloc[
+            len(before) - len(_unbroken(before, temperatures)) :
+        ],  # a missing input in the test itself is refused later
         test.index[0],
         history,
         future,
-        _setpoint(frame, settings.load, history, future),
+        _setpoints(frame, settings, history, future),
         held_out,
-        () if stuck is None else (stuck,),
+        tuple(stuck),
     )
 
 
 def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The rows from the first to the last with all inputs, without standstills of T_za, with the facades of a site."""
-    values = frame["T_za"].dropna()
-    if len(values) > 1 and values.min() == values.max():
-        first, last = values.index[0], values.index[-1]
-        raise ValueError(f"T_za is the same in all rows from {first!s} to {last!s}; choose another column or span.")
-    inputs = inputs_of(frame)
-    _refuse_empty_ahead(frame, inputs)
+    temperatures = settings.roles_of("T_za")
+    for role in temperatures:
+        _refuse_constant(frame[role].dropna(), least=2)
+    inputs = inputs_of(frame, temperatures)
+    _refuse_empty_ahead(frame[temperatures], inputs)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
-    frame = frame.assign(T_za=without_standstills(frame["T_za"])).iloc[complete[0] : complete[-1] + 1]
-    return with_facades(frame, settings)
+    moving = {role: without_standstills(frame[role]) for role in temperatures}
+    return with_facades(frame.assign(**moving).iloc[complete[0] : complete[-1] + 1], settings)
+
+
+def _refuse_constant(temperature: pd.Series, least: int) -> None:
+    """Refuse a temperature of which ``least`` rows or more are all the same, or missing."""
+    if len(temperature) >= least and temperature.nunique() < 2:
+        raise ValueError(
+            f"{temperature.name} is the same in all rows from {temperature.index[0]!s} to {temperature.index[-1]!s}; "
+            "choose another column or span."
+        )
 
 
 def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
@@ -215,37 +224,38 @@ def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
 
 
 def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest time without any change in ``T_za`` [degC], at even stamps, if no room could do that."""
-    found = standstills("T_za", temperature)
+    """A remark on the longest time without any change in a temperature, at even stamps, if no room could do that."""
+    found = standstills(str(temperature.name), temperature)
     if found.empty:
         return None
-    longest = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
+    at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
     return (
-        f"T_za is {longest['value']:g} from {longest['first']} to {longest['last']}: is the sensor stuck? Such rows "
-        "are taken as missing."
+        f"{temperature.name} is {at['value']:g} from {at['first']} to {at['last']}: is the sensor stuck? Such rows are "
+        "taken as missing."
     )
 
 
-def _checked(frame: Any) -> pd.DataFrame:
-    """A log with T_za as numbers, refused where it cannot be split."""
-    if not isinstance(frame, pd.DataFrame) or "T_za" not in frame:
-        raise ValueError("the log is no DataFrame with a column T_za; read_log returns one.")
+def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:
+    """A log with the temperatures of zones as numbers, refused where it cannot be split."""
+    for role in temperatures:
+        if not isinstance(frame, pd.DataFrame) or role not in frame:
+            raise ValueError(f"the log is no DataFrame with a column {role}; read_log returns one.")
     if not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)
-    frame = frame.assign(T_za=numeric(frame["T_za"]))
+    frame = frame.assign(**{role: numeric(frame[role]) for role in temperatures})
     refuse_infinite_columns(frame)
     return frame
 
 
-def inputs_of(frame: pd.DataFrame) -> pd.DataFrame:
-    """The columns that a model must know ahead: all but the temperature and what has no role."""
-    return frame.drop(columns=[*HISTORY_ROLES, SETPOINT], errors="ignore")
+def inputs_of(frame: pd.DataFrame, temperatures: Sequence[str] = ()) -> pd.DataFrame:
+    """The columns that a model must know ahead: all but the temperatures of zones and what has no role."""
+    return frame.drop(columns=[*HISTORY_ROLES, SETPOINT, *temperatures], errors="ignore")
 
 
-def _refuse_empty_ahead(frame: pd.DataFrame, inputs: pd.DataFrame) -> None:
+def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
     """Refuse rows ahead with weather but without heat: else they would go, and a past day would be forecast."""
-    known = np.flatnonzero(frame["T_za"].notna().to_numpy())
+    known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())
     ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
     for role in ahead:
         step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
@@ -324,20 +334,30 @@ def _next_day(
     return begin, begin + horizon - step, True
 
 
-def _unbroken(rows: pd.DataFrame) -> pd.DataFrame:
+def _unbroken(rows: pd.DataFrame, temperatures: Sequence[str]) -> pd.DataFrame:
     """The rows after the last one with a missing input."""
-    broken = np.flatnonzero(inputs_of(rows).isna().any(axis=1).to_numpy())
+    broken = np.flatnonzero(inputs_of(rows, temperatures).isna().any(axis=1).to_numpy())
     return rows.iloc[broken[-1] + 1 :] if len(broken) else rows
 
 
-def _setpoint(frame: pd.DataFrame, load: Mapping[str, Any], history: pd.DataFrame, future: pd.DataFrame) -> pd.Series:
-    """The temperature to hold: given, logged, or measured (a day before, where it was not)."""
+def _setpoints(frame: pd.DataFrame, settings: Settings, history: pd.DataFrame, future: pd.DataFrame) -> Any:
+    """The temperature to hold; of several zones a column for each."""
+    if not settings.zones:
+        return _setpoint(frame, "T_za", settings.load, history, future)
+    by_zone = zip(settings.zones, settings.roles_of("T_za"), strict=True)
+    return pd.DataFrame({zone: _setpoint(frame, role, settings.load, history, future) for zone, role in by_zone})
+
+
+def _setpoint(
+    frame: pd.DataFrame, role: str, load: Mapping[str, Any], history: pd.DataFrame, future: pd.DataFrame
+) -> pd.Series:
+    """The temperature to hold in a zone: given, logged, or measured (a day before, where it was not)."""
     index = history.index.append(future.index)
     wanted = load.get("setpoint", "measured")
     if not isinstance(wanted, str):
         return pd.Series(float(wanted), index=index, name=SETPOINT)
     if wanted != "measured":
         return frame[SETPOINT].reindex(index).ffill().bfill().rename(SETPOINT)
-    measured = frame["T_za"].reindex(index).interpolate(limit_area="inside")
+    measured = frame[role].reindex(index).interpolate(limit_area="inside")
     day = round(pd.Timedelta("1D") / (index[1] - index[0]))
     return measured.fillna(measured.shift(day)).ffill().bfill().rename(SETPOINT)

@@ -13,7 +13,8 @@ from .settings import is_scaled
 
 _NOT = "not identified"  # how the remarks on values begin that the log does not tell
 UNTOLD = f"{_NOT}: the log does not tell it"
-_NO_SCALE = f"{_NOT}: no capacity of the plant is known"
+UNSCALED = f"{_NOT}: no capacity of the plant is known"
+NEIGHBOUR = "T_za_"  # how temperatures begin that a room of a building measures, its own and its neighbours'
 _UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
 #: what a room's values usually are; a value outside is worth a look
 _USUAL = {"heat loss": (5.0, 5000.0), "solar aperture": (0.0, 100.0), "time constant": (0.1, 500.0)}
@@ -25,12 +26,12 @@ def describe(gray_box: Any) -> pd.DataFrame:
     The heat loss is that of the zone held at one temperature, from the steady state of its network; standard errors
     come from the parameters' covariance by first-order differences.
     """
-    rows, doubtful = {}, _not_identified(gray_box)
+    rows, doubtful = {}, not_identified(gray_box)
     for name, value, std in with_errors(gray_box, lambda theta: quantities(gray_box, theta)).itertuples():
         unit = name.rpartition(" [")[2].removesuffix("]")
         quantity = name.rpartition(" [")[0]
-        relative = unit != "h" and not _has_scale(gray_box)
-        remark = _NO_SCALE if relative else _remark(name, value, std)
+        relative = unit != "h" and not has_scale(gray_box)
+        remark = UNSCALED if relative else remark_on(name, value, std)
         remark = doubtful.get(quantity.rpartition(" ")[2]) or remark
         rows[quantity] = {"value": value, "std": std, "unit": unit, "remark": remark}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("quantity")
@@ -64,7 +65,8 @@ def discrete(gray_box: Any, theta: pd.Series, step: float) -> tuple[np.ndarray, 
     """``A``, ``B`` over a step [h], the names of the inputs, and the position of the zone's temperature."""
     network, names = gray_box.network_, list(gray_box.state_space_.input_names)
     d = network.discrete(dict(theta), tuple(n for n in names if n not in network.gain_names), step)
-    zone = network.states.index("T_za") if "T_za" in network.states else len(network.states) - 1
+    of_zone = [k for k, state in enumerate(network.states) if state == "T_za" or state.startswith(NEIGHBOUR)]
+    zone = of_zone[0] if of_zone else len(network.states) - 1
     return np.asarray(d.A), np.asarray(d.B), names, zone
 
 
@@ -76,6 +78,9 @@ def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
     out = {}
     per_kw = steady[zone, names.index(gray_box.network_.gain_names[0])]
     out["heat loss [W/K]"] = 1000.0 / per_kw
+    others = [k for k, name in enumerate(names) if str(name).startswith(NEIGHBOUR)]
+    if others:  # the rest goes to the neighbours
+        out["heat loss [W/K]"] *= 1.0 - float(steady[zone, others].sum())
     poles = np.sort(np.linalg.eigvals(A).real)
     for i, pole in enumerate(poles[(poles > 0) & (poles < 1)][::-1], 1):
         out[f"time constant {i} [h]"] = -step / np.log(pole)
@@ -90,12 +95,12 @@ def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
     return out
 
 
-def _has_scale(gray_box: Any) -> bool:
+def has_scale(gray_box: Any) -> bool:
     """Whether a gray box tells kW; time constants need none."""
     return is_scaled(gray_box.state_space_.input_names, gray_box.known or ())
 
 
-def _remark(name: str, value: float, std: float) -> str:
+def remark_on(name: str, value: float, std: float) -> str:
     """A remark on an uncertain or implausible value; "" on others."""
     relative = std / abs(value) if value else np.inf
     usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (-np.inf, np.inf))
@@ -115,10 +120,10 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
     table["description"] = table["description"].map(in_words)
     relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
     remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [UNTOLD, "uncertain"], "")
-    scaled = [] if _has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
+    scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
     special = (
-        dict.fromkeys(scaled, _NO_SCALE)
-        | _not_identified(gray_box)
+        dict.fromkeys(scaled, UNSCALED)
+        | not_identified(gray_box)
         | dict.fromkeys(gray_box.known or (), "given, not identified")
     )
     table["remark"] = [special.get(str(name), text) for name, text in zip(table.index, remark, strict=True)]
@@ -131,7 +136,7 @@ def told(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(value=table["value"].where(known), std=table["std"].where(known))
 
 
-def _not_identified(gray_box: Any) -> dict[str, str]:
+def not_identified(gray_box: Any) -> dict[str, str]:
     """Remarks on the parameters at an end of their range, and on those that nothing in the log moved."""
     found = {p.name: f"{_NOT}: at the {end} end of its range" for p, end in ends_of(gray_box)}
     idle = getattr(getattr(gray_box, "identifiability_", None), "not_excited", ())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ def _cell(value: float, width: int, digits: int) -> str:
 
 
 #: every file that a study writes, in the order in which it is listed
-_NAMES = (
+NAMES = (
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
 )  # fmt: skip
 
@@ -76,12 +77,20 @@ def write_outputs(
     OSError
         If the folder cannot be written to, or the disk is full; the folder is then as it was.
     """
+    with staged_files(folder, before_swap) as staged:
+        _write_all(result, staged, truth)
+    return [Path(folder) / name for name in NAMES]
+
+
+@contextmanager
+def staged_files(folder: str | PathLike[str], before_swap: Callable[[], None] | None = None) -> Iterator[Path]:
+    """A hidden folder whose files take the place of those of an earlier study when the block ends."""
     out = Path(folder)
     with named_in_errors(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out if out.is_dir() else out.parent) as made:
             staged = Path(made)
-            _write_all(result, staged, truth)
+            yield staged
             if before_swap is not None:
                 before_swap()
             try:
@@ -89,13 +98,12 @@ def write_outputs(
             except (KeyboardInterrupt, SystemExit):  # half of a swap would be worse than a moment more
                 _swap(staged, out)
                 raise
-    return [out / name for name in _NAMES]
 
 
 def _swap(staged: Path, out: Path) -> None:
     """Let the staged files take the place of those of an earlier study; continues where it was stopped."""
     out.mkdir(exist_ok=True)
-    left = [name for name in _NAMES if (staged / name).exists()]
+    left = [name for name in NAMES if (staged / name).exists()]
     for name in left:
         (out / name).unlink(missing_ok=True)
     for name in left:
@@ -103,9 +111,9 @@ def _swap(staged: Path, out: Path) -> None:
 
 
 def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
-    _write_csv(result.forecast, out / "forecast.csv")
-    _write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
-    _write_csv(result.parameters, out / "parameters.csv", digits=6)
+    write_csv(result.forecast, out / "forecast.csv")
+    write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
+    write_csv(result.parameters, out / "parameters.csv", digits=6)
     (out / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
     write_page(result, out / "report.html", truth)
@@ -172,7 +180,8 @@ def _learned(result: StudyResult) -> dict[str, Any]:
     }
 
 
-def _write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
+def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
+    """Write a table with so many digits."""
     form = f"%.{digits}g" if digits > 4 else f"%.{digits}f"
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
@@ -193,7 +202,7 @@ def _spans(result: StudyResult) -> dict[str, Any]:
     }
 
 
-def _plain(table: pd.DataFrame) -> dict[Any, Any]:
+def plain(table: pd.DataFrame) -> dict[Any, Any]:
     """The rows of a table by name, None for what is not known."""
     values = table.astype(object)
     return values.where(values.notna(), None).to_dict(orient="index")
@@ -206,8 +215,8 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "verdicts": [one._asdict() for one in result.verdicts],
-        "building": _plain(told(result.building)),
-        "models": _plain(result.table.drop(columns="note")),
+        "building": plain(told(result.building)),
+        "models": plain(result.table.drop(columns="note")),
         "interval_80_coverage": result.coverage,
         **_spans(result),
         "next_day": str(result.forecast.index[0].date()),

@@ -9,6 +9,7 @@ import pandas as pd
 from ..study.compared_models import make_gray_box
 from ..study.data import FACADES
 from ..study.identified_building import describe
+from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.settings import Settings
 from .zone_model import complete_rows
 
@@ -31,9 +32,23 @@ def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
     return describe(identify_building(settings, frame))
 
 
+def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
+    """Identify the rooms of a building on the last weeks of a log, and describe them.
+
+    Parameters
+    ----------
+    settings : Settings, of several zones
+    frame : DataFrame, one column per role
+    """
+    return identify_zones(settings, _last_weeks(complete_rows(frame, settings.roles_of("T_za"))))
+
+
 def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
     """The gray box of the settings, fitted on the last weeks of a log."""
-    rows = complete_rows(frame)
-    rows = rows[rows.index > rows.index[-1] - pd.Timedelta(days=_DAYS)]
+    rows = _last_weeks(complete_rows(frame))
     columns = [c for c in rows if str(c) not in (f"q_sol_{name}" for name in FACADES)]
     return make_gray_box(settings).fit(rows[columns], rows["T_za"])
+
+
+def _last_weeks(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows[rows.index > rows.index[-1] - pd.Timedelta(days=_DAYS)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from os import PathLike, fspath
 from typing import Any
@@ -62,15 +62,15 @@ class ForecastArchive:
             raise
         self._database.execute("COMMIT")
 
-    def add_forecast(self, origin: pd.Timestamp, frame: pd.DataFrame) -> None:
-        """Keep a forecast; one from the same origin is replaced."""
+    def add_forecast(self, origin: pd.Timestamp, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
+        """Keep a forecast; one from the same origin is replaced.  Columns of several ``zones`` end with their names."""
         (first,) = _texts(pd.DatetimeIndex([origin]))
         self._database.execute("DELETE FROM forecast WHERE origin = ?", (first,))
-        self._insert("forecast", frame, _FORECAST, first)
+        self._insert("forecast", frame, _of_zones(_FORECAST, zones), first)
 
-    def add_measured(self, frame: pd.DataFrame) -> None:
+    def add_measured(self, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
         """Keep measured temperature [degC], delivered heat [kW] and stages [-]; rows of the same times are replaced."""
-        self._insert("measured", frame, _MEASURED)
+        self._insert("measured", frame, _of_zones(_MEASURED, zones))
 
     def last_measured(self) -> pd.Timestamp | None:
         """Stamp of the last measurement, None where there is none."""
@@ -177,7 +177,7 @@ class ForecastArchive:
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
         """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
         values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
-        for name in set(values) - set(self._columns(table)):  # of an archive that knows no such stage yet
+        for name in set(values) - set(self._columns(table)):  # of an archive that knows no such stage or zone yet
             self._database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
         named = ", ".join(f'"{name}"' for name in (*("origin",)[: len(keys)], "time", *values))
         numbers = frame.reindex(columns=list(values)).astype(object)
@@ -219,6 +219,11 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
             f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
             "archive."
         ) from error
+
+
+def _of_zones(names: tuple[str, ...], zones: Sequence[str]) -> tuple[str, ...]:
+    """The names of columns of one zone, or of each of several."""
+    return tuple(f"{name}_{zone}" for zone in zones for name in names) or names
 
 
 def _by_time(rows: pd.DataFrame) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.judgement import NO_SCALE, load_of, plant_roles
 from ..study.settings import is_scaled
 from ..study.verdict import Verdict, compare_errors, judge
-from .forecast_archive import BEYOND, ForecastArchive
+from .forecast_archive import BEYOND
 from .zone_model import ZoneModel
 
 _DAY = pd.Timedelta(days=1)
@@ -49,7 +49,7 @@ def _inside(rows: pd.DataFrame, role: str, quantiles: str) -> pd.Series:
     return known[f"{role}_measured"].between(known[low], known[high])
 
 
-def verdicts_of(archive: ForecastArchive, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame) -> list[Verdict]:
+def verdicts_of(archive: Any, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame) -> list[Verdict]:
     """The verdicts on temperature and load by finished forecasts, with the drift ``days`` of the model."""
     stamps = pd.DatetimeIndex(pd.to_datetime(rows["time"]))
     known = archive.measured(stamps[0] - _DAY)

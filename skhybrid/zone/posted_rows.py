@@ -89,7 +89,8 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     ValueError
         If the rows and the kept log differ in whether their stamps have a time zone, or a measurement is not yet.
     """
-    known = np.flatnonzero(rows["T_za"].notna().to_numpy()) if "T_za" in rows else np.empty(0, dtype=int)
+    measured = [role for role in settings.roles_of("T_za") if role in rows]
+    known = np.flatnonzero(rows[measured].notna().any(axis=1).to_numpy())
     n_measured = int(known[-1]) + 1 if len(known) else 0
     tz = pd.DatetimeIndex(rows.index).tz
     if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _AHEAD_OF_US:

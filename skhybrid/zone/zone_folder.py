@@ -12,22 +12,18 @@ import pandas as pd
 from .._files import atomic_path
 from .._table import is_plant
 from ..exceptions import ModelFileError
-from ..logs.log_findings import without_standstills
 from ..study import propose_settings, read_log, read_settings
 from ..study.doubts import beyond_training, drift_days, drifted
-from ..study.judgement import load_of, plant_roles
 from ..study.settings import Settings
-from ..study.thermostat import Schedule
 from .day_ahead import DayAhead, day_ahead
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .forecast_scores import errors_of, verdicts_of
 from .posted_rows import keep_log, keep_posted, read_posted
+from .tomorrow import Schedules
 from .zone_model import ZoneModel, stretches
+from .zone_state import like_index, measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
 _REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewer where the model knows fewer
-_CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
-_SCORED = pd.Timedelta(days=28)
 #: settings that a model does not depend on
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
@@ -51,7 +47,7 @@ class Posted(NamedTuple):
 
 
 class ZoneFolder:
-    """A folder that holds ``zone.toml``, ``model.skops`` and ``archive.sqlite``.
+    """A folder that holds ``zone.toml``, ``model.skops`` and ``archive.sqlite``, of one zone or of a building.
 
     A process that writes to it may be killed at any moment: files are replaced in one step, the archive changes in one
     transaction, and the next tick repeats what was lost.
@@ -65,6 +61,11 @@ class ZoneFolder:
         self.path = Path(path)
         self.config, self.model = self.path / "zone.toml", self.path / "model.skops"
         self.archive = self.path / "archive.sqlite"
+
+    @property
+    def zones(self) -> list[str]:
+        """Names of the zones by the configuration; empty for one zone, or where there is none yet."""
+        return read_settings(self.config).zones if self.config.exists() else []
 
     @classmethod
     def init(
@@ -97,11 +98,11 @@ class ZoneFolder:
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
                 with atomic_path(folder.config) as made:
                     made.write_text(text, encoding="utf-8")
-            settings = _of_one_zone(folder.config)
+            settings = read_settings(folder.config)
             frame, _ = read_log(log, settings)
             zone = ZoneModel.fit(settings, frame)
             origin = zone.history(frame).index[-1]
-            archive.add_measured(_measured(frame, settings, origin))
+            archive.add_measured(measured_rows(frame, settings, origin), settings.zones)
             keep_log(archive, frame, origin)
             zone.save(folder.model)
         return folder
@@ -127,7 +128,7 @@ class ZoneFolder:
         self,
         log: str | PathLike[str],
         weather: str | PathLike[str] | None = None,
-        schedule: Schedule | None = None,
+        schedule: Schedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
     ) -> Tick:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
@@ -151,7 +152,7 @@ class ZoneFolder:
         self._require_model()
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
-            zone, settings = self.load(), _of_one_zone(self.config)
+            zone, settings = self.load(), read_settings(self.config)
             frame, _ = read_log(log, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
@@ -164,7 +165,7 @@ class ZoneFolder:
         self,
         rows: str | PathLike[str],
         weather: str | PathLike[str] | None = None,
-        schedule: Schedule | None = None,
+        schedule: Schedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
         *,
         plain: bool = False,
@@ -191,7 +192,7 @@ class ZoneFolder:
         self._require_model()
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
-            zone, settings = self.load(), _of_one_zone(self.config)
+            zone, settings = self.load(), read_settings(self.config)
             frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = None
@@ -205,7 +206,7 @@ class ZoneFolder:
         return Posted(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
     def status(self, model: ZoneModel | None = None) -> dict[str, Any]:
-        """Report the last row, drift, verdicts and errors of past forecasts, as plain values.
+        """Report the last row, drift, verdicts and errors of past forecasts, as plain values; of several zones by zone.
 
         Parameters
         ----------
@@ -218,16 +219,8 @@ class ZoneFolder:
             If there is no zone, or its archive cannot be read.
         """
         zone = self.load() if model is None else model
-        days = drift_days(zone.predictor)
         with open_archive(self.archive) as archive:
-            return {
-                "name": zone.settings.name,
-                "last row": _shown(archive.last_measured(), zone),
-                "last forecast from": _shown(archive.last_origin(), zone),
-                "learned until": str(zone.learned_until),
-                "drift": drift_of(days),
-                **_scores(archive, zone, days),
-            }
+            return status_of(archive, zone)
 
     def _keep(
         self,
@@ -240,9 +233,9 @@ class ZoneFolder:
         changed: bool,
     ) -> None:
         """Archive what was measured and forecast, and save a model that has changed."""
-        archive.add_measured(_measured(frame, zone.settings, origin, archive.last_measured()))
+        archive.add_measured(measured_rows(frame, zone.settings, origin, archive.last_measured()), zone.zones)
         if found is not None:
-            archive.add_forecast(origin, _with_beyond(found.frame, zone))
+            archive.add_forecast(origin, _with_beyond(found.frame, zone), zone.zones)
         if changed:
             zone.save(self.model)
 
@@ -261,42 +254,23 @@ class ZoneFolder:
                 left.unlink(missing_ok=True)
 
 
-def _of_one_zone(config: Path) -> Settings:
-    """The settings of a folder; those of several zones are refused."""
-    settings = read_settings(config)
-    if settings.zones:
-        raise ValueError(
-            f"{config.name} is of several zones ({', '.join(settings.zones)}), but a folder is of one; give it a "
-            "configuration with T_za of one room, or use skhybrid fit, update and forecast."
-        )
-    return settings
-
-
-def drift_of(days: pd.DataFrame) -> dict[str, Any]:
-    """The drift by the last of some days: ``drifted``, ``since``, ``kind`` and the statistic.
-
-    Empty where no whole day has passed since the training, or it has too few days to compare with.
-    """
-    if days.empty:
-        return {}
-    last = days.iloc[-1]
-    since = None if pd.isna(last["since"]) else f"{last['since']:%Y-%m-%d}"
-    return {"drifted": bool(last["drifted"]), "since": since, "kind": last["kind"] or None} | {
-        name: round(float(last[name]), 2) for name in ("statistic", "threshold")
-    }
-
-
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
     if len(new):
-        if new.index[0] - step != _like(zone.known_until, new.index) or len(stretches(new, step)) > 1:
+        if new.index[0] - step != like_index(zone.known_until, new.index) or len(stretches(new, step)) > 1:
             return len(new), f"rows are missing after {zone.known_until}"
         zone.update(frame)
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
-    return len(new), "; ".join(drifted(drift_days(zone.predictor)))
+    return len(new), "; ".join(_drifts(zone))
+
+
+def _drifts(zone: ZoneModel) -> list[str]:
+    """Reasons where errors have grown, of several zones with the name of each."""
+    found = [(name, reason) for name, part in zone.parts().items() for reason in drifted(drift_days(part.predictor))]
+    return [f"{name}: {reason}" if name else reason for name, reason in found]
 
 
 def _learn(
@@ -329,50 +303,12 @@ def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])
 
 
-def _measured(
-    frame: pd.DataFrame, settings: Settings, origin: pd.Timestamp, last: pd.Timestamp | None = None
-) -> pd.DataFrame:
-    """Temperature and heat up to an origin: of all rows, or of those after the last archived ones and a week before."""
-    rows = frame.assign(T_za=without_standstills(frame["T_za"])).loc[:origin]
-    load = load_of(rows, settings, plant_roles(rows))
-    if load is not None and load.unit == "kW":
-        rows["Q_hvac"] = load.values
-    return rows if last is None else rows[rows.index > _like(last, rows.index) - _CORRECTED]
-
-
 def _with_beyond(forecast: pd.DataFrame, zone: ZoneModel) -> pd.DataFrame:
     """A forecast that tells in which rows the weather lies beyond what training covered."""
     weather = forecast.drop(columns=list(filter(is_plant, forecast)))
     return forecast.assign(**{BEYOND: beyond_training(weather, zone.covered()).any(axis=1).astype(float)})
 
 
-def _scores(archive: ForecastArchive, zone: ZoneModel, days: pd.DataFrame) -> dict[str, Any]:
-    """Verdicts, and errors of the last forecast that has been measured and of those of the last four weeks."""
-    last = archive.last_measured()
-    rows = archive.finished(pd.Timestamp(0) if last is None else last - _SCORED)
-    if rows.empty:
-        return {"verdicts": [], "yesterday's forecast": None, "last four weeks": None}
-    newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
-    return {
-        "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days)],
-        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **errors_of(newest)},
-        "last four weeks": {"forecasts": rows["origin"].nunique(), **errors_of(rows)},
-    }
-
-
 def _of_model(settings: Settings) -> str:
     """The settings that a model depends on, as text."""
     return json.dumps({k: v for k, v in settings.as_dict().items() if k not in _FREE}, default=str, sort_keys=True)
-
-
-def _like(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:
-    """A stamp in the time zone of an index, or without one."""
-    tz = pd.DatetimeIndex(index).tz
-    if tz is None:
-        return stamp.tz_localize(None)
-    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
-
-
-def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:
-    """A stamp of the archive as the log shows it."""
-    return None if stamp is None else str(_like(stamp, pd.DatetimeIndex([zone.learned_until])))

@@ -21,6 +21,7 @@ from ..study.compared_models import make_models
 from ..study.data import SETPOINT, with_facades
 from ..study.run import INTERVAL
 from ..study.settings import Settings, settings_from
+from ..study.zone_part import settings_of
 
 _DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 _LEAST_DAYS = 3
@@ -80,6 +81,12 @@ class ZoneModel:
     def _of_zones(self) -> dict[str, Any]:
         """The predictor of each zone by itself, by its name; of one zone by an empty name."""
         return dict(self.predictor.own_) if self.zones else {"": self.predictor}
+
+    def parts(self) -> dict[str, ZoneModel]:
+        """The model of each zone by itself, by its name; of one zone this one, by an empty name."""
+        if not self.zones:
+            return {"": self}
+        return {zone: ZoneModel(one, settings_of(self.settings, zone)) for zone, one in self._of_zones.items()}
 
     @property
     def thermostat_learned(self) -> bool:

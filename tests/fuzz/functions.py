@@ -234,7 +234,7 @@ NOT_CALLED = {
     **dict.fromkeys(("PatternExpressiveness", "RobustnessComparison", "select_case", "CaseChoice"), _SAMPLES),
     **dict.fromkeys(("RobustnessDisplay", "PosteriorDisplay", "sample_posterior", "Posterior"), _SAMPLES),
     **dict.fromkeys(("plan_experiment", "ExperimentPlan"), "simulates a week many times, for seconds"),
-    **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay"), "draws what another call has made"),
+    **dict.fromkeys(("DayAheadDisplay", "ProfileDisplay", "RoomMapDisplay"), "draws what another call has made"),
     **dict.fromkeys(
         ("save_model", "load_model", "load_metadata", "load_model_and_metadata"), "save and load, and the target model"
     ),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from html import escape
 from os import PathLike
 from typing import Any
 
@@ -20,7 +21,13 @@ from ...inspection import (
     ScheduleDisplay,
 )
 from ...inspection.unshown_figure import blank_axes, svg_text
+from ...inspection.zone_panels import beside
+from ...inspection.zone_panels import days_figure as days_figure
+from ...inspection.zone_panels import errors_figure as errors_figure
+from ...inspection.zone_panels import map_figure as map_figure
+from ...inspection.zone_panels import weeks_figure as weeks_figure
 
+WIDE, NARROW = 9.0, 4.4  # of a figure [in]
 _SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
 _MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
@@ -30,7 +37,7 @@ _NO_STYLE = re.compile(
 )
 _SIZE = re.compile(r"<svg [^>]*?(?=viewBox)")
 _COLOURS = {"#222222": "currentColor", "#000000": "currentColor", "#dddddd": "var(--line)", "#bbbbbb": "var(--line)"}
-_COLOURS |= {"#0072b2": "var(--mark)", "#d55e00": "var(--warm)"}
+_COLOURS |= {"#0072b2": "var(--mark)", "#d55e00": "var(--warm)", "#fefefe": "var(--page)"}
 
 
 def as_image(figure: Any, dpi: int = 130) -> str:
@@ -57,6 +64,23 @@ def as_svg(figure: Any, label: str, name: str) -> str:
     return text
 
 
+def in_two_widths(draw: Callable[[float], Any], caption: str, name: str) -> str:
+    """A figure as HTML in two widths, of which the style shows one.
+
+    Parameters
+    ----------
+    draw : callable, from a width [in] to a matplotlib Figure
+    caption : str
+    name : str, of which its identifiers are made; no two of a page are the same
+    """
+    text = escape(caption, quote=True)
+    drawn = "".join(
+        f'<div class="{kind}">{as_svg(draw(width), text, f"{name}-{kind}")}</div>'
+        for kind, width in (("wide-figure", WIDE), ("narrow-figure", NARROW))
+    )
+    return f"<figure>{drawn}<figcaption>{text}</figcaption></figure>\n"
+
+
 def day_figure(forecast: pd.DataFrame, width: float = 9.0) -> Any:
     """The next day: temperature and, where there is a plant, load."""
     n_axes = 2 if "Q_hvac" in forecast else 1
@@ -66,12 +90,7 @@ def day_figure(forecast: pd.DataFrame, width: float = 9.0) -> Any:
 
 
 def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
-    renamed = {"T_za_measured": "T_za", "Q_hvac_delivered": "Q_hvac"}
-    measured = forecast[[c for c in renamed if c in forecast]].rename(columns=renamed)
-    held = forecast.get("setpoint")
-    if held is not None and "T_za" in measured and (held - measured["T_za"]).abs().max() < 1e-9:
-        held = None  # it is the measured temperature itself
-    DayAheadDisplay.from_predictions(forecast, measured=measured if "T_za" in measured else None, setpoint=held, ax=ax)
+    DayAheadDisplay.from_predictions(forecast, **beside(forecast), ax=ax)
 
 
 def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = 9.0) -> Any:
@@ -87,9 +106,9 @@ def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timede
     ForecastDisplay.from_predictions(chosen, ax=ax, start=last - shown)
 
 
-def lead_figure(frames: Mapping[str, pd.DataFrame]) -> Any:
+def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = 9.0) -> Any:
     """Error by lead of back-tests, the most important first."""
-    figure, axes = blank_axes(1, (9.0, 3.4))
+    figure, axes = blank_axes(1, (width, 3.4))
     LeadErrorDisplay.from_predictions(dict(list(frames.items())[:_MOST_LEADS]), ax=axes[0])
     return figure
 

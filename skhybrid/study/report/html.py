@@ -16,6 +16,13 @@ from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
 
+#: below the comparison of a study's models, with what is to be said of stages
+_TABLE_WORDS = (
+    '<p class="soft">The best model comes first. The load error compares the heat that would have held the measured '
+    "temperature with the heat that was delivered; stages are converted to heat with the identified capacities{}. The "
+    "time is that of fit and back-test, for the hybrid with its intervals. The two-stage models share one "
+    "identification, whose time is counted for the first of them.</p>\n"
+)
 _NOISE = 0.05  # relative differences below this are noise with a few dozen origins
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --page: #ffffff; --card: #f6f8fa;
@@ -141,7 +148,7 @@ def write_report(
     cost : Cost, optional, what the load of the next day costs
     notes : iterable of str, warnings
     """
-    listed = {**dict(spans or {}), **_flat(settings or {}), "skhybrid": __version__}
+    listed = {**dict(spans or {}), **flat(settings or {}), "skhybrid": __version__}
     sections = [
         _head(title, table, frames, forecast, label, verdicts, scaled, cost),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
@@ -188,7 +195,7 @@ def _head(
     if scaled and np.isfinite(own.get("load_rmse", np.nan)):
         cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
-    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {_day(forecast.index)}"))
+    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {day_words(forecast.index)}"))
     cards += day_energy(forecast) if scaled else []
     if cost is not None:
         cards.append((f"{cost.value:.2f}\u00a0{cost.currency}".strip(), f"cost of the {cost.energy} for it"))
@@ -208,7 +215,7 @@ def verdict_boxes(verdicts: Sequence[Verdict]) -> str:
     """Temperature and load: usable, use with care or not usable, with reasons."""
     kinds = {CARE: "care", NOT: "not"}
     boxes = "".join(
-        f'<div class="judged {kinds.get(one.level, "fine")}"><b>{escape(one.quantity.capitalize())}: '
+        f'<div class="judged {kinds.get(one.level, "fine")}"><b>{escape(one.quantity[:1].upper() + one.quantity[1:])}: '
         f"{escape(one.level)}</b><ul>{''.join(f'<li>{escape(reason)}</li>' for reason in one.reasons)}</ul></div>"
         for one in verdicts
     )
@@ -239,7 +246,7 @@ def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
         + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
         + "</p>"
     )
-    return f"<h2>Forecast for {escape(_day(forecast.index))}</h2>\n{words}\n" + _figure(
+    return f"<h2>Forecast for {escape(day_words(forecast.index))}</h2>\n{words}\n" + _figure(
         as_image(day_figure(forecast)), "Forecast of room temperature and heating or cooling load."
     )
 
@@ -262,27 +269,22 @@ def _accuracy(
         "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
-        + _results(table, scaled)
+        + results_table(table, scaled)
+        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not tell")
         + interval
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
     )
 
 
-def _results(table: pd.DataFrame, scaled: bool) -> str:
+def results_table(table: pd.DataFrame, scaled: bool) -> str:
+    """The comparison of models, the best first."""
     heads = ("model", "RMSE [K]", "MAE [K]", f"load RMSE [{'kW' if scaled else '-'}]", "time [s]", "description")
     rows = []
     for name, row in table.iterrows():
-        errors = (_number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
-        rows.append((str(name), *errors, _number(row["seconds"], 1), str(row.get("note", ""))))
-    return (
-        html_table(heads, rows, n_texts=1, of_models=True)
-        + '<p class="soft">The best model comes first. The load error compares the heat that would have held the '
-        "measured temperature with the heat that was delivered; stages are converted to heat with the identified "
-        f"capacities{'' if scaled else ', whose scale this log does not tell'}. The time is that of fit and "
-        "back-test, for the hybrid with its intervals. The two-stage models share one identification, whose time is "
-        "counted for the first of them.</p>\n"
-    )
+        errors = (number(row[c], 2) for c in ("rmse", "mae", "load_rmse"))
+        rows.append((str(name), *errors, number(row["seconds"], 1), str(row.get("note", ""))))
+    return html_table(heads, rows, n_texts=1, of_models=True)
 
 
 def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label: str) -> str:
@@ -338,7 +340,7 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
 def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
     """A table of values with standard errors."""
     rows = [
-        (str(name), _number(row["value"], 3), _number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
+        (str(name), number(row["value"], 3), number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
         for name, row in table.iterrows()
     ]
     return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
@@ -349,12 +351,13 @@ def html_list(title: str, items: Iterable[str], kind: str = "prose") -> str:
     return f'<h2>{title}</h2>\n<ul class="{kind}">{items}</ul>' if items else ""
 
 
-def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Nested settings as one level with names such as ``load.setpoint``."""
     out: dict[str, Any] = {}
     for key, value in settings.items():
         name = f"{above}{key}"
         if isinstance(value, Mapping):
-            out |= _flat(value, f"{name}.")
+            out |= flat(value, f"{name}.")
         elif value is not None:
             out[name] = value
     return out
@@ -377,14 +380,16 @@ def _figure(image: str, caption: str) -> str:
     return f'<figure><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
 
 
-def _number(value: Any, digits: int) -> str:
+def number(value: Any, digits: int) -> str:
+    """A number of so many digits, or a dash."""
     if value is None or not np.isfinite(float(value)):
         return "–"
     number = float(value)
     return f"{number:.{digits}f}" if abs(number) >= 10.0**-digits or number == 0 else f"{number:.2g}"
 
 
-def _day(index: pd.Index) -> str:
+def day_words(index: pd.Index) -> str:
+    """The day of some rows in words."""
     if not isinstance(index, pd.DatetimeIndex):
         return "the next day"
     return f"{index[0]:%A} {index[0].day} {index[0]:%B %Y}"

@@ -1,0 +1,115 @@
+"""The page of a building: a verdict and panels per zone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import pandas as pd
+
+from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
+from ..study.report.figures import days_figure, in_two_widths, weeks_figure
+from ..study.report.html import day_energy, html_cards, html_page, number
+from ..study.verdict import Verdict
+from .page import REFRESH, SPANS, age_words, drift_words, last_past, rows_words, stamp_words
+from .zone_view import ZoneView, compared
+
+_T = "temperature [K]"  # the name of its errors in a status
+
+
+def building_page(name: str, views: Mapping[str, ZoneView], status: dict[str, Any]) -> str:
+    """The page of several zones: verdicts, tomorrow, yesterday, and the last week."""
+    judged = {zone: [Verdict(**one) for one in state["verdicts"]] for zone, state in status["zones"].items()}
+    head = f'<p class="soft">skhybrid: day-ahead forecast of {len(views)} zones</p><h1>{escape(name)}</h1>\n'
+    links = " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
+    sections = [
+        head + _verdicts(judged),
+        _tomorrow(views),
+        _yesterday(views),
+        _week(views),
+        _state(status),
+        f'<p class="soft">{links}</p>',
+    ]
+    return html_page(f"{name}: forecast", sections, REFRESH + ZONE_STYLE)
+
+
+def _verdicts(judged: Mapping[str, list[Verdict]]) -> str:
+    known = {zone: found for zone, found in judged.items() if found}
+    if not known:
+        return ""
+    return f'<p class="verdict">{escape(zones_in_words(known))}</p>\n{zone_boxes(known)}'
+
+
+def _tomorrow(views: Mapping[str, ZoneView]) -> str:
+    rows = {zone: view.forecast for zone, view in views.items() if "T_za" in view.forecast}
+    origin = next(iter(views.values())).origin
+    if origin is None or not rows:
+        return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+    low, high = min(frame["T_za"].min() for frame in rows.values()), max(frame["T_za"].max() for frame in rows.values())
+    cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "temperature of all zones in the day to come")]
+    scaled, loads = (
+        all(view.scaled for view in views.values()),
+        [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame],
+    )
+    if scaled and loads:
+        total = pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])})
+        cards += [(value, text.replace("that day", "in that time")) for value, text in day_energy(total)]
+    scale = "" if scaled or not loads else " The heat has no certain scale: no capacity is known."
+    power = "kW" if scaled else "relative"
+    return (
+        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(origin)}; the bands are meant to "
+        f"hold 80 % of the measurements.{scale}{age_words(origin)}</p>\n"
+        + in_two_widths(
+            lambda width: days_figure(rows, width, power), "Forecast of each zone: temperature and heat.", "day"
+        )
+    )
+
+
+def _yesterday(views: Mapping[str, ZoneView]) -> str:
+    past = {zone: last_past(view) for zone, view in views.items() if len(view.past) and view.past["T_za"].notna().any()}
+    if not past:
+        return "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
+    rows = {zone: frame for zone, (_, frame) in past.items()}
+    origin = next(iter(past.values()))[0]
+    return (
+        f"<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from {stamp_words(origin)}.</p>\n"
+        + in_two_widths(
+            lambda width: days_figure(rows, width), "The last forecast that has run out, and measurements.", "past"
+        )
+    )
+
+
+def _week(views: Mapping[str, ZoneView]) -> str:
+    known = {zone: compared(view.past).assign(zone=zone) for zone, view in views.items()}
+    known = {
+        zone: rows for zone, rows in known.items() if len(rows["origin"].unique()) > 1 and rows["y_true"].notna().any()
+    }
+    if not known:
+        return ""
+    rows = pd.concat(known.values(), ignore_index=True)
+    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + in_two_widths(
+        lambda width: weeks_figure({"forecast": rows}, SPANS[width], width), "Past forecasts and measurements.", "week"
+    )
+
+
+def _state(status: dict[str, Any]) -> str:
+    """Errors and drift, a row per zone."""
+    rows = [(zone, *_errors(state), drift_words(state["drift"])) for zone, state in status["zones"].items()]
+    weeks = ("four weeks [K]", "bias [K]", "in band", "load [kW]")
+    heads = ("zone", "last one [K]", *weeks, "drift")
+    words = (
+        "RMSE of the last forecast that has run out, and of those of four weeks with bias and share in the 80 % band."
+    )
+    return (
+        f'<h2>State</h2>\n{by_zone(heads, rows, n_texts=1)}<p class="soft">{words}</p>'
+        f"<p>{escape(rows_words(status))}</p>"
+    )
+
+
+def _errors(state: dict[str, Any]) -> list[str]:
+    last, weeks = state["yesterday's forecast"] or {}, state["last four weeks"] or {}
+    newest, all_of, load = (found or {} for found in (last.get(_T), weeks.get(_T), weeks.get("load [kW]")))
+    share = all_of.get("coverage")
+    numbers = [number(newest.get("rmse"), 2), number(all_of.get("rmse"), 2), number(all_of.get("bias"), 2)]
+    return [*numbers, "–" if share is None else f"{share:.0%}", number(load.get("rmse"), 2)]

@@ -1,0 +1,358 @@
+"""A study of several zones: forecasts with neighbours, of each zone by itself and by simple models, zone by zone."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .._table import is_plant
+from .._warnings import without_class
+from ..exceptions import TooFewDaysError
+from ..hybrid import BuildingPredictor
+from ..model_selection import backtest
+from .compared_models import HYBRID, YESTERDAY, make_models
+from .data import StudyData
+from .identified_rooms import IdentifiedRooms, identify_zones
+from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
+from .run import INTERVAL, Progress
+from .settings import Settings, is_scaled
+from .verdict import CARE, NOT, USABLE, Verdict
+from .zone_part import data_of, forecast_of, rows_of, settings_of
+
+ALONE = "hybrid, each zone by itself"
+#: models of single zones that a building is compared with
+_COMPARED = ("ARX re-fitted", "ARX, multi-step, re-fitted", YESTERDAY)
+N_STEPS = len(_COMPARED) + 2  # of the back-tests
+_NOTES = {HYBRID: "each zone under its neighbours' forecasts", ALONE: "the same model, without neighbours"}
+_WORST_FIRST = (NOT, CARE, USABLE)
+
+
+@dataclass
+class BuildingResult:
+    """Results of a study of several zones.
+
+    Parameters
+    ----------
+    settings : Settings
+    data : StudyData
+    model : fitted BuildingPredictor
+    frames : dict of label to DataFrame, back-tests with a column ``zone``
+    table : DataFrame, as that of :class:`StudyResult`, over all zones together
+    zones : DataFrame
+        Index = zone, the worst verdict first; ``level``, errors [K] by model, ``coverage``, and ``load_rmse`` of the
+        model and of yesterday's load, with their unit.
+    forecast : DataFrame, the next day; names end with the zone's
+    verdicts : dict of zone to list of Verdict, in the order of ``zones``
+    identified : IdentifiedRooms or None, where the rooms could not be identified
+    warnings : list of str, all warnings, each once
+    seconds : float
+    """
+
+    settings: Settings
+    data: StudyData
+    model: Any
+    frames: dict[str, pd.DataFrame]
+    table: pd.DataFrame
+    zones: pd.DataFrame
+    forecast: pd.DataFrame
+    verdicts: dict[str, list[Verdict]]
+    identified: IdentifiedRooms | None = None
+    warnings: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the log fixes what a kW is, in every zone."""
+        return bool((self.zones["unit"] != "-").all())
+
+    @property
+    def has_intervals(self) -> bool:
+        """Whether the forecasts have intervals."""
+        return "q_0.1" in self.frames[HYBRID]
+
+    @property
+    def best(self) -> str:
+        """Label of the lowest day-ahead error."""
+        return str(self.table.index[0])
+
+    def pairs(self) -> dict[tuple[str, str], float | None]:
+        """The pairs of zones whose forecasts know each other, with their conductance [W/K] where it is known."""
+        known: dict[frozenset[str], float] = {}
+        if self.identified is not None:
+            table = self.identified.partitions
+            table = table[table["remark"].isin(["", "uncertain"])]
+            ends = (table.index.get_level_values(level) for level in ("zone", "neighbour"))
+            known = {frozenset((a, b)): float(v) for a, b, v in zip(*ends, table["value"], strict=True)}
+        beside = [frozenset((zone, other)) for zone, one in self.model.coupled_.items() for other in one.neighbours]
+        drawn = dict.fromkeys([*beside, *known])
+        order = {zone: k for k, zone in enumerate(self.settings.zones)}
+        named = (tuple(sorted(pair, key=lambda zone: order[zone])) for pair in drawn)
+        return {(a, b): known.get(frozenset((a, b))) for a, b in named}
+
+
+class ZoneLoads(NamedTuple):
+    """Loads of a zone over the rows after training."""
+
+    own: Load  # that would have held the measured temperature
+    delivered: Load
+    rules: dict[str, pd.Series]
+
+    def errors(self, start: pd.Timestamp) -> pd.DataFrame:
+        """Errors of the model's load and of those of rules in the test."""
+        loads = pd.DataFrame({HYBRID: self.own.values, **self.rules})
+        return loads.sub(self.delivered.values, axis=0)[start:].dropna()
+
+
+def run_building(settings: Settings, data: StudyData, progress: Progress | None = None) -> BuildingResult:
+    """Fit a building and simple models of its zones, back-test them at the same origins, forecast the next day.
+
+    Parameters
+    ----------
+    settings : Settings, of several zones
+    data : StudyData
+    progress : callable, optional, called with (number, total, text) before every step
+
+    Raises
+    ------
+    ValueError
+        If the building cannot be fitted or tested; a simple model that fails is left out, with a warning.
+    """
+    begun = time.perf_counter()
+    remarks = list(data.remarks)
+    say = counted(progress, N_STEPS + 2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model, frames, seconds = backtest_zones(settings, data.train, data.later, data.test_start, say, remarks)
+        say("identification of the rooms")
+        identified = None
+        try:
+            identified = identify_zones(settings, data.train)
+        except ValueError as error:
+            remarks.append(f"the rooms were not identified: {error}")
+        say("loads, and forecast of the next day")
+        loads = _loads(model, settings, data)
+        forecast = _next_day(model, settings, data, "q_0.1" in frames[HYBRID])
+        verdicts = {zone: _judged(model, settings, data, frames, zone, loads.get(zone)) for zone in settings.zones}
+    said = (without_class(w.message) for w in caught if issubclass(w.category, UserWarning))
+    zones = zone_table(frames, verdicts).join(_load_table(loads, data, settings))
+    return BuildingResult(
+        settings,
+        data,
+        model,
+        frames,
+        _of_all(settings, frames, seconds, loads, data.test_start),
+        zones,
+        forecast,
+        {str(zone): verdicts[str(zone)] for zone in zones.index},
+        identified,
+        list(dict.fromkeys([*remarks, *said])),
+        time.perf_counter() - begun,
+    )
+
+
+def backtest_zones(
+    settings: Settings,
+    train: pd.DataFrame,
+    later: pd.DataFrame,
+    start: pd.Timestamp,
+    say: Callable[[str], None],
+    remarks: list[str],
+) -> tuple[BuildingPredictor, dict[str, pd.DataFrame], dict[str, float]]:
+    """A fitted building, and back-tests by label with a column ``zone``, beside those of single zones; seconds of each.
+
+    What is worth a remark is added to ``remarks``.
+    """
+    temperatures = settings.roles_of("T_za")
+    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": start}
+    frames: dict[str, pd.DataFrame] = {}
+    seconds = {}
+    say(f"{HYBRID}: fit of all zones")
+    begun = time.perf_counter()
+    building = BuildingPredictor(make_models(settings)[0].estimator, adjacency=settings.adjacency)
+    building.fit(train, train[temperatures])
+    say(f"{HYBRID}: back-test")
+    try:
+        frames[HYBRID] = backtest(building, later, later[temperatures], quantiles=INTERVAL, **given)
+    except TooFewDaysError as error:
+        remarks.append(f"no intervals are given: {error}")
+        frames[HYBRID] = backtest(building, later, later[temperatures], **given)
+    seconds[HYBRID] = time.perf_counter() - begun
+    begun = time.perf_counter()
+    if building.coupled_:
+        frames[ALONE] = backtest(building.without_neighbours(), later, later[temperatures], **given)
+        seconds[ALONE] = time.perf_counter() - begun
+    for label in _COMPARED:
+        say(f"{label}: fit and back-test")
+        begun = time.perf_counter()
+        try:
+            frames[label] = _of_zones(settings, label, train, later, given)
+            seconds[label] = time.perf_counter() - begun
+        except ValueError as error:
+            remarks.append(f"{label} was left out: {error}")
+    return building, frames, seconds
+
+
+def _of_zones(
+    settings: Settings, label: str, train: pd.DataFrame, later: pd.DataFrame, given: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Back-test of a model of one zone, fitted to each of them."""
+    parts = []
+    for zone in settings.zones:
+        before, after = (rows_of(rows, settings, zone) for rows in (train, later))
+        one = next(one for one in make_models(settings_of(settings, zone)) if one.label == label)
+        model = one.estimator.fit(before, before["T_za"])
+        parts.append(backtest(model, after, after["T_za"], **given).assign(zone=zone))
+    return pd.concat(parts, ignore_index=True)
+
+
+def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
+    numbers = iter(range(1, total + 1))
+    return lambda text: None if progress is None else progress(next(numbers), total, text)
+
+
+def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> tuple[pd.DataFrame, pd.Series]:
+    """Errors of forecasts that every model made, and the zone of each.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
+    if errors.empty:
+        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
+    return errors, next(iter(frames.values()))["zone"][errors.index]
+
+
+def zone_table(frames: Mapping[str, pd.DataFrame], verdicts: Mapping[str, list[Verdict]]) -> pd.DataFrame:
+    """Level of the verdicts, errors [K] by model and coverage of each zone, the worst first."""
+    errors, zone = errors_by_model(frames)
+    table = (errors**2).groupby(zone, sort=False).mean() ** 0.5
+    table = table.reindex(list(verdicts))
+    level = pd.Series({name: worst(found) for name, found in verdicts.items()})
+    coverage = pd.Series({name: coverage_of(frames[HYBRID], name) for name in verdicts}, dtype=float)
+    by_error = table[HYBRID].sort_values(ascending=False, kind="stable").index
+    order = worst_first({str(zone): [level[zone]] for zone in by_error})
+    return table.assign(level=level, coverage=coverage).loc[order].rename_axis("zone")
+
+
+def worst_first(levels: Mapping[str, list[str]]) -> list[str]:
+    """Zones by the worst of their levels, those without any last; else in their order."""
+    return sorted(levels, key=lambda zone: min(map(_WORST_FIRST.index, levels[zone]), default=len(_WORST_FIRST)))
+
+
+def worst(verdicts: list[Verdict]) -> str:
+    """The worst level of some verdicts."""
+    return min((one.level for one in verdicts), key=_WORST_FIRST.index)
+
+
+def coverage_of(frame: pd.DataFrame, zone: str | None = None) -> float | None:
+    """Share of the measurements of a zone, or of all, inside the intervals of a back-test; None without intervals."""
+    low, high = (f"q_{level:g}" for level in INTERVAL)
+    own = (frame if zone is None else frame[frame["zone"] == zone]).dropna(subset="y_true")
+    return float(own["y_true"].between(own[low], own[high]).mean()) if low in own and len(own) else None
+
+
+def judge_zone(frames: Mapping[str, pd.DataFrame], zone: str, doubts: list[str] | None = None) -> Verdict:
+    """The verdict on a zone's temperature."""
+    own, yesterday = (frames[label][frames[label]["zone"] == zone] for label in (HYBRID, YESTERDAY))
+    return judge_temperature(own, yesterday, coverage_of(frames[HYBRID], zone), doubts or ())
+
+
+def _judged(
+    model: BuildingPredictor,
+    settings: Settings,
+    data: StudyData,
+    frames: Mapping[str, pd.DataFrame],
+    zone: str,
+    loads: ZoneLoads | None,
+) -> list[Verdict]:
+    """The verdicts on a zone's temperature and, where something heats or cools it, its load."""
+    own = data_of(data, settings, zone)
+    doubts = Doubts.of(model.own_[zone], data.later, own)
+    out = [judge_zone(frames, zone, doubts.temperature)]
+    if loads is not None:
+        given: dict[str, Any] = {"scaled": is_scaled(own.train, settings.capacities), "doubts": doubts.load}
+        out.append(judge_load(loads.own.values, loads.rules, loads.delivered.values, data.test_start, **given))
+    return out
+
+
+def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dict[str, ZoneLoads]:
+    """Loads that would have held the measured temperatures, of the zones that something heats or cools."""
+    rows = {zone: rows_of(data.later, settings, zone) for zone in settings.zones}
+    heated = {zone: plant_roles(own) for zone, own in rows.items() if plant_roles(own)}
+    if not heated:
+        return {}
+    held = {zone: rows[zone]["T_za"].interpolate(limit_direction="both") for zone in heated}
+    found, out = model.predict_load(data.later, held), {}
+    for zone, roles in heated.items():
+        spans = data_of(data, settings, zone)
+        delivered = load_of(pd.concat([spans.train, spans.later]), settings, roles)
+        own = load_of(forecast_of(found, settings, zone), settings, roles)
+        assert own is not None  # as the zone has a plant
+        assert delivered is not None
+        out[zone] = ZoneLoads(own, delivered, loads_by_rule(spans, delivered.values))
+    return out
+
+
+def _load_table(loads: Mapping[str, ZoneLoads], data: StudyData, settings: Settings) -> pd.DataFrame:
+    """Error of each zone's load and of that of a day before, and their unit."""
+    rows = {}
+    for zone in settings.zones:
+        rows[zone] = {"load_rmse": np.nan, "load_yesterday": np.nan, "unit": ""}
+        if zone in loads:
+            errors = loads[zone].errors(data.test_start)
+            rmse = np.sqrt((errors**2).mean())
+            rows[zone] = {"load_rmse": rmse[HYBRID], "load_yesterday": rmse.iloc[1], "unit": loads[zone].delivered.unit}
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _of_all(
+    settings: Settings,
+    frames: Mapping[str, pd.DataFrame],
+    seconds: Mapping[str, float],
+    loads: Mapping[str, ZoneLoads],
+    start: pd.Timestamp,
+) -> pd.DataFrame:
+    """Errors by model over all zones together, the best first."""
+    errors, _ = errors_by_model(frames)
+    table = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
+    notes = _NOTES | {one.label: one.note for one in make_models(settings) if one.label in _COMPARED}
+    table = table.assign(load_rmse=np.nan, seconds=pd.Series(seconds), note=pd.Series(notes)[table.index])
+    table = table.sort_values("rmse")
+    if loads and all(one.delivered.unit == "kW" for one in loads.values()):
+        missed = pd.concat([one.errors(start) for one in loads.values()])
+        for name, value in np.sqrt((missed**2).mean()).items():
+            table.loc[name, "load_rmse"] = value
+            if name not in frames:
+                table.loc[name, "note"] = "a rule for the load alone"
+    return table.rename_axis("model")
+
+
+def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, has_intervals: bool) -> pd.DataFrame:
+    """Temperatures under the known control, with intervals, and the loads that hold the set-points."""
+    temperatures = settings.roles_of("T_za")
+    ahead = data.future.drop(columns=temperatures)
+    out = model.forecast(data.history, ahead, quantiles=INTERVAL if has_intervals else None)
+    heated = [zone for zone in settings.zones if plant_roles(rows_of(ahead, settings, zone))]
+    whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(temperatures, np.nan))])
+    if heated:
+        held = {zone: data.setpoint[zone].to_numpy() for zone in heated}
+        found = model.predict_load(whole, held).loc[ahead.index]
+        wanted = [name for name in found if is_plant(str(name)) and name not in out]
+        out = out.join(found[wanted])
+    for zone, role in zip(settings.zones, temperatures, strict=True):
+        out[f"setpoint_{zone}"] = data.setpoint[zone].loc[ahead.index]
+        if data.held_out:
+            out[f"T_za_measured_{zone}"] = data.future[role]
+            rows = rows_of(data.future, settings, zone)
+            delivered = load_of(rows, settings, plant_roles(rows))
+            if delivered is not None and delivered.unit == "kW":
+                out[f"Q_hvac_delivered_{zone}"] = delivered.values
+    return out.rename_axis("time")

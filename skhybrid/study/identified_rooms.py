@@ -1,0 +1,92 @@
+"""An identified building of several zones: each room, and what it exchanges with its neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from .._table import is_plant
+from ..identification import RoomFits, find_adjacency, identify_rooms
+from ..thermal import building_network
+from .compared_models import make_gray_box
+from .identified_building import UNSCALED, describe, has_scale, not_identified, remark_on
+from .settings import Settings
+from .zone_part import roles_of
+
+Pairs = Sequence[Sequence[str]]
+
+
+class IdentifiedRooms(NamedTuple):
+    """A building as its log tells it."""
+
+    rooms: pd.DataFrame  # index (zone, quantity): value, std, unit, remark
+    partitions: pd.DataFrame  # index (zone, neighbour): value, std [W/K], unit, remark; heat that they exchange per K
+    found: bool  # whether the pairs were found in the log, since no floor plan was given
+
+
+def identify_zones(settings: Settings, rows: pd.DataFrame) -> IdentifiedRooms:
+    """Identify every zone of a building, with its neighbours' temperatures as boundaries.
+
+    Parameters
+    ----------
+    settings : Settings, whose ``adjacency`` says which zones exchange heat; by default that is found in the rows
+    rows : DataFrame, one column per role, without missing inputs
+
+    Raises
+    ------
+    ValueError
+        If no neighbours are given and there are less than ten days to find them in, or a room cannot be identified.
+    """
+    temperatures = settings.roles_of("T_za")
+    inputs, measured = rows.drop(columns=temperatures), rows[temperatures]
+    pairs = _pairs(settings, inputs, measured)
+    fits = _fitted(settings, pairs, inputs, measured)
+    tables = {zone: _of_room(gray_box, zone) for zone, gray_box in fits.rooms.items()}
+    rooms = pd.concat(tables, names=["zone", "quantity"])
+    return IdentifiedRooms(rooms, _partitions(pairs, fits), settings.adjacency is None)
+
+
+def _pairs(settings: Settings, inputs: pd.DataFrame, measured: pd.DataFrame) -> list[tuple[str, str]]:
+    if settings.adjacency is not None:
+        unique = {frozenset(pair): (str(pair[0]), str(pair[1])) for pair in settings.adjacency}
+        return list(unique.values())
+    found = find_adjacency(inputs, measured)
+    return [(str(a), str(b)) for a, b in found.index[found["kept"]]]
+
+
+def _fitted(settings: Settings, pairs: Pairs, inputs: pd.DataFrame, measured: pd.DataFrame) -> RoomFits:
+    """The gray boxes of all rooms, each with what heats it and shines into it."""
+    gray_box = make_gray_box(settings)
+    solar, heated = {}, {}
+    for zone in settings.zones:
+        own = list(roles_of(map(str, inputs), settings, zone).values())
+        sun = [role for role in own if role == f"q_sol_{zone}"] or [role for role in own if role == "q_sol"]
+        solar[zone] = tuple(sun)
+        heated[zone] = tuple(role for role in own if is_plant(role))
+    network = building_network(
+        settings.zones, [(a, b) for a, b in pairs], room=gray_box.network, solar=solar, heated=heated
+    )
+    return identify_rooms(gray_box.set_params(network=network), inputs, measured)
+
+
+def _of_room(gray_box: Any, zone: str) -> pd.DataFrame:
+    """Quantities of a room by the names that a single zone has."""
+    table = describe(gray_box)
+    return table.set_axis([str(name).removesuffix(f"_{zone}").removesuffix("_to") for name in table.index])
+
+
+def _partitions(pairs: Pairs, fits: RoomFits) -> pd.DataFrame:
+    """Conductances between rooms."""
+    out = {}
+    for a, b in pairs:
+        name = f"R_{a}_{b}"
+        R, std = float(fits.theta[name]), float(fits.theta_std[name])
+        doubtful = [remark for zone in (a, b) if (remark := not_identified(fits.rooms[zone]).get(name))]
+        value, error = 1000.0 / R, 1000.0 * std / R**2
+        scaled = all(has_scale(fits.rooms[zone]) for zone in (a, b))
+        remark = (UNSCALED if not scaled else "") or next(iter(doubtful), "") or remark_on("partition", value, error)
+        out[a, b] = {"value": value, "std": error, "unit": "W/K", "remark": remark}
+    index = pd.MultiIndex.from_tuples(list(out), names=["zone", "neighbour"])
+    return pd.DataFrame(list(out.values()), index, columns=["value", "std", "unit", "remark"])

@@ -1,0 +1,289 @@
+"""The report of a study of several zones: verdicts, a map of the rooms, and a row or a panel per zone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ... import __version__
+from ..._files import atomic_path
+from ..building_study import ALONE, BuildingResult, worst
+from ..compared_models import HYBRID
+from ..identified_building import told
+from ..verdict import CARE, NOT, USABLE, Verdict
+from ..zone_part import forecast_of
+from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
+from .html import (
+    day_energy,
+    day_words,
+    flat,
+    html_cards,
+    html_list,
+    html_page,
+    html_table,
+    number,
+    results_table,
+    verdict,
+    verdict_boxes,
+)
+
+_SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
+_MOST_MODELS = 4  # in the figure of errors
+#: of tables with a row per zone
+ZONE_STYLE = """<style>
+.zones th { white-space: normal; vertical-align: bottom; } .zones td.text { min-width: 7rem; }
+</style>
+"""
+
+
+def write_building_report(path: str | PathLike[str], result: BuildingResult) -> None:
+    """Write a study of several zones as one self-contained HTML file, in one step.
+
+    Parameters
+    ----------
+    path : path-like, the file to make or replace
+    result : BuildingResult
+    """
+    name = result.settings.name
+    listed = {**spans_of(result), **flat(result.settings.as_dict()), "skhybrid": __version__}
+    items = (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items())
+    sections = [
+        _head(result),
+        _map(result),
+        _tomorrow(result),
+        _accuracy(result),
+        _building(result),
+        html_list("Warnings", map(escape, result.warnings)),
+        html_list("Settings", items, "listed"),
+    ]
+    with atomic_path(path) as made:
+        made.write_text(html_page(f"{name}: day-ahead forecast", sections, ZONE_STYLE), encoding="utf-8")
+
+
+def spans_of(result: BuildingResult) -> dict[str, Any]:
+    """The spans of a study, and its number of forecasts."""
+    data, frame = result.data, result.frames[HYBRID]
+    return {
+        "train": f"{data.train.index[0]} to {data.train.index[-1]}",
+        "test": f"{data.test_start} to {data.later.index[-1]}",
+        "forecasts compared": frame["origin"].nunique(),
+    }
+
+
+def zone_boxes(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
+    """A box per zone: the worst of its verdicts, and the reasons of all."""
+    return verdict_boxes([joint_verdict(zone, found) for zone, found in verdicts.items() if found])
+
+
+def by_zone(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0) -> str:
+    """A table with a row per zone, whose heads may be long."""
+    return f'<div class="zones">{html_table(heads, rows, n_texts)}</div>'
+
+
+def joint_verdict(zone: str, verdicts: Sequence[Verdict]) -> Verdict:
+    """One verdict of those on a zone's temperature and load."""
+    reasons = [f"{one.quantity}, {one.level}: {'; '.join(one.reasons)}" for one in verdicts]
+    return Verdict(zone, worst(list(verdicts)), tuple(reasons))
+
+
+def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
+    """The number of zones that are usable, and those that are not."""
+    levels = {zone: worst(list(found)) for zone, found in verdicts.items()}
+    of_level = {level: [zone for zone, own in levels.items() if own == level] for level in (USABLE, CARE, NOT)}
+    n, n_usable = len(levels), len(of_level[USABLE])
+    words = [
+        {n: f"all {n} zones are usable", 0: f"none of {n} zones is usable"}.get(
+            n_usable, f"{n_usable} of {n} zones are usable"
+        )
+    ]
+    words += [f"{level}: {', '.join(of_level[level])}" for level in (NOT, CARE) if of_level[level]]
+    return "; ".join(words) + "."
+
+
+def parts_of(result: BuildingResult) -> dict[str, pd.DataFrame]:
+    """The forecast of the next day of each zone, as that of a single one."""
+    return {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
+
+
+def _head(result: BuildingResult) -> str:
+    own = result.table.loc[HYBRID]
+    n_origins = result.frames[HYBRID]["origin"].nunique()
+    worst_zone = str(result.zones[HYBRID].idxmax())
+    cards = [
+        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the hybrid model, {n_origins} forecasts"),
+        (f"{result.zones[HYBRID].max():.2f} K", f"largest error of a zone: {worst_zone}"),
+    ]
+    if np.isfinite(own["load_rmse"]):
+        cards.append((f"{own['load_rmse']:.2f} kW", "error of a zone's heating or cooling load (RMSE)"))
+    temperatures = result.forecast[result.settings.roles_of("T_za")]
+    low, high = (float(end) for end in (temperatures.to_numpy().min(), temperatures.to_numpy().max()))
+    cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast of all zones on {day_words(result.forecast.index)}"))
+    cards += day_energy(_total_load(result)) if result.scaled else []
+    return (
+        f'<p class="soft">skhybrid: day-ahead forecast of {len(result.verdicts)} zones</p>'
+        f"<h1>{escape(result.settings.name)}</h1>\n"
+        f'<p class="verdict">{escape(zones_in_words(result.verdicts))}</p>\n{zone_boxes(result.verdicts)}'
+        f"<p>{escape(verdict(result.table, HYBRID))}</p>\n{html_cards(cards)}"
+    )
+
+
+def _total_load(result: BuildingResult) -> pd.DataFrame:
+    loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
+    return pd.DataFrame({"Q_hvac": result.forecast[loads].sum(axis=1)} if loads else {}, index=result.forecast.index)
+
+
+def _map(result: BuildingResult) -> str:
+    pairs, errors = result.pairs(), result.zones[HYBRID].to_dict()
+    by_zone = {zone: float(errors[zone]) for zone in result.settings.zones}
+    source = (
+        "The floor plan of the configuration says which zones are next to each other."
+        if result.settings.adjacency is not None
+        else "No floor plan was given, so neighbours were found in the log: give adjacency in the configuration where "
+        "it is known."
+    )
+    known = any(value is not None for value in pairs.values())
+    lines = (
+        " Lines carry the heat that two zones exchange per degree, as far as the log tells it, and are wider where it "
+        "is more."
+        if known
+        else ""
+    )
+    dashed = " A dashed line joins zones of which it does not." if None in pairs.values() else ""
+    return (
+        f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast.</p>\n"
+        + in_two_widths(lambda width: map_figure(pairs, by_zone, width), "Rooms and what they exchange.", "rooms")
+        + _neighbours(result)
+    )
+
+
+def _neighbours(result: BuildingResult) -> str:
+    """A row per zone: its neighbours, and what they bring to its forecast."""
+    if not result.model.coupled_:
+        return "<p>Each zone was forecast by itself: no neighbours were given or found.</p>\n"
+    shares, rows = result.model.shares_, []
+    for zone in result.zones.index:
+        if zone in shares.index:
+            own = [f"{share:.0%}" for share in shares.loc[zone]]
+            errors = [number(result.zones.loc[zone, label], 2) for label in (HYBRID, ALONE)]
+            rows.append((str(zone), *own, *errors, ", ".join(result.model.coupled_[zone].neighbours)))
+        else:
+            alone = number(result.zones.loc[zone, ALONE], 2)
+            rows.append((str(zone), *["–"] * len(shares.columns), alone, alone, "none"))
+    hours = result.frames[HYBRID]["lead"].max() / pd.Timedelta("1h")
+    spans = (f"share to {hours / part:.2g} h" for part in (12, 3, 1))
+    heads = ("zone", *spans, "RMSE [K]", "by itself [K]", "neighbours in the forecast")
+    return (
+        by_zone(heads, rows, n_texts=1)
+        + '<p class="soft">Share of the forecast that knows the neighbours, by lead, and the errors with '
+        "them and without.</p>\n"
+    )
+
+
+def _tomorrow(result: BuildingResult) -> str:
+    day = "This is the day after the last measurement."
+    if result.data.held_out:
+        day = "This is the last day of the log. The forecast used no temperature of that day; the measurements are "
+        day += "drawn for comparison."
+    band = " Four out of five measurements should lie in the shaded interval." if result.has_intervals else ""
+    words = (
+        f"{day} The temperatures assume the logged or planned heating and cooling. The loads are the heat that would "
+        f"hold the set-points{_held(result)}, within the limits of the plant.{band}"
+    )
+    power = "kW" if result.scaled else "relative"
+    return f"<h2>Forecast for {escape(day_words(result.forecast.index))}</h2>\n<p>{words}</p>\n" + in_two_widths(
+        lambda width: days_figure(parts_of(result), width, power), "Forecast of each zone: temperature and load.", "day"
+    )
+
+
+def _held(result: BuildingResult) -> str:
+    measured = result.settings.load.get("setpoint", "measured") == "measured" and result.data.held_out
+    return " (here the temperatures that were measured)" if measured else ""
+
+
+def _accuracy(result: BuildingResult) -> str:
+    hours = result.frames[HYBRID]["lead"].max() / pd.Timedelta("1h")
+    models = [label for label in result.table.index if label in result.frames]
+    shown = [HYBRID, *[label for label in models if label != HYBRID]]
+    best = shown[:_MOST_MODELS]
+    hybrid = {HYBRID: result.frames[HYBRID]}
+    return (
+        "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
+        f"{hours:g} hours ahead, given the weather and the heating and cooling of those hours, but no temperature of "
+        "any zone measured after it started. All models are compared at the same times.</p>\n"
+        + _zone_table(result, shown)
+        + in_two_widths(
+            lambda width: errors_figure(result.zones[best], width), "Error of each zone, for the best models.", "errors"
+        )
+        + in_two_widths(
+            lambda width: weeks_figure(hybrid, _SHOWN["narrow" if width == NARROW else "wide"], width),
+            "Measured and forecast temperature of each zone on the last test days; a grey line marks the start of each "
+            "forecast.",
+            "weeks",
+        )
+        + "<p>All zones together:</p>\n"
+        + results_table(result.table, result.scaled)
+        + '<p class="soft">The best model comes first. The time is that of fit and back-test of all zones.</p>\n'
+        + in_two_widths(
+            lambda width: lead_figure({label: result.frames[label] for label in best}, width),
+            "Error of all zones by lead time, for the best models.",
+            "leads",
+        )
+    )
+
+
+def _zone_table(result: BuildingResult, models: Sequence[str]) -> str:
+    """A row per zone with the errors of all models."""
+    table, unit = result.zones, "kW" if result.scaled else "-"
+    has_loads = table["load_rmse"].notna().any()
+    rows = []
+    for zone, row in table.iterrows():
+        cells = [str(zone), *(number(row[label], 2) for label in models)]
+        cells.append("–" if pd.isna(row["coverage"]) else f"{row['coverage']:.0%}")
+        cells += [number(row[name], 2) for name in ("load_rmse", "load_yesterday")] if has_loads else []
+        rows.append((*cells, str(row["level"])))
+    heads = ["zone", *(f"{label} [K]" for label in models), "in 80\u00a0% band"]
+    heads += [f"load [{unit}]", f"yesterday's load [{unit}]"] if has_loads else []
+    return by_zone([*heads, "verdict"], rows, n_texts=1) + (
+        '<p class="soft">RMSE of the temperature by model, share of the measurements inside the interval of the '
+        "hybrid, and RMSE of the load that would have held the measured temperature, beside the load of the day "
+        "before. The zone with the worst verdict comes first.</p>\n"
+    )
+
+
+def _building(result: BuildingResult) -> str:
+    if result.identified is None:
+        return ""
+    rooms, partitions = (told(table) for table in (result.identified.rooms, result.identified.partitions))
+    quantities = list(dict.fromkeys(rooms.index.get_level_values("quantity")))
+    rows = []
+    for zone in result.settings.zones:
+        own = rooms.loc[zone].reindex(quantities)
+        rows.append((zone, *(_with_error(*pair) for pair in zip(own["value"], own["std"], strict=True))))
+    units = rooms.groupby(level="quantity")["unit"].first()
+    heads = ("zone", *(f"{name} [{units[name]}]" for name in quantities))
+    names = partitions.index.map(" – ".join)
+    known = zip(names, partitions["value"], partitions["std"], partitions["remark"], strict=True)
+    between = [(str(pair), _with_error(value, std), str(remark)) for pair, value, std, remark in known]
+    joined = (
+        "<p>Heat that neighbours exchange per degree of their difference:</p>\n"
+        + html_table(("zones", "exchange [W/K]", "remark"), between, n_texts=1)
+        if between
+        else "<p>No exchange of heat between zones was identified.</p>\n"
+    )
+    how = " Which zones exchange heat was found in the log, too." if result.identified.found else ""
+    return (
+        "<h2>The building</h2>\n<p>Each room was identified by itself, with its neighbours' measured temperatures as "
+        f"boundaries.{how} The heat loss is that to outdoors. The number after ± is the standard error; a value that "
+        "the log does not determine is not shown.</p>\n" + by_zone(heads, rows) + joined
+    )
+
+
+def _with_error(value: Any, std: Any) -> str:
+    if value is None or not np.isfinite(value):
+        return "–"
+    return f"{value:.3g} ± {std:.2g}" if np.isfinite(std) else f"{value:.3g}"

@@ -1,0 +1,48 @@
+"""The part of one zone in a building's settings, rows and forecasts, by the names that a single zone has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pandas as pd
+
+from ..hybrid.zone_columns import ZoneColumns
+from .data import StudyData
+from .settings import Settings
+
+
+def settings_of(settings: Settings, zone: str) -> Settings:
+    """The settings of one zone, as if it were alone."""
+    roles = roles_of(settings.columns, settings, zone)
+    columns = {own: settings.columns[role] for own, role in roles.items()}
+    return replace(settings, name=zone, adjacency=None, columns=columns)
+
+
+def rows_of(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
+    """The columns of one zone and those that all share, by the roles that they have for it."""
+    roles = roles_of(map(str, rows), settings, zone)
+    return rows[list(roles.values())].set_axis(list(roles), axis=1)
+
+
+def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:
+    """The spans of a study for one zone."""
+
+    def own(rows: pd.DataFrame) -> pd.DataFrame:
+        return rows_of(rows, settings, zone)
+
+    train, later, history, future = map(own, (data.train, data.later, data.history, data.future))
+    return data._replace(train=train, later=later, history=history, future=future, setpoint=data.setpoint[zone])
+
+
+def forecast_of(found: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
+    """The columns of a frame whose names end with that of a zone, without it."""
+    ends = {str(name): [other for other in settings.zones if str(name).endswith(f"_{other}")] for name in found}
+    own = [name for name, zones in ends.items() if zones and max(zones, key=len) == zone]
+    return found[own].rename(columns=lambda name: str(name).removesuffix(f"_{zone}"))
+
+
+def roles_of(roles: Iterable[str], settings: Settings, zone: str) -> dict[str, str]:
+    """The building's role of each of a zone's roles."""
+    columns = ZoneColumns(tuple(settings.zones), {role: role for role in roles})
+    return {own: role for own, role in columns.of_zone(zone).items() if role is not None}

@@ -1,0 +1,140 @@
+"""State of a zone folder: what was measured, and how past forecasts did, of one zone or of each of several."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from ..logs.log_findings import without_standstills
+from ..study.building_study import worst_first
+from ..study.doubts import drift_days
+from ..study.judgement import load_of, plant_roles
+from ..study.settings import Settings
+from ..study.zone_part import forecast_of, rows_of, settings_of
+from .forecast_archive import BEYOND, ForecastArchive
+from .forecast_scores import errors_of, verdicts_of
+from .zone_model import ZoneModel
+
+_CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
+_SCORED = pd.Timedelta(days=28)
+_MEASURED = "_measured"  # how columns of a finished forecast end that were measured
+
+
+class ZoneArchive(NamedTuple):
+    """The part of one zone in the archive of a building, by the names that a single zone has."""
+
+    archive: ForecastArchive
+    settings: Settings  # of the building
+    zone: str
+
+    def last_measured(self) -> pd.Timestamp | None:
+        """As that of the archive."""
+        return self.archive.last_measured()
+
+    def last_origin(self) -> pd.Timestamp | None:
+        """As that of the archive."""
+        return self.archive.last_origin()
+
+    def finished(self, since: pd.Timestamp) -> pd.DataFrame:
+        """The forecasts whose rows are all in the past, with what was measured."""
+        rows = self.archive.finished(since)
+        ends = {str(name): str(name).removesuffix(_MEASURED) for name in rows if str(name).endswith(_MEASURED)}
+        measured = self._own(rows[list(ends)].rename(columns=ends)).add_suffix(_MEASURED)
+        return pd.concat([rows[["origin", "time"]], self._own(rows.drop(columns=list(ends))), measured], axis=1)
+
+    def measured(self, since: pd.Timestamp) -> pd.DataFrame:
+        """Measured temperature and delivered heat by time."""
+        return self._own(self.archive.measured(since))
+
+    def latest(self) -> pd.DataFrame:
+        """The rows of the last forecast by time."""
+        return self._own(self.archive.latest())
+
+    def _own(self, rows: pd.DataFrame) -> pd.DataFrame:
+        own = forecast_of(rows, self.settings, self.zone)
+        return own.assign(**{BEYOND: rows[BEYOND]}) if BEYOND in rows else own
+
+
+def archives_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, ForecastArchive | ZoneArchive]:
+    """The archive of each zone by its name; of one zone by an empty name."""
+    return {name: ZoneArchive(archive, zone.settings, name) for name in zone.zones} or {"": archive}
+
+
+def status_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
+    """Report the last row, drift, verdicts and errors, as plain values; of several zones the worst zone first."""
+    found = {
+        "name": zone.settings.name,
+        "last row": _shown(archive.last_measured(), zone),
+        "last forecast from": _shown(archive.last_origin(), zone),
+        "learned until": str(zone.learned_until),
+    }
+    parts, archives = zone.parts(), archives_of(archive, zone)
+    states = {name: _state_of(archives[name], part) for name, part in parts.items()}
+    if not zone.zones:
+        return found | states[""]
+    levels = {name: [one["level"] for one in state["verdicts"]] for name, state in states.items()}
+    return found | {"zones": {name: states[name] for name in worst_first(levels)}}
+
+
+def _state_of(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> dict[str, Any]:
+    """Drift, verdicts, and errors of the last forecast that has been measured and of those of the last four weeks."""
+    days = drift_days(zone.predictor)
+    last = archive.last_measured()
+    rows = archive.finished(pd.Timestamp(0) if last is None else last - _SCORED)
+    if rows.empty or rows["T_za"].isna().all():
+        return {"drift": drift_of(days), "verdicts": [], "yesterday's forecast": None, "last four weeks": None}
+    newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
+    return {
+        "drift": drift_of(days),
+        "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days)],
+        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **errors_of(newest)},
+        "last four weeks": {"forecasts": rows["origin"].nunique(), **errors_of(rows)},
+    }
+
+
+def drift_of(days: pd.DataFrame) -> dict[str, Any]:
+    """The drift by the last of some days: ``drifted``, ``since``, ``kind`` and the statistic.
+
+    Empty where no whole day has passed since the training, or it has too few days to compare with.
+    """
+    if days.empty:
+        return {}
+    last = days.iloc[-1]
+    since = None if pd.isna(last["since"]) else f"{last['since']:%Y-%m-%d}"
+    return {"drifted": bool(last["drifted"]), "since": since, "kind": last["kind"] or None} | {
+        name: round(float(last[name]), 2) for name in ("statistic", "threshold")
+    }
+
+
+def measured_rows(
+    frame: pd.DataFrame, settings: Settings, origin: pd.Timestamp, last: pd.Timestamp | None = None
+) -> pd.DataFrame:
+    """Temperatures and heat up to an origin: of all rows, or of those after the ``last`` archived and a week before."""
+    moving = {role: without_standstills(frame[role]) for role in settings.roles_of("T_za")}
+    rows = frame.assign(**moving).loc[:origin]
+    heat = {"Q_hvac": _heat(rows, settings)}
+    if settings.zones:
+        parts = {zone: (rows_of(rows, settings, zone), settings_of(settings, zone)) for zone in settings.zones}
+        heat = {f"Q_hvac_{zone}": _heat(*part) for zone, part in parts.items()}
+    rows = rows.assign(**{role: values for role, values in heat.items() if values is not None})
+    return rows if last is None else rows[rows.index > like_index(last, rows.index) - _CORRECTED]
+
+
+def _heat(rows: pd.DataFrame, settings: Settings) -> pd.Series | None:
+    """Delivered heat [kW] of a zone, None where it is not known."""
+    load = load_of(rows, settings, plant_roles(rows))
+    return None if load is None or load.unit != "kW" else load.values
+
+
+def like_index(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:
+    """A stamp in the time zone of an index, or without one."""
+    tz = pd.DatetimeIndex(index).tz
+    if tz is None:
+        return stamp.tz_localize(None)
+    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
+
+
+def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:
+    """A stamp of the archive as the log shows it."""
+    return None if stamp is None else str(like_index(stamp, pd.DatetimeIndex([zone.learned_until])))
