@@ -123,7 +123,7 @@ def energy_scores(building: BuildingPredictor, later: pd.DataFrame, origins: np.
 
 
 def scores_in_words(scores: np.ndarray) -> dict[str, Any]:
-    """What joint samples score relative to independent ones, with 90 % intervals by a bootstrap over days."""
+    """Scores of joint samples relative to independent ones, with 90 % intervals by a bootstrap over days."""
     days = np.random.default_rng(0).integers(0, len(scores), (N_BOOTSTRAP, len(scores)))
     ratios = [mean[..., 0] / mean[..., 1] for mean in (scores.mean(axis=0), scores[days].mean(axis=1))]
     low, high = np.percentile(ratios[1], (5, 95), axis=0)

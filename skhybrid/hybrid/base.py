@@ -185,7 +185,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         return table
 
     def _own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
-        """What a predictor of one zone reads of a building's table, whose roles are ``role_of`` columns."""
+        """The part of one zone of a building's table, whose roles are ``role_of`` columns."""
 
         def values(wanted: Iterable[str], given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
             roles = {role: role_of.get(self._column_of(role)) for role in wanted}
