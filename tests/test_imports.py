@@ -40,10 +40,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
+    "fleet": {"forecasting", "persistence", "model_selection", "study"},
     "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
-        "model_selection", "inspection", "study", "zone", "server",
+        "model_selection", "inspection", "study", "zone", "fleet", "server",
     },
 }  # fmt: skip
 #: these may import less than BASE.
@@ -68,7 +69,7 @@ STRICT = {
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "study", "zone", "server", "cli"}
+READERS = {"model_selection", "inspection", "study", "zone", "fleet", "server", "cli"}
 _BAYES = (
     "identification/uncertainty/posterior.py",
     "model_selection/choice/pattern_expressiveness.py",
@@ -85,7 +86,7 @@ HOMES = {
     "holidays": ("_holidays.py",),
     "click": ("cli/",),
     "openpyxl": ("logs/spreadsheet.py",),
-    "pyarrow": ("logs/columnar.py",),
+    "pyarrow": ("logs/columnar.py", "fleet/zone_rows.py"),
     "sqlalchemy": ("logs/sql_table.py",),
     "fastapi": ("server/app.py",),
     "starlette": ("server/app.py", "server/guard.py"),
