@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import errno
+import json
 import os
 import shutil
 import signal
@@ -18,9 +19,11 @@ import pytest
 from sklearn.base import clone
 
 from skhybrid import ARXRegressor, HybridPredictor, _files
+from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
-from skhybrid.fleet import ZoneFleet, dispatch, zone_jobs
+from skhybrid.fleet import FleetFolder, ZoneFleet, dispatch, zone_jobs
+from skhybrid.fleet.fleet_folder import EXAMPLE
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.model_selection import backtest
 
@@ -473,3 +476,67 @@ def test_the_status_has_the_worst_zone_first(fleet, tmp_path):
     assert page.index("<b>c</b>") < page.index("<b>b/1</b>")
     assert page.count("<svg") == 3
     assert "nan" not in page
+
+
+# ------------------------------------------------------------------------------------------------------------- commands
+CONFIG = """key = "zone"
+days = 6
+[estimator]
+network = "1R1C"
+known = {Q_h = 6.0, Q_c = -6.0}
+"""
+
+
+def put(data, which, name):
+    for zone, X in list(ZONES.items())[:2]:
+        folder = data / f"zone={zone.replace('/', '%2F')}"
+        folder.mkdir(parents=True, exist_ok=True)
+        X[which].to_parquet(folder / f"{name}.parquet")
+
+
+def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
+    folder = tmp_path / "houses"
+    assert main(["fleet", "fit", str(folder)]) == 1
+    assert "has no folder data; put a Parquet dataset there" in capsys.readouterr().err
+    put(folder / "data", TRAIN, "first")
+    (folder / "fleet.toml").write_text(CONFIG)
+    assert main(["fleet", "fit", str(folder)]) == 0
+    assert "zones: 2\nfailed: 0\n" in capsys.readouterr().out
+    put(folder / "data", NEW, "second")
+    plans = ZONES["a"][NEW].assign(T_za=np.nan, T_oa=99.0)
+    plans.to_parquet(folder / "data" / "zone=a" / "planned.parquet")  # the measured rows, in "second", replace them
+    ahead = folder / "data" / "zone=a" / "third.parquet"
+    ZONES["a"][AHEAD].assign(T_za=np.nan).to_parquet(ahead)
+    assert main(["fleet", "tick", str(folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"forecast zones": 1, "rows": 24, "failed": 0, "errors": {}}
+    X = ZONES["a"]
+    model = clone(HYBRID).fit(X[DAY : 7 * DAY], X["T_za"][DAY : 7 * DAY]).update(X[NEW])
+    expected = model.forecast(None, X[AHEAD].drop(columns="T_za"), quantiles=(0.1, 0.9))
+    written = of(pd.read_parquet(folder / "forecast.parquet"), "a")
+    pd.testing.assert_frame_equal(written, expected, check_exact=True, check_freq=False)
+    assert main(["fleet", "status", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "2024-01-15 23:00:00" in shown
+    assert (folder / "status.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("days = [1", "fleet.toml cannot be read ("),
+        ("zones = 3", "zones in "),
+        ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
+        ("days = true", "days = True in "),
+        ("estimator = 3", "is no table; write its parameters below [estimator]."),
+    ],
+)
+def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
+    (tmp_path / "fleet.toml").write_text(text)
+    with pytest.raises(ValueError) as error:
+        FleetFolder(tmp_path).read()
+    assert said in str(error.value)
+    (tmp_path / "fleet.toml").write_text(EXAMPLE)
+    fleet, days = FleetFolder(tmp_path).read()
+    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta("56D"), "1D")
+    with pytest.raises(FileNotFoundError, match="holds no fleet; make it with skhybrid fleet fit"):
+        FleetFolder(tmp_path / "nowhere").tick()

@@ -126,7 +126,7 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
 
 
 def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
-    """The rows of a zone, from its file or all Parquet files of its folder."""
+    """The rows of a zone, from its file or the Parquet files of its folder, of which later names replace rows."""
     where = Path(path)
     if where.suffix == ".pickle":  # a temporary file of this process
         return pd.read_pickle(where)
@@ -136,7 +136,11 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     if not files:
         raise ValueError(f"{where} holds no Parquet file; write the rows of the zone there, or remove the folder.")
     frames = [_read_file(file) for file in files]
-    return frames[0] if len(frames) == 1 else pd.concat(frames).sort_index(kind="stable")
+    if len(frames) == 1:
+        return frames[0]
+    rows, numbers = pd.concat(frames), np.repeat(np.arange(len(frames)), list(map(len, frames)))
+    last = pd.Series(numbers).groupby(rows.index.to_numpy()).transform("max").to_numpy()
+    return rows[numbers == last].sort_index(kind="stable")
 
 
 def _read_file(path: Path) -> pd.DataFrame:

@@ -242,5 +242,5 @@ NOT_CALLED = {
         ("ZoneModel", "ZoneFolder", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"
     ),
     **dict.fromkeys(("emhass_parameters", "EmhassExport"), "reads a fitted gray box and settings"),
-    **dict.fromkeys(("ZoneFleet", "FleetFolder"), "takes tables of several zones; see tests/test_fleet.py"),
+    **dict.fromkeys(("ZoneFleet", "FleetFolder", "FleetTick"), "takes many zones; see test_fleet.py"),
 }
