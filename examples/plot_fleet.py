@@ -2,8 +2,8 @@
 A model per zone
 ================
 
-A fleet keeps one model per zone.  This example fits twelve zones, one of which has a broken log, takes in a day, and shows
-which zones need a look.
+A fleet keeps one model per zone.  This example fits twelve zones, one of which has a broken log, takes in two days, and
+shows which zones need a look.
 """
 
 # %%
@@ -29,8 +29,8 @@ training, later = X[X.index < "2024-01-22"], X[X.index >= "2024-01-22"]
 # %%
 # Fit
 # ---
-# The zone with gaps says why it cannot be fitted, and the others go on.  ``ARXRegressor`` is fast; the default for a real
-# fleet is :class:`~skhybrid.HybridPredictor`.
+# The zone with gaps says why it cannot be fitted, and the others go on.  ``ARXRegressor`` is fast; a real fleet would take
+# :class:`~skhybrid.HybridPredictor`.
 fleet = ZoneFleet(ARXRegressor(), n_jobs=1).fit(training)
 fleet.errors_
 

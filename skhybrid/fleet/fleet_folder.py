@@ -29,7 +29,13 @@ horizon = "1D"
 
 
 class FleetTick(NamedTuple):
-    """The result of a tick."""
+    """The result of a tick.
+
+    Parameters
+    ----------
+    forecast : DataFrame, the forecasts of all zones
+    errors : dict, why zones failed
+    """
 
     forecast: pd.DataFrame
     errors: dict[str, str]  # by zone

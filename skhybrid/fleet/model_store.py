@@ -34,7 +34,7 @@ class ModelStore:
         return self._file(zone, _JOURNAL).exists()
 
     def journal(self, zone: str) -> Journal:
-        """What is known of a zone beside its model."""
+        """The journal of a zone that has a model."""
         return Journal.load(self._file(zone, _JOURNAL))
 
     def load(self, zone: str) -> tuple[Any, Journal]:

@@ -289,7 +289,7 @@ class ZoneFleet(BaseEstimator):
         return made
 
     def _settings(self) -> dict[str, str]:
-        """What a store must have been made with."""
+        """Settings that a store must have been made with."""
         params = self.estimator.get_params(deep=False)
         found = {f"parameter {name}": as_plain(value) for name, value in params.items()}
         fixed = {"estimator": as_plain(type(self.estimator)), "fallback": as_plain(self.fallback)}

@@ -68,7 +68,7 @@ def forecast_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[st
 
 
 def score_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
-    """What ``score`` gives, in one row."""
+    """The score of a zone, in one row."""
     model, _ = ModelStore(store).load(zone)
     X, y = _with_target(read_rows(paths[0]), model)
     return pd.DataFrame({"score": [model.score(X, y)]})
