@@ -51,7 +51,7 @@ def zone_rows(number: int) -> pd.DataFrame:
 
 
 def make_data(n_zones: int) -> Path:
-    """Datasets of training, of the day after it, of the day ahead, and of all with that day not measured yet."""
+    """Datasets of the training; of the day after it; of both, that day not yet measured; and of one more such day."""
     folder = FOLDER / "data"
     for number in range(n_zones):
         done = folder / "tick" / f"zone={number:05d}" / "rows.parquet"  # written last
@@ -61,6 +61,7 @@ def make_data(n_zones: int) -> Path:
         parts = {
             "train": rows[: DAYS * day],
             "ahead": rows[DAYS * day : (DAYS + 1) * day].drop(columns="T_za"),
+            "plan": rows[: (DAYS + 1) * day].assign(T_za=rows["T_za"].where(np.arange(len(rows)) < DAYS * day)),
             "tick": rows.assign(T_za=rows["T_za"].where(np.arange(len(rows)) < (DAYS + 1) * day)),
         }
         for name, part in parts.items():
@@ -119,6 +120,7 @@ def tick(n_zones: int, n_jobs: int) -> dict[str, float]:
     shutil.copytree(source, store)
     fleet = ZoneFleet(HybridPredictor(), store=store, fallback=ARXRegressor(), n_jobs=n_jobs)
     warm_up()
+    fleet.tick(first(FOLDER / "data" / "plan", n_zones))  # the forecast that the next tick will score
     began = time.perf_counter()
     found = fleet.tick(first(FOLDER / "data" / "tick", n_zones))
     seconds = time.perf_counter() - began

@@ -29,7 +29,7 @@ training, later = X[X.index < "2024-01-22"], X[X.index >= "2024-01-22"]
 # %%
 # Fit
 # ---
-# The zone with gaps says why it cannot be fitted, and the others go on.  ``ARXRegressor`` is fast; a real fleet would take
+# The zone with gaps says why it cannot be fitted, and the others go on.  ``ARXRegressor`` is fast; real fleets take
 # :class:`~skhybrid.HybridPredictor`.
 fleet = ZoneFleet(ARXRegressor(), n_jobs=1).fit(training)
 fleet.errors_
