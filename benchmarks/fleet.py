@@ -47,7 +47,7 @@ def zone_rows(number: int) -> pd.DataFrame:
         rows = year.iloc[start * 96 : (start + DAYS + 2) * 96]
         return rows[["T_oa", "q_sol", "Q_hvac", "T_za"]]
     start = pd.Timestamp("2023-01-01") + pd.Timedelta(days=(number * 11) % 300)
-    return make_office(DAYS + 2, start=start, sampling_time="15min", random_state=number).X
+    return make_office(DAYS + 2, start=start, sampling_time="15min", random_state=number).X.tz_localize("Etc/GMT+6")
 
 
 def make_data(n_zones: int) -> Path:

@@ -284,6 +284,10 @@ def test_each_zone_has_its_own_step_and_clock():
     found = mixed.predict({**later, "nowhere": ZONES["c"][NEW]})
     assert mixed.errors_ == {"nowhere": "its stamps have no time zone, but those of other zones have one; give it one."}
     assert "nowhere" not in set(found["zone"])
+    naive = {name: ZONES[name][NEW] for name in ("a", "c")}
+    mixed = ZoneFleet(ARX).fit({**{name: ZONES[name][TRAIN] for name in naive}, "chicago": train["chicago"]})
+    assert set(mixed.predict({**naive, "chicago": later["chicago"]})["zone"]) == set(naive)
+    assert mixed.errors_["chicago"].startswith("its stamps have a time zone, but those of most zones have none")
 
 
 def test_a_full_disk_ends_the_work_and_leaves_no_partial_file(monkeypatch, tmp_path):

@@ -7,22 +7,30 @@ from typing import Any
 
 import pandas as pd
 
+#: by whether most zones have a time zone
+_OTHER_CLOCK = {
+    True: "its stamps have no time zone, but those of other zones have one; give it one.",
+    False: "its stamps have a time zone, but those of most zones have none; give all of them one.",
+}
+
 
 def joined(tables: Mapping[Any, pd.DataFrame], key: str) -> tuple[pd.DataFrame, dict[Any, str]]:
     """The tables of zones, one after the other, with the key as first column; and why some are not among them.
 
-    Stamps of several time zones become UTC; those without one cannot stand beside others.
+    Stamps of several time zones become UTC.  Stamps with a time zone and without one cannot stand in one table, so
+    those of which there are fewer are left out.
     """
     clocks = {zone: _clock_of(table) for zone, table in tables.items()}
-    aware = {clock for clock in clocks.values() if clock is not None}
+    aware = [clock for clock in clocks.values() if clock is not None]
+    with_clock = 2 * len(aware) >= len(clocks)
     failed, parts = {}, []
     for zone, table in tables.items():
         if key in table:
             raise ValueError(f"the forecasts of a zone have a column {key!r} themselves; give the fleet another key.")
-        if aware and clocks[zone] is None and isinstance(table.index, pd.DatetimeIndex):
-            failed[zone] = "its stamps have no time zone, but those of other zones have one; give it one."
+        if aware and (clocks[zone] is not None) != with_clock:
+            failed[zone] = _OTHER_CLOCK[with_clock]
             continue
-        parts.append((_in_utc(table) if len(aware) > 1 else table).assign(**{key: zone}))
+        parts.append((_in_utc(table) if with_clock and len(set(aware)) > 1 else table).assign(**{key: zone}))
     if not parts:
         return pd.DataFrame(columns=[key]), failed
     made = pd.concat(parts)
