@@ -221,8 +221,8 @@ def tables(n_zones: int, n_short: int) -> None:
 
 
 def slope(zones: pd.Series, memory: pd.Series) -> float:
-    """Growth of memory per zone [MB]."""
-    return float((memory.iloc[-1] - memory.iloc[0]) / max(zones.iloc[-1] - zones.iloc[0], 1))
+    """Growth of memory per zone [MB], at least 0."""
+    return max(0.0, float(memory.iloc[-1] - memory.iloc[0])) / max(zones.iloc[-1] - zones.iloc[0], 1)
 
 
 def main() -> None:
