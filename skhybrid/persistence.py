@@ -1,8 +1,7 @@
 """Model files that hold only data: reading a file executes nothing in it.
 
-A file is one line of text, with the version and a checksum, followed by a ``skops`` archive.  pandas objects and this
-package's own objects are written as plain data and rebuilt from it, so a file can only name those types and the ones
-that ``skops`` itself trusts (NumPy, scikit-learn).
+A file is one line of text, with the version and a checksum, followed by a ``skops`` archive.  pandas objects and those
+of this package are written as plain data, so a file can only name these types and those that ``skops`` itself trusts.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from sklearn.utils.validation import check_is_fitted
 from . import __version__
 from ._archive import MOST_BYTES, check_archive, is_tight
 from ._files import atomic_path
+from ._packed import pack, unpack
 from ._skops import import_skops
 from ._warnings import first_sentence
 from .exceptions import ModelFileError
@@ -39,7 +39,7 @@ _HOLDERS = re.compile(
     r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
-_MOST_ROWS = 10**8  # of an index that is not written out
+_MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
     "sklearn.metrics._scorer._PassthroughScorer",
@@ -225,7 +225,8 @@ def _array_to_data(value: Any, where: str) -> Any:
     if isinstance(value, np.ndarray) and value.dtype == object:
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value.ravel())]
         return {_MARK: "objects", "shape": list(value.shape), "items": items}
-    return value
+    packed = pack(value)
+    return value if packed is None else {_MARK: packed[0], **packed[1]}
 
 
 def _own_to_data(value: Any, where: str) -> dict[str, Any]:
@@ -264,6 +265,8 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
         raise ValueError(f"the items of a {kind} are not a list")  # a range of 10**12 would be unfolded
     if kind in _PANDAS:
         return _PANDAS[kind][2](**parts)
+    if kind in ("planes", "symmetric"):
+        return unpack(kind, parts)
     if kind == "dict":
         return {k: v for k, v in parts["pairs"]}  # noqa: C416 -- dict(pairs) would accept pairs of any type
     if kind == "sequence":
@@ -306,11 +309,16 @@ def _tz(value: Any) -> str | None:
 
 def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
     freq = None if value.freq is None else value.freq.freqstr
-    return {"ns": value.as_unit("ns").asi8, "unit": value.unit, "tz": _tz(value), "freq": freq, "name": value.name}
+    ns: Any = value.as_unit("ns").asi8
+    if 2 < len(ns) <= _MOST_STAMPS and len(steps := np.unique(np.diff(ns))) == 1 and steps[0] > 0:
+        ns = pd.RangeIndex(ns[0], ns[-1] + 1, steps[0])
+    return {"ns": ns, "unit": value.unit, "tz": _tz(value), "freq": freq, "name": value.name}
 
 
 def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
-    made = pd.DatetimeIndex(ns.view("M8[ns]")).as_unit(unit)
+    if isinstance(ns, pd.RangeIndex) and len(ns) > _MOST_STAMPS:
+        raise ValueError(f"an index has more than {_MOST_STAMPS:,} stamps")
+    made = pd.DatetimeIndex(np.asarray(ns, dtype=np.int64).view("M8[ns]")).as_unit(unit)
     made = made if tz is None else made.tz_localize("UTC").tz_convert(tz)
     return pd.DatetimeIndex(made, freq=freq, name=name)
 

@@ -789,7 +789,8 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
 
 
 COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "serve",
-            "demo", "export", "zone init", "zone tick", "zone status", "export emhass"}  # fmt: skip
+            "demo", "export", "zone init", "zone tick", "zone status", "export emhass",
+            "fleet", "fleet fit", "fleet tick", "fleet status"}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "schedule": {"filtering", "thermal", "control"},
     "forecasting": {"filtering"},
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
-    "persistence": {"_archive", "_files", "_skops"},
+    "persistence": {"_archive", "_files", "_packed", "_skops"},
     "preprocessing": set(),
     "logs": {"preprocessing"},
     "datasets": {"thermal", "preprocessing", "logs"},
@@ -40,10 +40,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
+    "fleet": {"forecasting", "hybrid", "persistence", "model_selection", "study"},
     "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
-        "model_selection", "inspection", "study", "zone", "server",
+        "model_selection", "inspection", "study", "zone", "fleet", "server",
     },
 }  # fmt: skip
 #: these may import less than BASE.
@@ -58,6 +59,7 @@ STRICT = {
     "_threads": set(),
     "_transaction": set(),
     "_archive": set(),
+    "_packed": set(),
     "_skops": set(),
     "_ranges": {"_warnings", "exceptions"},
     "_target": set(),
@@ -68,7 +70,7 @@ STRICT = {
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
-READERS = {"model_selection", "inspection", "study", "zone", "server", "cli"}
+READERS = {"model_selection", "inspection", "study", "zone", "fleet", "server", "cli"}
 _BAYES = (
     "identification/uncertainty/posterior.py",
     "model_selection/choice/pattern_expressiveness.py",
@@ -85,7 +87,7 @@ HOMES = {
     "holidays": ("_holidays.py",),
     "click": ("cli/",),
     "openpyxl": ("logs/spreadsheet.py",),
-    "pyarrow": ("logs/columnar.py",),
+    "pyarrow": ("logs/columnar.py", "fleet/zone_rows.py"),
     "sqlalchemy": ("logs/sql_table.py",),
     "fastapi": ("server/app.py",),
     "starlette": ("server/app.py", "server/guard.py"),

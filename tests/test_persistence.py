@@ -312,3 +312,29 @@ def test_a_place_that_cannot_be_written_is_named(saved, monkeypatch):
         save_model(model, path)
     assert path.read_bytes() == old
     assert len(list(path.parent.iterdir())) == 1
+
+
+def test_large_arrays_and_even_stamps_come_back_bit_for_bit(tmp_path):
+    rng = np.random.default_rng(0)
+    gram = (lambda a: a.T @ a)(rng.normal(size=(50, 40)))
+    gram[0, 1] = gram[1, 0] = np.nan
+    arrays = {
+        "symmetric": gram,
+        "stack": rng.normal(size=(20, 30, 4)),
+        "other order": np.asfortranarray(rng.normal(size=(40, 40))),
+        "nearly symmetric": np.where(np.arange(1600).reshape(40, 40) == 7, -0.0, np.zeros((40, 40))),
+    }
+    index = pd.date_range("2024-03-30 22:00", periods=200, freq="15min", tz="Europe/Amsterdam").as_unit("s")
+    model = ARXRegressor(columns={"values": arrays, "index": [index, index[::-1], index[[0, 1, 3]]]})
+    model.sampling_time_ = 1  # what counts as fitted
+    model._tail = 1
+    save_model(model, tmp_path / "m")
+    found = load_model(tmp_path / "m").columns
+    for name, value in arrays.items():
+        back = found["values"][name]
+        assert (back.tobytes("A"), back.shape, back.flags.c_contiguous) == (
+            value.tobytes("A"), value.shape, value.flags.c_contiguous,
+        ), name  # fmt: skip
+        assert back.flags.writeable
+    for back, given in zip(found["index"], [index, index[::-1], index[[0, 1, 3]]], strict=True):
+        pd.testing.assert_index_equal(back, given, exact=True)

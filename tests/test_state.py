@@ -29,6 +29,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.datasets import make_office
+from skhybrid.fleet import ZoneFleet
 from skhybrid.forecasting import BoostedRegressor, forecaster
 from skhybrid.model_selection import DesignMatrixSearchCV, PatternExpressiveness, RobustnessComparison, design_matrix
 from skhybrid.model_selection.choice import pattern_expressiveness, robustness_comparison
@@ -66,6 +67,8 @@ if find_spec("torch") and find_spec("skorch"):
     CASES["network"] = DisturbanceForecaster("lstm", max_epochs=2, hidden_size=3, random_state=0)
 #: their posterior takes seconds to sample; see the last test
 SAMPLED = {PatternExpressiveness, RobustnessComparison}
+#: takes tables of many zones, and keeps its models in files; see test_fleet.py
+FLEETS = {ZoneFleet}
 TRANSFORMERS = {"units", "gaps", "facades"}
 TRAIN, AHEAD = slice(0, 240), slice(240, 288)
 
@@ -78,7 +81,7 @@ def test_every_estimator_of_the_package_is_here():
             found |= {c for c in members if isinstance(c, type) and issubclass(c, BaseEstimator)}
     found = {c for c in found if c.__module__.startswith("skhybrid.")}
     bases = {base for c in found for base in c.__mro__[1:]}
-    assert found - bases == {type(model) for model in CASES.values()} | SAMPLED
+    assert found - bases == {type(model) for model in CASES.values()} | SAMPLED | FLEETS
 
 
 @pytest.fixture(scope="module")

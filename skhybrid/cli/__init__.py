@@ -32,6 +32,7 @@ _COMMANDS = (
     "report",
     "search",
     "zone",
+    "fleet",
     "serve",
     "export",
     "demo",

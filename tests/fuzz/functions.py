@@ -242,4 +242,5 @@ NOT_CALLED = {
         ("ZoneModel", "ZoneFolder", "DayAhead", "day_ahead", "to_left_label"), "of the tables that read_log returns"
     ),
     **dict.fromkeys(("emhass_parameters", "EmhassExport"), "reads a fitted gray box and settings"),
+    **dict.fromkeys(("ZoneFleet", "FleetFolder", "FleetTick"), "takes many zones; see test_fleet.py"),
 }

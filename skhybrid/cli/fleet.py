@@ -1,0 +1,105 @@
+"""``skhybrid fleet``: many zones in one folder, each with its own model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._options import as_command, print_json
+from ._output import DONE, Progress
+
+_DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+_JOBS = click.option("--jobs", type=int, default=None, metavar="N", help="Number of processes; -1 uses every core.")
+_MOST_SHOWN = 20
+
+
+@as_command("fit", "skhybrid fleet fit houses --jobs -1")
+@_DIR
+@_JOBS
+def fit(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+    """Fit a model per zone of DIR/data.
+
+    DIR/data is a Parquet dataset with a folder per zone, such as data/zone=kitchen.  DIR/fleet.toml is made where there
+    is none.  Zones without new rows are not fitted again, so a fit that was stopped goes on where it was.
+    """
+    from ..fleet import FleetFolder
+
+    say(1, 1, "fitting the zones")
+    fleet = FleetFolder(folder, jobs).fit()
+    _tell(fleet.errors_, say)
+    _show({"folder": str(folder), "zones": len(fleet.zones_), "failed": len(fleet.errors_)}, fleet.errors_, as_json)
+    return DONE
+
+
+@as_command("tick", "skhybrid fleet tick houses")
+@_DIR
+@_JOBS
+def tick(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+    """Take in new rows of DIR/data and forecast (for cron).
+
+    What was measured since is taken in, and the rows after the last temperature are forecast: they hold the weather to
+    come, and heat or set-points.  The forecasts of all zones are written to DIR/forecast.parquet.
+    """
+    from ..fleet import FleetFolder
+
+    found = FleetFolder(folder, jobs).tick()
+    _tell(found.errors, say)
+    key = str(found.forecast.columns[0])
+    facts = {"forecast zones": int(found.forecast[key].nunique()), "rows": len(found.forecast)}
+    _show({**facts, "failed": len(found.errors)}, found.errors, as_json)
+    return DONE
+
+
+@as_command("status", "skhybrid fleet status houses")
+@_DIR
+@_JOBS
+def status(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+    """Show how each zone is doing, the worst first.
+
+    The page DIR/status.html has all zones, each with a small chart.
+    """
+    from ..fleet import FleetFolder
+
+    made = FleetFolder(folder, jobs)
+    table = made.status()
+    if as_json:
+        print_json(table.to_dict("records"))
+        return DONE
+    shown = table.head(_MOST_SHOWN).drop(columns="reasons")
+    print(shown.to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
+    if len(table) > _MOST_SHOWN:
+        print(f"and {len(table) - _MOST_SHOWN} more")
+    print(f"see {made.page}")
+    return DONE
+
+
+class _InOrder(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)  # as a user needs them, not by the alphabet
+
+
+command = _InOrder(
+    "fleet",
+    commands=[fit, tick, status],
+    help="Keep a folder of many zones: data, models and forecasts.",
+    epilog="\b\nExample:\n  skhybrid fleet fit houses",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=False,
+)
+
+
+def _tell(errors: Mapping[Any, str], say: Progress) -> None:
+    for zone, why in list(errors.items())[:_MOST_SHOWN]:
+        say.warn(f"{zone}: {why}")
+    if len(errors) > _MOST_SHOWN:
+        say.warn(f"and {len(errors) - _MOST_SHOWN} more zones")
+
+
+def _show(found: dict[str, Any], errors: Mapping[Any, str], as_json: bool) -> None:
+    if as_json:
+        print_json({**found, "errors": {str(zone): why for zone, why in errors.items()}})
+    else:
+        print("\n".join(f"{name}: {value}" for name, value in found.items()))

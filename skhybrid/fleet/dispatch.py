@@ -1,0 +1,85 @@
+"""Calls per zone on joblib's workers, here or on a cluster: a zone that fails costs itself alone."""
+
+from __future__ import annotations
+
+import errno
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from joblib import delayed
+
+from .._threads import one_blas_thread
+from ..model_selection.search.workers import Workers
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # what every further zone would meet too
+#: classes of the errors by which engines tell that a worker died: those of joblib, Dask and Ray
+_DEATHS = {"BrokenExecutor", "KilledWorker", "RayActorError", "WorkerCrashedError", "OutOfMemoryError"}
+
+
+class Outcome(NamedTuple):
+    """The result of a call for one zone, or its error."""
+
+    zone: str
+    value: Any = None
+    error: str | None = None
+    warnings: tuple[str, ...] = ()
+    stop: OSError | None = None  # an error that ends the fleet's work
+
+
+@one_blas_thread
+def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> Outcome:
+    """Call for a zone; its errors and warnings are part of the outcome."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        value, error, stop = None, None, None
+        try:
+            value = call(*given, **named)
+        except OSError as failure:
+            error, stop = str(failure), failure if failure.errno in _FULL else None
+        except Exception as failure:  # whatever it is, the other zones go on
+            error = str(failure) or type(failure).__name__
+    texts = dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, UserWarning))
+    return Outcome(zone, value, error, tuple(texts), stop)
+
+
+def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs: int | None) -> Iterator[Outcome]:
+    """Outcomes of calls (function, arguments) by zone, as they are finished.
+
+    Where a worker dies, the zones in work are tried once more, one at a time: the one that kills its worker again has
+    failed.
+    """
+    waiting, suspects = dict(calls), dict.fromkeys(calls, False)
+    while waiting:
+        alone = next((zone for zone in waiting if suspects[zone]), None)
+        if alone is not None and all(suspects[zone] for zone in waiting):
+            batch = {alone: waiting[alone]}
+        else:
+            batch = {zone: call for zone, call in waiting.items() if not suspects[zone]}
+        begun: set[str] = set()
+        try:
+            with Workers(n_jobs) as workers:
+                for outcome in workers.run(_tasks(batch, begun)):
+                    begun.discard(outcome.zone)
+                    del waiting[outcome.zone]
+                    if outcome.stop is not None:
+                        raise outcome.stop
+                    yield outcome
+        except Exception as error:
+            if not {base.__name__ for base in type(error).__mro__} & _DEATHS:
+                raise
+            if len(batch) == 1 and suspects[next(iter(batch))]:
+                del waiting[next(iter(batch))]
+                yield Outcome(next(iter(batch)), error=_DIED)
+            suspects |= dict.fromkeys(begun, True)
+
+
+_DIED = (
+    "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
+)
+
+
+def _tasks(batch: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], begun: set[str]) -> Iterator[Any]:
+    for zone, (call, given) in batch.items():
+        begun.add(zone)
+        yield delayed(attempt)(zone, call, *given)

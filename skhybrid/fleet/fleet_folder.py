@@ -1,0 +1,133 @@
+"""A folder with the data, the configuration and the models of a fleet."""
+
+from __future__ import annotations
+
+import tomllib
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from .._files import atomic_path
+from .._time import positive_duration
+from ..forecasting import ARXRegressor
+from ..hybrid import HybridPredictor
+from .zone_fleet import ZoneFleet
+
+_KEYS = {"key", "days", "fallback", "estimator"}
+_DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
+EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet
+key = "zone"       # name of these folders
+days = 56          # of training, at the end of the data
+fallback = true    # an ARX model of zones for which the estimator cannot be fitted
+
+[estimator]        # parameters of skhybrid.HybridPredictor
+horizon = "1D"
+# known = {Q_h = 6.0, Q_c = -6.0}   # capacities [kW] at stage 1, the same in all zones
+"""
+
+
+class FleetTick(NamedTuple):
+    """The result of a tick.
+
+    Parameters
+    ----------
+    forecast : DataFrame, the forecasts of all zones
+    errors : dict, why zones failed
+    """
+
+    forecast: pd.DataFrame
+    errors: dict[str, str]  # by zone
+
+
+class FleetFolder:
+    """A folder that holds ``data/`` (a Parquet dataset), ``fleet.toml``, ``store/`` and what commands write.
+
+    Parameters
+    ----------
+    path : path-like
+    n_jobs : int, optional
+        Number of processes.
+    """
+
+    def __init__(self, path: str | PathLike[str], n_jobs: int | None = None) -> None:
+        self.path, self.n_jobs = Path(path), n_jobs
+        self.data, self.config, self.store = (self.path / name for name in ("data", "fleet.toml", "store"))
+        self.forecast, self.page = self.path / "forecast.parquet", self.path / "status.html"
+
+    def fit(self) -> ZoneFleet:
+        """Fit every zone of the data that has new rows, and the others not again.
+
+        Raises
+        ------
+        ValueError, OSError
+            If there are no data, the configuration is refused, or as :meth:`ZoneFleet.fit`.
+        """
+        if not self.data.is_dir():
+            raise FileNotFoundError(
+                f"{self.path} has no folder data; put a Parquet dataset there, with a folder per zone such as "
+                "data/zone=kitchen."
+            )
+        if not self.config.exists():
+            with atomic_path(self.config) as made:
+                made.write_text(EXAMPLE, encoding="utf-8")
+        fleet, days = self.read()
+        return fleet.fit(self.data, last=days)
+
+    def tick(self) -> FleetTick:
+        """Take in what was measured since, forecast the rows after it, and write ``forecast.parquet``.
+
+        Raises
+        ------
+        ValueError, OSError
+            As :meth:`ZoneFleet.tick`.
+        """
+        fleet, _ = self.read()
+        found = fleet.tick(self.data)
+        with atomic_path(self.forecast) as made:
+            found.to_parquet(made)
+        return FleetTick(found, {str(zone): why for zone, why in fleet.errors_.items()})
+
+    def status(self) -> pd.DataFrame:
+        """The status of every zone, the worst first, and the page ``status.html``."""
+        return self.read()[0].status(page=self.page)
+
+    def read(self) -> tuple[ZoneFleet, pd.Timedelta]:
+        """The fleet of the configuration, and how many days its models learn from.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            If there is no configuration, or it cannot be used.
+        """
+        if not self.config.exists():
+            raise FileNotFoundError(f"{self.path} holds no fleet; make it with skhybrid fleet fit {self.path}.")
+        try:
+            given = tomllib.loads(self.config.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{self.config} cannot be read ({error}); correct it.") from None
+        self._refuse_unknown(given)
+        params = given.get("estimator", {})
+        fallback = ARXRegressor(columns=params.get("columns")) if given.get("fallback", True) else None
+        days = positive_duration(pd.Timedelta(days=given.get("days", _DAYS)), "days")
+        fleet = ZoneFleet(
+            HybridPredictor(**params), given.get("key", "zone"), store=self.store, fallback=fallback, n_jobs=self.n_jobs
+        )
+        return fleet, days
+
+    def _refuse_unknown(self, given: dict[str, Any]) -> None:
+        known = HybridPredictor().get_params(deep=False)
+        tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
+        for where, table, names in tables:
+            if not isinstance(table, dict):
+                raise ValueError(f"estimator in {self.config} is no table; write its parameters below [estimator].")
+            for name in table:
+                if name not in names:
+                    raise ValueError(
+                        f"{where}{name} in {self.config} is unknown; use one of {', '.join(sorted(names))}."
+                    )
+        kinds = {"key": str, "days": int | float, "fallback": bool}
+        for name, kind in kinds.items():
+            if name in given and (not isinstance(given[name], kind) or (name == "days" and given[name] is True)):
+                raise ValueError(f"{name} = {given[name]!r} in {self.config} is of the wrong type; see its example.")

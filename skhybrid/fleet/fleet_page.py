@@ -1,0 +1,111 @@
+"""The page of a fleet: a table, and a small chart per zone, the worst first; HTML without scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._files import atomic_path
+from ..study.report.html import html_cards, html_page, html_table
+from ..study.verdict import CARE, NOT, USABLE
+
+_MOST_CHARTS = 200  # of the worst zones: more would make a page of many megabytes
+_WIDTH, _HEIGHT = 240.0, 80.0  # of a chart
+_KINDS = {USABLE: "fine", CARE: "care", NOT: "not"}
+_STYLE = """<style>
+.zones { display: grid; grid-template-columns: repeat(auto-fill, minmax(16rem, 1fr)); gap: 0.7rem; }
+.zone { border: 1px solid var(--line); border-radius: 8px; padding: 0.5rem 0.8rem; min-width: 0; }
+.zone b { overflow-wrap: anywhere; } .zone p { margin: 0.2rem 0; font-size: 0.84rem; overflow-wrap: anywhere; }
+.zone svg { width: 100%; height: auto; display: block; } .zone.fine { border-left: 6px solid #009e73; }
+.zone.care { border-left: 6px double #e69f00; } .zone.not { border-left: 6px dashed #d55e00; }
+.band { fill: var(--mark); opacity: 0.2; } .made { stroke: var(--mark); fill: none; stroke-width: 1.6;
+  stroke-dasharray: 4 2; } .seen { stroke: var(--ink); fill: none; stroke-width: 1.6; }
+.zone text { fill: var(--soft); font-size: 9px; }
+</style>
+"""
+
+
+def write_page(path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[str, pd.DataFrame], key: str) -> None:
+    """Write the status of a fleet as one HTML file, in one step."""
+    counts = table["verdict"].value_counts()
+    cards = [(str(counts.get(level, 0)), f"zones: {level}") for level in (NOT, CARE, USABLE)]
+    yesterday = table["rmse_yesterday"].dropna()
+    if len(yesterday):
+        cards.append((f"{yesterday.median():.2f} K", "median error of the last day's forecasts"))
+    shown = [_zone(row, recent.get(str(row[key])), key) for _, row in table.head(_MOST_CHARTS).iterrows()]
+    more = f" The {_MOST_CHARTS} worst of {len(table)} are shown." if len(table) > _MOST_CHARTS else ""
+    sections = [
+        f'<p class="soft">skhybrid: day-ahead forecasts of a fleet</p><h1>{len(table)} zones</h1>\n{html_cards(cards)}',
+        "<h2>Zones, the worst first</h2>\n<p>Line: measured temperature. Dashes: its forecast, with the interval that "
+        f"should hold 80 % of the measurements.{more}</p>\n" + f'<div class="zones">{"".join(shown)}</div>',
+        "<h2>Errors</h2>\n" + _errors(table.head(_MOST_CHARTS), key),
+    ]
+    with atomic_path(path) as made:
+        made.write_text(html_page("Fleet: status", sections, _STYLE), encoding="utf-8")
+
+
+def _zone(row: pd.Series, recent: pd.DataFrame | None, key: str) -> str:
+    facts = [
+        f"error {row['rmse_yesterday']:.2f} K yesterday" if np.isfinite(row["rmse_yesterday"]) else "",
+        f"{row['rmse_training']:.2f} K in training" if np.isfinite(row["rmse_training"]) else "",
+        f"{row['coverage']:.0%} in the interval" if np.isfinite(row["coverage"]) else "",
+    ]
+    chart = "" if recent is None else _chart(recent)
+    return (
+        f'<div class="zone {_KINDS[row["verdict"]]}"><b>{escape(str(row[key]))}</b>: {escape(row["verdict"])}{chart}'
+        f"<p>{', '.join(filter(None, facts))}</p>"
+        f'<p class="soft">{escape(row["reasons"])}</p></div>'
+    )
+
+
+def _chart(recent: pd.DataFrame) -> str:
+    """Measured and forecast temperature as a drawing of two lines and a band."""
+    lines = recent.reindex(columns=["y_true", "y_pred", "q_0.1", "q_0.9"]).to_numpy(dtype=float)
+    if len(lines) < 2 or not np.isfinite(lines).any():
+        return ""
+    low, high = np.nanmin(lines), np.nanmax(lines)
+    x = np.linspace(0.0, _WIDTH, len(lines))
+    y = _HEIGHT - 4.0 - (lines - low) / max(high - low, 0.1) * (_HEIGHT - 8.0)
+    known = np.isfinite(y[:, 2:]).all(axis=1)
+    around = [*zip(x[known], y[known, 3], strict=True), *list(zip(x[known], y[known, 2], strict=True))[::-1]]
+    band = f'<polygon class="band" points="{_points(around)}"/>' if len(around) > 2 else ""
+    drawn = "".join(
+        f'<path class="{kind}" d="{_path(x, y[:, k])}"/>' for k, kind in ((0, "seen"), (1, "made")) if _path(x, y[:, k])
+    )
+    text = f"{low:.1f} to {high:.1f} °C, {recent.index[0]} to {recent.index[-1]}"
+    return (
+        f'<svg viewBox="0 0 {_WIDTH:g} {_HEIGHT + 12:g}" role="img" aria-label="{escape(text)}">{band}{drawn}'
+        f'<text x="0" y="{_HEIGHT + 9:g}">{_date(recent.index[0])}</text>'
+        f'<text x="{_WIDTH:g}" y="{_HEIGHT + 9:g}" text-anchor="end">{low:.1f}–{high:.1f} °C</text></svg>'
+    )
+
+
+def _path(x: np.ndarray, y: np.ndarray) -> str:
+    """A line that is broken where values are missing."""
+    known = np.isfinite(y)
+    moves = known & ~np.concatenate([[False], known[:-1]])
+    return "".join(f"{'M' if moves[i] else 'L'}{x[i]:.1f} {y[i]:.1f}" for i in np.flatnonzero(known))
+
+
+def _points(pairs: Any) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs)
+
+
+def _date(stamp: Any) -> str:
+    return f"{stamp:%d %b %H:%M}" if isinstance(stamp, pd.Timestamp) else ""
+
+
+def _errors(table: pd.DataFrame, key: str) -> str:
+    heads = (key, "yesterday [K]", "training [K]", "in interval", "drift", "last row")
+    rows = []
+    for _, row in table.iterrows():
+        numbers = [f"{row[c]:.2f}" if np.isfinite(row[c]) else "–" for c in ("rmse_yesterday", "rmse_training")]
+        inside = f"{row['coverage']:.0%}" if np.isfinite(row["coverage"]) else "–"
+        last = "–" if row["last_row"] is pd.NaT else str(row["last_row"])
+        rows.append((str(row[key]), *numbers, inside, "yes" if row["drift"] else "no", last))
+    return html_table(heads, rows)

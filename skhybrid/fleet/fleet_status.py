@@ -1,0 +1,84 @@
+"""Status of the zones of a fleet: errors, drift and a verdict for each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..study.doubts import at_ends, drift_days, drifted
+from ..study.verdict import CARE, NOT, USABLE, compare_errors, judge
+from .model_store import ModelStore
+
+_ORDER = (NOT, CARE, USABLE)
+_OLD = pd.Timedelta("1D")  # by how much the last row of a zone may be older than the newest of the fleet
+COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
+
+
+class ZoneStatus(NamedTuple):
+    """A row of the status, and the last measured and forecast temperatures of the zone."""
+
+    row: dict[str, Any]
+    recent: pd.DataFrame  # y_true, y_pred and quantiles
+
+
+def zone_status(zone: str, store: str) -> ZoneStatus:
+    """The status of a zone."""
+    model, journal = ModelStore(store).load(zone)
+    facts, days = journal.facts, pd.DataFrame(journal.facts["days"])
+    fallback = [] if facts["fallback"] is None else [f"the fallback forecasts it, because {facts['fallback']}"]
+    watched = drift_days(model) if hasattr(model, "drift") else pd.DataFrame()
+    doubts = [*fallback, *drifted(watched), *(at_ends(model.gray_box_) if hasattr(model, "gray_box_") else ())]
+    rules, coverage = [], None
+    if len(days):
+        errors = days[["rmse", "rule"]].astype(float)
+        rules = [compare_errors(errors["rmse"], errors["rule"], days["day"], "yesterday's temperature")]
+        inside = days["inside"].astype(float)
+        coverage = (
+            float(np.average(inside.dropna(), weights=days["n"][inside.notna()])) if inside.notna().any() else None
+        )
+    verdict = judge("temperature", rules, n_origins=len(days), coverage=coverage, doubts=doubts)
+    row = {
+        "verdict": verdict.level,
+        "last_row": pd.Timestamp(facts["until"]) if facts["until"] else pd.NaT,
+        "rmse_yesterday": float(days["rmse"].iloc[-1]) if len(days) else np.nan,
+        "rmse_training": np.nan if facts["training_rmse"] is None else facts["training_rmse"],
+        "coverage": np.nan if coverage is None else coverage,
+        "drift": bool(len(watched) and watched["drifted"].iloc[-1]),
+        "reasons": "; ".join(verdict.reasons),
+    }
+    return ZoneStatus(row, pd.concat([journal.scored, journal.ahead]))
+
+
+def status_table(
+    found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key: str
+) -> tuple[pd.DataFrame, dict[str, pd.DataFrame]]:
+    """One row per zone, the worst first, and the recent rows of each; zones that failed are not usable."""
+    rows = {zone: dict(one.row) for zone, one in found.items()}
+    stamps = {z: _in_utc(row["last_row"]) for z, row in rows.items() if row["last_row"] is not pd.NaT}
+    for zone, stamp in stamps.items():
+        age = max(stamps.values()) - stamp
+        if age > _OLD:
+            row, days = rows[zone], age / _OLD
+            row["reasons"] = f"its last row is {days:.0f} days older than the newest of the fleet; {row['reasons']}"
+            row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
+    for zone, why in failed.items():
+        if zone in rows and why not in rows[zone]["reasons"]:
+            row = rows[zone]
+            row["reasons"] = f"its last fit failed ({why}); {row['reasons']}"
+            row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
+        elif zone not in rows:
+            rows[zone] = {"verdict": NOT, "last_row": pd.NaT, "drift": False, "reasons": why}
+    table = pd.DataFrame([{key: zone, **row} for zone, row in rows.items()], columns=[key, *COLUMNS])
+    numbers = ["rmse_yesterday", "rmse_training", "coverage"]
+    table[numbers] = table[numbers].astype(float)
+    grown = (table["rmse_yesterday"] / table["rmse_training"]).fillna(0.0)
+    order = pd.DataFrame({"verdict": table["verdict"].map(_ORDER.index), "grown": -grown, "zone": table[key]})
+    table = table.loc[order.sort_values(["verdict", "grown", "zone"]).index].reset_index(drop=True)
+    return table, {zone: one.recent for zone, one in found.items()}
+
+
+def _in_utc(stamp: pd.Timestamp) -> pd.Timestamp:
+    return stamp.tz_localize("UTC") if stamp.tz is None else stamp.tz_convert("UTC")

@@ -1,0 +1,73 @@
+"""Journal of a zone: what its model has taken in since it was saved, and how its forecasts did."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._files import atomic_path
+
+_FRAMES = ("rows", "ahead", "scored")
+
+
+@dataclass
+class Journal:
+    """Facts and rows of a zone, kept beside its model."""
+
+    facts: dict[str, Any]  # fitted, updated: fingerprints; until; training_rmse; fallback: why; days: errors of each
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # taken in since the model was saved
+    ahead: pd.DataFrame = field(default_factory=pd.DataFrame)  # the last forecast: y_pred and its quantiles
+    scored: pd.DataFrame = field(default_factory=pd.DataFrame)  # y_true, y_pred and quantiles of the last days
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write it to a file, in one step."""
+        frames = {name: _numeric(getattr(self, name)) for name in _FRAMES}
+        kinds = {name: _kind_of(frame) for name, frame in frames.items()}
+        text = json.dumps({"facts": self.facts, "frames": kinds})
+        arrays: dict[str, Any] = {"text": np.array(text)}
+        for name, frame in frames.items():
+            arrays |= {name: frame.to_numpy(dtype=np.float64), f"{name}_index": _numbers_of(frame.index)}
+        with atomic_path(path) as made, open(made, "wb") as file:
+            np.savez(file, **arrays)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Journal:
+        """Read what :meth:`save` wrote."""
+        try:
+            with np.load(path, allow_pickle=False) as found:
+                known = json.loads(str(found["text"]))
+                frames = {n: _frame(found[n], found[f"{n}_index"], known["frames"][n]) for n in _FRAMES}
+                return cls(dict(known["facts"]), **frames)
+        except FileNotFoundError:
+            raise
+        except Exception as error:  # a damaged file can let any part of the reading fail
+            raise ValueError(f"{path} cannot be read as the journal of a zone; remove it and fit again.") from error
+
+
+def _numeric(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.select_dtypes(["number", "bool"])
+
+
+def _kind_of(frame: pd.DataFrame) -> dict[str, Any]:
+    index = frame.index
+    kind: dict[str, Any] = {"columns": [str(column) for column in frame], "name": index.name}
+    if isinstance(index, pd.DatetimeIndex):
+        kind |= {"unit": index.unit, "tz": None if index.tz is None else str(index.tz)}
+    return kind
+
+
+def _numbers_of(index: pd.Index) -> np.ndarray:
+    return index.asi8 if isinstance(index, pd.DatetimeIndex) else np.arange(len(index))
+
+
+def _frame(values: np.ndarray, numbers: np.ndarray, kind: dict[str, Any]) -> pd.DataFrame:
+    index: pd.Index = pd.RangeIndex(len(numbers), name=kind["name"])
+    if "unit" in kind:
+        stamps = pd.DatetimeIndex(numbers.view(f"M8[{kind['unit']}]"), name=kind["name"])
+        index = stamps if kind["tz"] is None else stamps.tz_localize("UTC").tz_convert(kind["tz"])
+    return pd.DataFrame(values, index=index, columns=kind["columns"])

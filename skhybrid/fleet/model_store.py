@@ -1,0 +1,111 @@
+"""Folder with the models of a fleet: two files per zone, each replaced in one step, and a lock."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+from ..model_selection.search.store import check_settings
+from ..persistence import load_model, save_model
+from .journal import Journal
+
+_MODEL, _JOURNAL, _LOCK = ".skops", ".npz", "fleet.sqlite"
+_PATIENCE = 1.0  # how long a fleet waits for another one before it gives up [s]
+_MOST_ROWS = 4000  # taken in since the model was saved, from which on it is saved with them
+
+
+class ModelStore:
+    """Models by the name of their zone; a process that writes to it may be killed at any moment."""
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.path = Path(path)
+
+    def zones(self) -> list[str]:
+        """Names of the zones that have a model."""
+        return sorted(unquote(file.name.removesuffix(_JOURNAL)) for file in self.path.glob(f"[!.]*{_JOURNAL}"))
+
+    def has(self, zone: str) -> bool:
+        """Whether a zone has a model."""
+        return self._file(zone, _JOURNAL).exists()
+
+    def journal(self, zone: str) -> Journal:
+        """The journal of a zone that has a model."""
+        return Journal.load(self._file(zone, _JOURNAL))
+
+    def load(self, zone: str) -> tuple[Any, Journal]:
+        """The model of a zone, which has taken in the rows of its journal where it can, and the journal."""
+        journal = self.journal(zone)
+        model = load_model(self._file(zone, _MODEL))
+        if len(journal.rows) and hasattr(model, "update"):
+            model.update(journal.rows)
+        return model, journal
+
+    def save(self, zone: str, model: Any, journal: Journal) -> None:
+        """Keep a model that holds all rows that its zone has taken in."""
+        self._file(zone, _JOURNAL).unlink(missing_ok=True)  # a zone without one is not finished
+        save_model(model, self._file(zone, _MODEL))
+        journal.save(self._file(zone, _JOURNAL))
+
+    def keep(self, zone: str, model: Any, journal: Journal) -> None:
+        """Keep what a zone has taken in: in the journal alone, as long as that is short."""
+        if len(journal.rows) > _MOST_ROWS:
+            if hasattr(model, "update"):
+                journal.rows = journal.rows[:0]
+                self.save(zone, model, journal)
+                return
+            journal.rows = journal.rows.iloc[-_MOST_ROWS:]
+        journal.save(self._file(zone, _JOURNAL))
+
+    def _file(self, zone: str, kind: str) -> Path:
+        name = quote(zone, safe=" ")
+        return self.path / f"{name.replace('.', '%2E', 1) if name.startswith('.') else name}{kind}"
+
+    def check(self, settings: Mapping[str, str]) -> None:
+        """Refuse a store of other estimators."""
+        if (self.path / _LOCK).exists():
+            with self._open() as database:
+                self._compare(database, settings)
+
+    @contextmanager
+    def locked(self, settings: Mapping[str, str]) -> Iterator[None]:
+        """Let no other fleet write meanwhile; SQLite's lock vanishes with its process."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        with self._open() as database:
+            database.execute("BEGIN IMMEDIATE")
+            database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
+            known = self._compare(database, settings)
+            if not known:
+                database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
+            database.execute("COMMIT")  # a kill must not lose them
+            database.execute("BEGIN IMMEDIATE")
+            for left in self.path.glob(".*.*"):  # of processes that were killed
+                left.unlink(missing_ok=True)
+            yield
+
+    def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:
+        try:
+            known = dict(database.execute("SELECT name, value FROM setting"))
+        except sqlite3.OperationalError as error:
+            if "no such table" not in str(error):
+                raise
+            known = {}
+        check_settings(str(self.path), known, settings)
+        return known
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        path = self.path / _LOCK
+        try:
+            with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as database:
+                yield database
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                raise BlockingIOError(
+                    f"another fleet is at work in {self.path}; wait until it has ended, or give another store."
+                ) from None
+            raise OSError(f"{path} cannot be used ({error}); check the disk, or give another store.") from error

@@ -1,0 +1,342 @@
+"""``ZoneFleet``: one fitted model per zone, for any number of zones."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from os import PathLike
+from typing import Any, Self
+
+import pandas as pd
+from sklearn.base import BaseEstimator
+from sklearn.exceptions import NotFittedError
+
+from .. import __version__
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
+from ..model_selection.search.fingerprint import as_plain
+from ..model_selection.search.store import VERSION
+from .dispatch import Outcome, run
+from .fleet_page import write_page
+from .fleet_status import status_table, zone_status
+from .long_table import joined
+from .model_store import ModelStore
+from .zone_jobs import (
+    backtest_zone,
+    fit_zone,
+    forecast_zone,
+    predict_zone,
+    score_zone,
+    tick_zone,
+    update_zone,
+)
+from .zone_rows import ZoneFiles, zone_files
+
+_UNFITTED = "the store has no model of it; fit it first."
+
+
+class ZoneFleet(BaseEstimator):
+    """A clone of an estimator per zone, fitted and kept in a folder; a zone that fails does not stop the others.
+
+    ``X`` is one of: a long table whose column ``key`` names the zone of each row; the path of a Parquet dataset with a
+    folder per zone (``DIR/zone=kitchen/*.parquet``, time as index or in the column ``time``); tables, each with the
+    column ``key``; or pairs of a zone and its table.  ``y`` is aligned with a long table; without it, and for the other
+    kinds, it is the column ``T_za``.  Each zone may have its own step and time zone.  Methods return one long table
+    with the columns that the estimator gives, and the key.
+
+    Work is spread by joblib: over ``n_jobs`` processes, or a cluster by ``joblib.parallel_config(backend="dask")`` or
+    ``"ray"``.  Workers read rows and models from files, so all must see the store and the dataset; tables are first
+    written to the folder for temporary files.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Such as :class:`~skhybrid.HybridPredictor`.
+    key : str, default="zone"
+        Column of a long table, or name of the folders of a dataset.
+    store : path-like, optional
+        Folder of the models.  A fit that was killed goes on where it was: zones with the same rows are not fitted
+        again.  Another fleet can use the models without a fit.  None: a temporary folder, removed with the fleet.
+    fallback : estimator, optional
+        Simple model, such as :class:`~skhybrid.ARXRegressor`, of zones for which ``estimator`` cannot be fitted.
+    n_jobs : int, optional
+        Number of processes, as joblib counts them.
+
+    Attributes
+    ----------
+    errors_ : dict
+        By zone, why it could not be fitted, also where the fallback took over, or why the last call failed for it.
+    warnings_ : dict
+        By zone, the warnings of the last call.
+    zones_ : list of str
+        Names of the zones that have a model.
+    store_ : str
+        The folder of the models.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhybrid import ARXRegressor
+    >>> from skhybrid.datasets import make_office
+    >>> from skhybrid.fleet import ZoneFleet
+    >>> offices = {name: make_office(n_days=8, sampling_time="1h", random_state=i).X for i, name in enumerate("ab")}
+    >>> X = pd.concat([rows.assign(zone=name) for name, rows in offices.items()])
+    >>> fleet = ZoneFleet(ARXRegressor()).fit(X)
+    >>> fleet.predict(X).columns.tolist()
+    ['zone', 'T_za']
+    """
+
+    def __init__(
+        self, estimator: Any, key: str = "zone", *, store: Any = None, fallback: Any = None, n_jobs: int | None = None
+    ) -> None:
+        self.estimator = estimator
+        self.key = key
+        self.store = store
+        self.fallback = fallback
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Any, y: Any = None, *, last: Any = None) -> Self:
+        """Fit a clone per zone; zones that the store holds with the same rows and parameters are left as they are.
+
+        Rows after the last measurement are left out where the target is the column ``T_za``: they are plans.
+
+        Parameters
+        ----------
+        X : DataFrame, path-like, or iterable of DataFrame or of (zone, DataFrame)
+        y : array-like of shape (n_rows,), optional
+            Measured zone temperature [degC], aligned with a long table.
+        last : timedelta-like, optional
+            Learn from this span at the end of each zone only.
+
+        Raises
+        ------
+        ValueError
+            If no zone can be fitted, X has no zones, or the store is of another estimator.
+        OSError
+            If the disk is full, or another fleet is at work in the store; finished zones are kept.
+        """
+        before, self.store_ = getattr(self, "store_", None), self._folder()
+        self._fit_errors: dict[Any, str] = {}
+        self.errors_: dict[Any, str] = {}
+        with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
+            calls = {zone: (path,) for zone, path in files.paths.items()}
+            found = self._run(fit_zone, calls, files, (self.estimator, self.fallback, last), fitting=True)
+        whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
+        self.errors_ = self._fit_errors = {**self.errors_, **whys}
+        if self.errors_:
+            zone, why = next(iter(self.errors_.items()))
+            taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
+            warn_user(
+                f"{len(self.errors_)} of {len(found)} zones could not be fitted{taken} (see errors_), the first "
+                f"{zone}: {why}",
+                SkhybridWarning,
+            )
+        if self.store is None and before is not None:
+            shutil.rmtree(before, ignore_errors=True)
+        return self
+
+    def predict(self, X: Any) -> pd.DataFrame:
+        """Forecast every row, as the estimator's ``predict`` does.
+
+        Parameters
+        ----------
+        X : as in :meth:`fit`
+
+        Returns
+        -------
+        DataFrame with the stamps of X
+            The key and ``T_za`` [degC].
+        """
+        return self._table(predict_zone, X, None)
+
+    def forecast(
+        self,
+        history: Any,
+        future: Any,
+        T_za: float | None = None,
+        setpoint: Any = None,
+        quantiles: Sequence[float] | None = None,
+    ) -> pd.DataFrame:
+        """Forecast rows ahead, as the estimator's ``forecast`` does.
+
+        An estimator without ``forecast`` forecasts the temperature by ``predict_from``.
+
+        Parameters
+        ----------
+        history, future : as X in :meth:`fit`
+            Rows up to the origin, and those after it; ``history=None``: all that is known from fit and update.
+        T_za, setpoint, quantiles
+            As in :meth:`skhybrid.HybridPredictor.forecast`, for all zones.
+
+        Returns
+        -------
+        DataFrame with the stamps of future
+            The key and the columns of the estimator's forecast, such as ``T_za`` [degC].
+        """
+        given = {"T_za": T_za, "setpoint": setpoint, "quantiles": quantiles}
+        past = nullcontext(None) if history is None else zone_files(history, None, self.key)
+        with zone_files(future, None, self.key) as files, past as before:
+            calls = {z: (path,) if before is None else (path, before.paths.get(z)) for z, path in files.paths.items()}
+            lost = {zone: "history has no rows of it." for zone, paths in calls.items() if None in paths}
+            return self._joined(self._run(forecast_zone, calls, files, (given,), lost=lost), files)
+
+    def update(self, X: Any) -> Self:
+        """Let the models take in new rows, as the estimator's ``update`` does, and score the forecasts of these rows.
+
+        Parameters
+        ----------
+        X : as in :meth:`fit`
+            Rows that follow the known ones, with ``T_za``.  Rows that a zone has just taken in are not taken in again.
+        """
+        with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
+            self._run(update_zone, {zone: (path,) for zone, path in files.paths.items()}, files)
+        return self
+
+    def tick(self, X: Any) -> pd.DataFrame:
+        """Take in what was measured since, and forecast the rows after the last measurement.
+
+        Parameters
+        ----------
+        X : as in :meth:`fit`
+            All rows, or those since the fit; after the last ``T_za`` those ahead, with weather, and plans.
+
+        Returns
+        -------
+        DataFrame with the stamps ahead
+            The key and the columns of the estimator's forecast, with 80 % intervals where they were learned.
+        """
+        with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
+            calls = {zone: (path,) for zone, path in files.paths.items()}
+            return self._joined(self._run(tick_zone, calls, files), files)
+
+    def score(self, X: Any, y: Any = None) -> pd.DataFrame:
+        """Score each zone as the estimator's ``score`` does.
+
+        Parameters
+        ----------
+        X, y : as in :meth:`fit`
+
+        Returns
+        -------
+        DataFrame of the key and ``score``, one row per zone
+        """
+        return self._table(score_zone, X, y).reset_index(drop=True)
+
+    def backtest(self, X: Any, y: Any = None, **settings: Any) -> pd.DataFrame:
+        """Forecast from every origin, as :func:`skhybrid.model_selection.backtest` does.
+
+        Parameters
+        ----------
+        X, y : as in :meth:`fit`
+        **settings
+            ``horizon``, ``origin_step``, ``start``, ``quantiles``, ``whole`` and ``weather_error`` of the back-test.
+
+        Returns
+        -------
+        DataFrame of the key and the columns of a back-test
+        """
+        return self._table(backtest_zone, X, y, settings).reset_index(drop=True)
+
+    def status(self, page: str | PathLike[str] | None = None) -> pd.DataFrame:
+        """Say how each zone is doing, the worst first.
+
+        Parameters
+        ----------
+        page : path-like, optional
+            HTML file to write, with a small chart per zone.
+
+        Returns
+        -------
+        DataFrame, one row per zone
+            The key; ``verdict`` (usable, use with care, not usable) and ``reasons``; ``last_row``; ``rmse_yesterday``
+            of the forecasts of the last day that was taken in, ``rmse_training`` on left-out training days [K];
+            ``coverage`` of the 80 % intervals in the last four weeks [-]; and ``drift``, whether errors have grown.
+        """
+        zones = self.zones_
+        files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
+        found = self._run(zone_status, dict.fromkeys(zones, ()), files, keep_paths=False)
+        failed = {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
+        table, recent = status_table({o.zone: o.value for o in found if o.error is None}, failed, self.key)
+        if page is not None:
+            write_page(page, table, recent, self.key)
+        return table
+
+    @property
+    def zones_(self) -> list[str]:
+        """Names of the zones that have a model."""
+        return self._models.zones()
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return bool((hasattr(self, "store_") or self.store is not None) and self.zones_)
+
+    @property
+    def _models(self) -> ModelStore:
+        if not hasattr(self, "store_"):
+            if self.store is None:
+                raise NotFittedError("this ZoneFleet is not fitted; call fit, or give the store of a fitted one.")
+            self.store_ = self._folder()
+        return ModelStore(self.store_)
+
+    def _folder(self) -> str:
+        if self.store is not None:
+            return os.path.abspath(self.store)  # workers may run elsewhere
+        made = tempfile.mkdtemp(prefix="skhybrid-fleet-")
+        weakref.finalize(self, shutil.rmtree, made, ignore_errors=True)
+        return made
+
+    def _settings(self) -> dict[str, str]:
+        """Settings that a store must have been made with."""
+        params = self.estimator.get_params(deep=False)
+        found = {f"parameter {name}": as_plain(value) for name, value in params.items()}
+        fixed = {"estimator": as_plain(type(self.estimator)), "fallback": as_plain(self.fallback)}
+        return {**fixed, **found, f"{VERSION}skhybrid": __version__}
+
+    def _table(self, job: Callable[..., Any], X: Any, y: Any, *given: Any) -> pd.DataFrame:
+        with zone_files(X, y, self.key) as files:
+            return self._joined(
+                self._run(job, {zone: (path,) for zone, path in files.paths.items()}, files, given), files
+            )
+
+    def _run(
+        self,
+        job: Callable[..., Any],
+        paths: Mapping[str, tuple[Any, ...]],
+        files: ZoneFiles,
+        given: Iterable[Any] = (),
+        *,
+        fitting: bool = False,
+        keep_paths: bool = True,
+        lost: Mapping[str, str] | None = None,
+    ) -> list[Outcome]:
+        """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``."""
+        models, known = self._models, {} if fitting else getattr(self, "_fit_errors", {})
+        if not fitting:
+            models.check(self._settings())
+        failed = dict(lost or {})
+        if not fitting:
+            why = {str(label): text for label, text in known.items()}
+            failed |= {zone: why.get(zone, _UNFITTED) for zone in paths if not models.has(zone)}
+        calls = {
+            zone: (job, (zone, self.store_, *((own,) if keep_paths else ()), *given))
+            for zone, own in paths.items()
+            if zone not in failed
+        }
+        found = {zone: Outcome(zone, error=text) for zone, text in failed.items()}
+        for outcome in run(calls, self.n_jobs):
+            found[outcome.zone] = outcome
+        ordered = [found[zone] for zone in paths]
+        self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
+        self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
+        if ordered and all(o.error is not None for o in ordered):
+            raise ValueError(f"no zone succeeded, the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
+        return ordered
+
+    def _joined(self, outcomes: Sequence[Outcome], files: ZoneFiles) -> pd.DataFrame:
+        tables = {files.labels[o.zone]: o.value for o in outcomes if o.value is not None}
+        made, failed = joined(tables, self.key)
+        self.errors_ |= failed
+        return made

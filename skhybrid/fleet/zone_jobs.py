@@ -1,0 +1,216 @@
+"""Work on one zone of a fleet: read its rows, load its model, and keep what has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from .._time import positive_duration
+from ..exceptions import TooFewDaysError
+from ..model_selection import backtest
+from .day_errors import LEVELS, day_ahead, scored_days
+from .journal import Journal
+from .model_store import ModelStore
+from .zone_rows import TARGET, fingerprint, read_rows
+
+
+def fit_zone(
+    zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
+) -> str | None:
+    """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
+    X, y = _training_rows(read_rows(paths[0]), estimator, last)
+    mark, models = fingerprint(X, y), ModelStore(store)
+    if models.has(zone):
+        known = models.journal(zone).facts
+        if known["fitted"] == mark and known["updated"] is None:
+            return known["fallback"]
+    why = None
+    try:
+        model = clone(estimator).fit(X, y)
+    except Exception as error:  # whatever it is, the fallback may do
+        if fallback is None:
+            raise
+        why = str(error) or type(error).__name__
+        model = clone(fallback).fit(X, y)
+    stamped = isinstance(X.index, pd.DatetimeIndex)
+    facts: dict[str, Any] = {
+        "fitted": mark,
+        "updated": None,
+        "fallback": why,
+        "until": str(X.index[-1]) if stamped else None,
+        "training_rmse": _training_error(model, X, y),
+        "days": [],
+    }
+    day = y[X.index > X.index[-1] - pd.Timedelta("1D")] if stamped else y[:0]
+    models.save(zone, model, Journal(facts, scored=pd.DataFrame({"y_true": day})))
+    return why
+
+
+def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
+    """One-column table of what ``predict`` gives; several columns of a building."""
+    model, journal = ModelStore(store).load(zone)
+    X = read_rows(paths[0]).drop(columns=TARGET, errors="ignore")
+    table = _after_known(model, journal, X)
+    values = np.asarray(model.predict(table))[len(table) - len(X) :]
+    names = ["T_za"] if values.ndim == 1 else [f"T_za_{name}" for name in getattr(model, "zones_", range(99))]
+    return pd.DataFrame(values, index=X.index, columns=names[: values.reshape(len(X), -1).shape[1]])
+
+
+def forecast_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
+    """The table that ``forecast`` gives; ``paths`` are of the rows ahead and, where it is given, of the history."""
+    model, journal = ModelStore(store).load(zone)
+    future, *history = (read_rows(path).drop(columns=TARGET, errors="ignore") for path in paths)
+    return _forecast(model, journal, history[0] if history else None, future, given)
+
+
+def score_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
+    """The score of a zone, in one row."""
+    model, _ = ModelStore(store).load(zone)
+    X, y = _with_target(read_rows(paths[0]), model)
+    return pd.DataFrame({"score": [model.score(X, y)]})
+
+
+def backtest_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
+    """The table of a back-test."""
+    model, _ = ModelStore(store).load(zone)
+    X, y = _with_target(read_rows(paths[0]), model)
+    return backtest(model, X, y, **given)
+
+
+def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
+    """Take in rows, unless they were the last that the zone has taken in."""
+    models = ModelStore(store)
+    rows = read_rows(paths[0])
+    mark = fingerprint(rows)
+    if models.journal(zone).facts["updated"] == mark:
+        return
+    model, journal = models.load(zone)
+    _take_in(model, journal, *_with_target(rows, model), mark)
+    models.keep(zone, model, journal)
+
+
+def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | None:
+    """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
+    models = ModelStore(store)
+    model, journal = models.load(zone)
+    X, y = _with_target(read_rows(paths[0]), model)
+    if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
+        raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
+    known = _in_clock_of(journal.facts["until"], X.index)
+    measured = X.index[y.notna().to_numpy()]
+    now = max(measured[-1], known) if len(measured) else known
+    new, ahead = (X.index > known) & (X.index <= now), X.index > now
+    if new.any():
+        _take_in(model, journal, X[new], y[new], fingerprint(X[new]))
+    found = None
+    if ahead.any():
+        future = X[ahead].drop(columns=_measured_column(model), errors="ignore")
+        found = _forecast(model, journal, None, future, {"quantiles": LEVELS})
+        journal.ahead = _first_forecasts(journal.ahead, found, now)
+    if new.any() or ahead.any():
+        models.keep(zone, model, journal)
+    return found
+
+
+def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: str) -> None:
+    """Score the forecasts of new rows, and let the model know the rows."""
+    scored = None
+    if isinstance(X.index, pd.DatetimeIndex) and y.notna().any():
+        ahead = journal.ahead
+        if not (len(ahead) and X.index.isin(ahead.index).all()):
+            table = _after_known(model, journal, X)
+            ahead = day_ahead(model, table).iloc[len(table) - len(X) :]
+        scored = ahead.reindex(X.index).assign(y_true=y)
+    rows = X.assign(**{_measured_column(model): y})
+    if hasattr(model, "update"):
+        model.update(rows)
+    journal.rows = pd.concat([journal.rows, rows]) if len(journal.rows) else rows
+    journal.facts["updated"] = mark
+    journal.facts["until"] = str(X.index[-1]) if isinstance(X.index, pd.DatetimeIndex) else None
+    if scored is not None:
+        journal.scored, journal.facts["days"] = scored_days(journal.scored, scored, journal.facts["days"])
+
+
+def _forecast(
+    model: Any, journal: Journal, history: pd.DataFrame | None, future: pd.DataFrame, given: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Forecast rows ahead, also by an estimator that has only ``predict_from``."""
+    given = {name: value for name, value in given.items() if value is not None}
+    if hasattr(model, "forecast"):
+        try:
+            return model.forecast(history, future, **given)
+        except TooFewDaysError:
+            if given.get("quantiles") is not LEVELS:
+                raise
+            return model.forecast(history, future)
+    quantiles = given.pop("quantiles", None)
+    if given:
+        raise ValueError(f"{type(model).__name__} forecasts under given heat only; leave out {', '.join(given)}.")
+    past = journal.rows if history is None else history
+    table = pd.concat([past, future]) if len(past) else future
+    asked = {"horizon": len(future) * pd.Timedelta(model.sampling_time_)}
+    found = pd.DataFrame({"T_za": model.predict_from(table, [len(past) - 1], **asked)[0]}, index=future.index)
+    if quantiles is None or (quantiles is LEVELS and not hasattr(model, "intervals_")):
+        return found
+    bands = model.predict_quantiles_from(table, [len(past) - 1], quantiles, **asked)[0]
+    return found.assign(**{f"q_{level:g}": bands[:, i] for i, level in enumerate(quantiles)})
+
+
+def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp) -> pd.DataFrame:
+    """Of each row ahead the forecast that was made first, which looked furthest ahead."""
+    new = found.filter(regex=r"^(T_za$|q_)").rename(columns={"T_za": "y_pred"})
+    old = known[known.index > now] if len(known) else new[:0]
+    return pd.concat([old, new[~new.index.isin(old.index)]])
+
+
+def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
+    """Rows after those that an estimator without ``update`` cannot take in, where they follow."""
+    rows = journal.rows
+    if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
+        return X
+    return pd.concat([rows, X])
+
+
+def _with_target(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, pd.Series]:
+    if TARGET in rows:
+        return rows.drop(columns=TARGET), rows[TARGET].rename("T_za")
+    column = _measured_column(model)
+    if column not in rows:
+        raise ValueError(f"the rows have no column {column!r}, what was measured; give it, or y.")
+    return rows, rows[column]
+
+
+def _measured_column(model: Any) -> Any:
+    return (getattr(model, "columns", None) or {}).get("T_za", "T_za")
+
+
+def _training_rows(rows: pd.DataFrame, estimator: Any, last: Any) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of a fit: without the rows after the last measurement, which are plans, and from the last span only."""
+    X, y = _with_target(rows, estimator)
+    known = np.flatnonzero(y.notna().to_numpy())
+    if TARGET not in rows and len(known):
+        X, y = X.iloc[: known[-1] + 1], y.iloc[: known[-1] + 1]
+    if last is not None and isinstance(X.index, pd.DatetimeIndex) and len(X):
+        chosen = X.index > X.index[-1] - positive_duration(last, "last")
+        X, y = X[chosen], y[chosen]
+    return X, y
+
+
+def _training_error(model: Any, X: pd.DataFrame, y: pd.Series) -> float | None:
+    """Root-mean-square error on left-out training days; where there are none, of the fit [K]."""
+    try:
+        errors = model.left_out_errors().errors
+    except (AttributeError, TooFewDaysError):
+        errors = np.asarray(model.predict(X)) - np.asarray(y, dtype=np.float64).reshape(len(X), -1).squeeze()
+    return float(np.sqrt(np.nanmean(errors**2))) if np.isfinite(errors).any() else None
+
+
+def _in_clock_of(text: str, index: pd.DatetimeIndex) -> pd.Timestamp:
+    stamp = pd.Timestamp(text)
+    if (stamp.tz is None) != (index.tz is None):
+        raise ValueError(f"the model knows rows until {text}, but these begin at {index[0]}; give both a time zone.")
+    return stamp if stamp.tz is None else stamp.tz_convert(index.tz)

@@ -1,0 +1,546 @@
+"""ZoneFleet: what single zones give, bit for bit, for tables, datasets and engines; faults cost their zones alone."""
+
+from __future__ import annotations
+
+import copy
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from skhybrid import ARXRegressor, HybridPredictor, _files
+from skhybrid.cli import main
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
+from skhybrid.fleet import FleetFolder, ZoneFleet, dispatch, zone_jobs
+from skhybrid.fleet.fleet_folder import EXAMPLE
+from skhybrid.fleet.model_store import ModelStore
+from skhybrid.model_selection import backtest
+
+DAY = 24
+ZONES = {
+    name: make_office(n_days=10, sampling_time="1h", start="2024-01-08", random_state=seed).X
+    for seed, name in enumerate(("a", "b/1", "c"))
+}
+ARX = ARXRegressor()
+HYBRID = HybridPredictor(network="1R1C", known={"Q_h": 6.0, "Q_c": -6.0})
+TRAIN, NEW, AHEAD = slice(0, 7 * DAY), slice(7 * DAY, 8 * DAY), slice(8 * DAY, 9 * DAY)
+
+
+def rows(which, zones=ZONES):
+    return pd.concat([X[which].assign(zone=zone) for zone, X in zones.items()])
+
+
+def future(which=AHEAD):
+    return rows(which).drop(columns="T_za")
+
+
+def of(table, zone, key="zone"):
+    return table[table[key] == zone].drop(columns=key)
+
+
+def spoiled(which=TRAIN):
+    """Rows in which zone c has a gap in its weather."""
+    X = rows(which)
+    X.loc[(X["zone"] == "c") & (X.index == X.index[30]), "T_oa"] = np.nan
+    return X
+
+
+@pytest.fixture(scope="module")
+def _alone():
+    return {zone: clone(HYBRID).fit(X[TRAIN], X[TRAIN]["T_za"]) for zone, X in ZONES.items()}
+
+
+@pytest.fixture
+def alone(_alone):
+    """A single fitted model per zone."""
+    return copy.deepcopy(_alone)
+
+
+@pytest.fixture(scope="module")
+def _fitted(tmp_path_factory):
+    store = tmp_path_factory.mktemp("fleet")
+    ZoneFleet(HYBRID, store=store).fit(rows(TRAIN))
+    return store
+
+
+@pytest.fixture
+def fleet(_fitted, tmp_path):
+    """A fleet of the same models, from its store alone."""
+    return ZoneFleet(clone(HYBRID), store=shutil.copytree(_fitted, tmp_path / "store"))
+
+
+# ------------------------------------------------------------------------------------------------------ as single zones
+def test_every_method_gives_what_single_zones_give(fleet, alone):
+    X, history = rows(slice(7 * DAY, None)), rows(slice(0, 8 * DAY))
+    found = {
+        "predict": fleet.predict(X),
+        "forecast": fleet.forecast(history, future()),
+        "quantiles": fleet.forecast(None, future(NEW), quantiles=(0.1, 0.9)),
+        "backtest": fleet.backtest(X, horizon="12h", quantiles=(0.1, 0.9)),
+    }
+    scores = fleet.score(X).set_index("zone")["score"]
+    for zone, model in alone.items():
+        own = ZONES[zone][7 * DAY :]
+        expected = {
+            "predict": pd.DataFrame({"T_za": model.predict(own)}, index=own.index),
+            "forecast": model.forecast(ZONES[zone][: 8 * DAY], of(future(), zone)),
+            "quantiles": model.forecast(None, of(future(NEW), zone), quantiles=(0.1, 0.9)),
+            "backtest": backtest(model, own, own["T_za"], horizon="12h", quantiles=(0.1, 0.9)),
+        }
+        for name, table in expected.items():
+            got = of(found[name], zone)
+            got = got.reset_index(drop=True) if name == "backtest" else got
+            pd.testing.assert_frame_equal(got, table, check_exact=True, check_freq=False, obj=f"{name} of {zone}")
+        assert scores[zone] == model.score(own, own["T_za"])
+    assert fleet.errors_ == {}
+
+
+def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
+    fleet.update(rows(NEW)).update(rows(NEW))  # the second time they are known
+    again = ZoneFleet(clone(HYBRID), store=fleet.store)
+    found = again.forecast(None, future(), quantiles=(0.1, 0.9))
+    for zone, X in ZONES.items():
+        expected = alone[zone].update(X[NEW]).forecast(None, of(future(), zone), quantiles=(0.1, 0.9))
+        pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
+    with pytest.raises(ValueError, match="no zone succeeded, the first of 3, a: "):
+        again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
+
+
+def test_a_long_update_is_saved_with_the_model(monkeypatch, alone, fleet):
+    monkeypatch.setattr("skhybrid.fleet.model_store._MOST_ROWS", 30)
+    lengths = []
+    for day in (7, 8):
+        fleet.update(rows(slice(day * DAY, (day + 1) * DAY)))
+        lengths.append(len(ModelStore(fleet.store).journal("a").rows))
+    assert lengths == [24, 0]
+    X = ZONES["a"]
+    last = slice(9 * DAY, None)
+    expected = alone["a"].update(X[7 * DAY : 9 * DAY]).forecast(None, X[last].drop(columns="T_za"))
+    pd.testing.assert_frame_equal(
+        of(fleet.forecast(None, future(last)), "a"), expected, check_exact=True, check_freq=False
+    )
+
+
+def test_an_estimator_without_update_forecasts_from_the_rows_that_it_was_given():
+    fleet = ZoneFleet(ARX).fit(rows(TRAIN)).update(rows(NEW))
+    X = ZONES["a"]
+    model = clone(ARX).fit(X[TRAIN], X[TRAIN]["T_za"])
+    expected = model.predict_from(X[7 * DAY : 9 * DAY], [DAY - 1])[0]
+    np.testing.assert_array_equal(of(fleet.forecast(None, future()), "a")["T_za"], expected)
+    np.testing.assert_array_equal(
+        of(fleet.predict(rows(AHEAD)), "a")["T_za"], model.predict(X[7 * DAY : 9 * DAY])[DAY:]
+    )
+    with pytest.raises(ValueError, match="ARXRegressor forecasts under given heat only; leave out setpoint"):
+        fleet.forecast(None, future(), setpoint=21.0)
+
+
+def test_tables_and_datasets_are_read_alike(tmp_path):
+    X = rows(TRAIN)
+    y = X["T_za"]
+    expected = ZoneFleet(ARX).fit(X).predict(rows(NEW))
+    given = {
+        "with y": (X.drop(columns="T_za").assign(T_za=y), y),
+        "y as an array": (X, y.to_numpy()),
+        "tables": ((part for _, part in X.groupby("zone")), None),
+        "pairs": ([(zone, table[TRAIN]) for zone, table in ZONES.items()], None),
+        "a mapping": ({zone: table[TRAIN] for zone, table in ZONES.items()}, None),
+        "indexed": (X.set_index("zone", append=True), None),
+    }
+    data = tmp_path / "data"
+    X.rename_axis("time").reset_index().to_parquet(data, partition_cols=["zone"], index=False)
+    given["a dataset"] = (data, None)
+    for what, (table, target) in given.items():
+        fleet = ZoneFleet(ARX).fit(table, target)
+        pd.testing.assert_frame_equal(fleet.predict(rows(NEW)), expected, check_exact=True, obj=what)
+    numbered = rows(NEW).assign(house=rows(NEW)["zone"].map({"a": 1, "b/1": 2, "c": 3})).drop(columns="zone")
+    found = ZoneFleet(ARX, "house").fit(numbered).predict(numbered)
+    assert found["house"].unique().tolist() == [1, 2, 3]
+
+
+def test_a_target_of_its_own_is_learned_and_rows_after_the_last_measurement_are_not():
+    X = rows(TRAIN).drop(columns="T_za")
+    y = rows(TRAIN)["T_za"]
+    assert ZoneFleet(ARX).fit(X, y).errors_ == {}
+    longer = rows(slice(0, 8 * DAY))
+    longer.loc[longer.index >= ZONES["a"].index[7 * DAY], "T_za"] = np.nan
+    found = ZoneFleet(ARX).fit(longer).predict(rows(NEW))
+    pd.testing.assert_frame_equal(found, ZoneFleet(ARX).fit(rows(TRAIN)).predict(rows(NEW)), check_exact=True)
+    short = ZoneFleet(ARX).fit(longer, last="5D").predict(rows(NEW))
+    expected = ZoneFleet(ARX).fit(rows(slice(2 * DAY, 7 * DAY))).predict(rows(NEW))
+    pd.testing.assert_frame_equal(short, expected, check_exact=True)
+
+
+# --------------------------------------------------------------------------------------------------------------- faults
+def test_a_bad_zone_says_what_it_says_alone_and_the_others_go_on(tmp_path):
+    bad = spoiled()
+    with pytest.raises(ValueError) as said:
+        clone(ARX).fit(of(bad, "c"), of(bad, "c")["T_za"])
+    fleet = ZoneFleet(ARX, store=tmp_path)
+    with pytest.warns(SkhybridWarning, match="1 of 3 zones could not be fitted .see errors_., the first c: "):
+        fleet.fit(bad)
+    assert fleet.errors_ == {"c": str(said.value)}
+    assert fleet.predict(rows(NEW))["zone"].unique().tolist() == ["a", "b/1"]
+    assert fleet.errors_ == {"c": str(said.value)}
+    assert fleet.status().iloc[0][["zone", "verdict", "reasons"]].tolist() == ["c", "not usable", str(said.value)]
+    before = fleet.fit(rows(TRAIN)).predict(rows(NEW))
+    with pytest.warns(SkhybridWarning, match="1 of 3 zones"):
+        fleet.fit(bad)
+    pd.testing.assert_frame_equal(
+        fleet.predict(rows(NEW)), before, check_exact=True
+    )  # a fit that fails changes nothing
+    status = fleet.status().set_index("zone")
+    assert status["reasons"]["c"].startswith(f"its last fit failed ({said.value}); ")
+
+
+def test_a_fallback_takes_over(tmp_path):
+    class Failing(HybridPredictor):
+        def _read(self, X, *args, **named):
+            raise ValueError("too hard")
+
+    with pytest.warns(SkhybridWarning, match="the fallback took over for 3 of them"):
+        fleet = ZoneFleet(Failing(), fallback=ARX, store=tmp_path).fit(rows(TRAIN))
+    assert fleet.errors_ == dict.fromkeys(ZONES, "too hard")
+    expected = ZoneFleet(ARX).fit(rows(TRAIN)).forecast(rows(NEW), future())
+    pd.testing.assert_frame_equal(fleet.forecast(rows(NEW), future()), expected, check_exact=True)
+    assert fleet.status()["reasons"].str.contains("the fallback forecasts it, because too hard").all()
+
+
+@pytest.mark.parametrize(
+    ("X", "said"),
+    [
+        ([("a", ZONES["a"]), ("a", ZONES["a"])], "zone 'a' comes twice; join its rows in one table."),
+        (pd.concat([rows(TRAIN).assign(zone=1), rows(TRAIN).assign(zone="1")]), "zone '1' comes twice"),
+        (ZONES["a"], "X needs one column 'zone' with the name of each row's zone; it has T_oa, "),
+        (rows(TRAIN).assign(zone=None), "column 'zone' names no zone in 504 rows, the first at 2024-01-08"),
+        (rows(slice(0, 0)), "there is no zone; give a table with rows."),
+        ([1], "X holds a int; give tables, or pairs"),
+        ("nowhere", "nowhere is no folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
+    ],
+)
+def test_what_is_no_fleet_is_refused(X, said):
+    with pytest.raises(ValueError) as error:
+        ZoneFleet(ARX).fit(X)
+    assert said in str(error.value)
+    with pytest.raises(ValueError, match="X has 504 rows, but y has the shape"):
+        ZoneFleet(ARX).fit(rows(TRAIN), [1.0])
+
+
+def test_faults_of_a_dataset_cost_their_zones_alone(tmp_path):
+    rows(TRAIN).to_parquet(tmp_path, partition_cols=["zone"])
+    corrupt = next((tmp_path / "zone=c").glob("*.parquet"))
+    corrupt.write_bytes(corrupt.read_bytes()[:-200])
+    (tmp_path / "zone=empty").mkdir()
+    (tmp_path / "zone=notes.txt").write_text("no folder")
+    with pytest.warns(SkhybridWarning, match="2 of 4 zones could not"):
+        fleet = ZoneFleet(ARX).fit(tmp_path)
+    assert fleet.zones_ == ["a", "b/1"]
+    assert fleet.errors_["c"].startswith(f"{corrupt} cannot be read as a Parquet file (")
+    assert fleet.errors_["empty"].endswith(
+        "zone=empty holds no Parquet file; write the rows of the zone there, or remove the folder."
+    )
+
+
+def test_a_zone_without_rows_or_with_a_stamp_twice_is_refused_as_alone():
+    twice = ZONES["a"][TRAIN].iloc[[*range(20), 19, *range(20, 100)]]
+    with pytest.raises(ValueError) as said:
+        clone(ARX).fit(twice, twice["T_za"])
+    with pytest.warns(SkhybridWarning, match="2 of 3 zones"):
+        fleet = ZoneFleet(ARX).fit({"a": ZONES["a"][TRAIN], "none": ZONES["a"][:0], "twice": twice})
+    assert fleet.errors_["twice"] == str(said.value)
+    assert "none" in fleet.errors_
+    with pytest.raises(ValueError, match="no zone succeeded, the first of 1, none: "):
+        ZoneFleet(ARX).fit({"none": ZONES["a"][:0]})
+
+
+def test_each_zone_has_its_own_step_and_clock():
+    quarter = make_office(n_days=4, sampling_time="15min", start="2024-01-08", random_state=3).X
+    zones = {
+        "amsterdam": ZONES["a"].tz_localize("Europe/Amsterdam"),
+        "chicago": quarter.tz_localize("America/Chicago"),
+    }
+    train = {zone: X[: 3 * len(X) // 4] for zone, X in zones.items()}
+    later = {zone: X[3 * len(X) // 4 :] for zone, X in zones.items()}
+    fleet = ZoneFleet(ARX).fit(train)
+    found = fleet.predict(later)
+    assert str(found.index.tz) == "UTC"
+    for zone in zones:
+        model = clone(ARX).fit(train[zone], train[zone]["T_za"])
+        np.testing.assert_array_equal(of(found, zone)["T_za"], model.predict(later[zone]))
+        assert (of(found, zone).index == later[zone].index).all()
+    assert str(fleet.predict({"chicago": later["chicago"]}).index.tz) == "America/Chicago"
+    assert str(fleet.backtest({**later}, horizon="6h")["time"].dt.tz) == "UTC"
+    mixed = ZoneFleet(ARX).fit({**train, "nowhere": ZONES["c"][TRAIN]})
+    found = mixed.predict({**later, "nowhere": ZONES["c"][NEW]})
+    assert mixed.errors_ == {"nowhere": "its stamps have no time zone, but those of other zones have one; give it one."}
+    assert "nowhere" not in set(found["zone"])
+    naive = {name: ZONES[name][NEW] for name in ("a", "c")}
+    mixed = ZoneFleet(ARX).fit({**{name: ZONES[name][TRAIN] for name in naive}, "chicago": train["chicago"]})
+    assert set(mixed.predict({**naive, "chicago": later["chicago"]})["zone"]) == set(naive)
+    assert mixed.errors_["chicago"].startswith("its stamps have a time zone, but those of most zones have none")
+
+
+def test_a_full_disk_ends_the_work_and_leaves_no_partial_file(monkeypatch, tmp_path):
+    real, written = os.fsync, []
+
+    def full(handle):
+        written.append(handle)
+        if len(written) > 2:  # the files of the first zone are written
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(handle)
+
+    monkeypatch.setattr(_files.os, "fsync", full)
+    with pytest.raises(OSError, match="cannot write: No space left on device") as said:
+        ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
+    assert said.value.filename == str(tmp_path / "b%2F1.skops")
+    assert {p.name for p in tmp_path.iterdir()} == {"a.skops", "a.npz", "fleet.sqlite"}
+    monkeypatch.undo()
+    assert ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN)).zones_ == ["a", "b/1", "c"]
+
+
+def test_two_fleets_on_one_store_are_refused(tmp_path):
+    fleet = ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
+    with (
+        ModelStore(tmp_path).locked(fleet._settings()),
+        pytest.raises(BlockingIOError, match="another fleet is at work"),
+    ):
+        ZoneFleet(ARX, store=tmp_path).update(rows(NEW))
+    other = ZoneFleet(ARXRegressor(horizon="6h"), store=tmp_path)
+    for call in (lambda: other.fit(rows(TRAIN)), lambda: other.predict(rows(NEW))):
+        with pytest.raises(ValueError, match="parameter horizon is '1D' there and '6h' here; give another store"):
+            call()
+
+
+# ----------------------------------------------------------------------------------------------------- kills and deaths
+PROGRAM = """
+import sys
+import pandas as pd
+from skhybrid import ARXRegressor
+from skhybrid.datasets import make_office
+from skhybrid.fleet import ZoneFleet
+X = make_office(n_days=10, sampling_time="1h", start="2024-01-08", random_state=0).X[:168]
+tables = {f"zone {i}": X + 0.001 * i for i in range(16)}
+estimator = ARXRegressor()
+"""
+
+
+def test_a_fleet_that_was_killed_goes_on_and_ends_the_same(tmp_path, monkeypatch):
+    store = tmp_path / "store"
+    program = PROGRAM + "ZoneFleet(estimator, store=sys.argv[1]).fit(tables)"
+    process = subprocess.Popen([sys.executable, "-c", program, str(store)])
+    until = time.monotonic() + 120
+    while len(list(store.glob("[!.]*.npz"))) < 3 and time.monotonic() < until:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    finished = {file.name: file.stat().st_mtime_ns for file in store.glob("[!.]*.npz")}
+    assert 3 <= len(finished) < 16
+    names: dict = {}
+    exec(PROGRAM, names)
+    fitted = []
+    monkeypatch.setattr(zone_jobs, "clone", lambda estimator: fitted.append(1) or clone(estimator))
+    fleet = ZoneFleet(names["estimator"], store=store).fit(names["tables"])
+    assert len(fitted) == 16 - len(finished)
+    assert {name: (store / name).stat().st_mtime_ns for name in finished} == finished
+    assert not list(store.glob(".*"))
+    some = {zone: names["tables"][zone] for zone in ("zone 0", "zone 15")}
+    expected = ZoneFleet(names["estimator"]).fit(some).predict(some)
+    pd.testing.assert_frame_equal(fleet.predict(some), expected, check_exact=True)
+
+
+def test_other_rows_or_new_ones_are_fitted_again(tmp_path, monkeypatch):
+    fleet = ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
+    fitted = []
+    monkeypatch.setattr(zone_jobs, "clone", lambda estimator: fitted.append(1) or clone(estimator))
+    fleet.fit(rows(TRAIN))
+    assert len(fitted) == 0
+    changed = rows(TRAIN)
+    changed.iloc[3, 0] += 0.1
+    fleet.fit(changed)
+    assert len(fitted) == 1
+    fleet.update(rows(NEW)).fit(changed)  # which is to forget the rows that were taken in
+    assert len(fitted) == 4
+
+
+def _die_at_b(zone, where):
+    with open(os.path.join(where, zone), "a") as file:
+        file.write(".")
+    if zone == "b":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return zone
+
+
+def test_a_worker_that_dies_costs_only_its_zone(tmp_path):
+    calls = {zone: (_die_at_b, (zone, str(tmp_path))) for zone in "abcd"}
+    found = {outcome.zone: outcome for outcome in dispatch.run(calls, 2)}
+    assert {zone for zone, outcome in found.items() if outcome.value == zone} == set("acd")
+    assert found["b"].error.startswith("the worker died at this zone, twice")
+    assert (tmp_path / "b").read_text() == ".."
+
+
+# -------------------------------------------------------------------------------------------------------------- engines
+@pytest.fixture(scope="module")
+def sequential():
+    fleet = ZoneFleet(ARX).fit(rows(TRAIN))
+    return fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
+
+
+def assert_the_same(sequential, store, n_jobs=None):
+    fleet = ZoneFleet(ARX, store=store, n_jobs=n_jobs).fit(rows(TRAIN))
+    found = fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
+    pd.testing.assert_frame_equal(found, sequential, check_exact=True)
+
+
+def test_processes_give_the_same(sequential, tmp_path):
+    assert_the_same(sequential, tmp_path, n_jobs=2)
+
+
+def test_a_dask_cluster_of_two_workers_gives_the_same(sequential, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(2, processes=True, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster),
+        joblib.parallel_config(backend="dask"),
+    ):
+        assert_the_same(sequential, tmp_path)
+
+
+def test_ray_gives_the_same(sequential, tmp_path):
+    ray = pytest.importorskip("ray")
+    from ray.util.joblib import register_ray
+
+    register_ray()
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, object_store_memory=100 * 2**20)
+    try:
+        with joblib.parallel_config(backend="ray", n_jobs=2):
+            assert_the_same(sequential, tmp_path)
+    finally:
+        ray.shutdown()
+
+
+# ------------------------------------------------------------------------------------------------------------- watching
+def test_a_tick_takes_in_what_was_measured_and_forecasts_what_was_not(alone, fleet):
+    X = rows(slice(0, 9 * DAY))
+    X.loc[X.index >= ZONES["a"].index[8 * DAY], "T_za"] = np.nan
+    found = fleet.tick(X)
+    pd.testing.assert_frame_equal(fleet.tick(X), found, check_exact=True)
+    for zone, model in alone.items():
+        expected = model.update(ZONES[zone][NEW]).forecast(None, of(future(), zone), quantiles=(0.1, 0.9))
+        pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
+    fleet.tick(rows(slice(0, 9 * DAY)))
+    journal = ModelStore(fleet.store).journal("b/1")
+    measured = ZONES["b/1"]["T_za"][AHEAD]
+    error = of(found, "b/1")["T_za"] - measured
+    day = journal.facts["days"][-1]
+    assert day["day"] == str(measured.index[0].date())
+    assert day["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert day["rule"] == pytest.approx(np.sqrt(np.mean((ZONES["b/1"]["T_za"][NEW].to_numpy() - measured) ** 2)))
+    inside = measured.between(of(found, "b/1")["q_0.1"], of(found, "b/1")["q_0.9"]).mean()
+    assert day["inside"] == pytest.approx(inside)
+    assert [one["day"] for one in journal.facts["days"]] == ["2024-01-15", "2024-01-16"]
+    assert journal.facts["days"][0]["n"] == DAY
+
+
+def test_the_status_has_the_worst_zone_first(fleet, tmp_path):
+    assert fleet.status()["rmse_yesterday"].isna().all()
+    new = rows(slice(7 * DAY, 10 * DAY))
+    shifted = (new["zone"] == "c") & (new.index >= ZONES["c"].index[9 * DAY])
+    new.loc[shifted, "T_za"] += 6.0
+    late = new[(new["zone"] != "a") | (new.index < ZONES["a"].index[8 * DAY])]
+    fleet.update(late)
+    found = fleet.status(page=tmp_path / "status.html")
+    assert list(found) == [
+        "zone",
+        "verdict",
+        "last_row",
+        "rmse_yesterday",
+        "rmse_training",
+        "coverage",
+        "drift",
+        "reasons",
+    ]
+    assert found["zone"].iloc[0] == "c"
+    row = found.set_index("zone").loc
+    assert row["c"]["rmse_yesterday"] > 2.0 > row["b/1"]["rmse_yesterday"]
+    assert row["c"]["coverage"] < row["b/1"]["coverage"]
+    assert row["a"]["last_row"] == ZONES["a"].index[8 * DAY - 1]
+    assert row["a"]["reasons"].startswith("its last row is 2 days older than the newest of the fleet; ")
+    assert (found["rmse_training"] > 0.0).all()
+    page = (tmp_path / "status.html").read_text()
+    assert page.index("<b>c</b>") < page.index("<b>b/1</b>")
+    assert page.count("<svg") == 3
+    assert "nan" not in page
+
+
+# ------------------------------------------------------------------------------------------------------------- commands
+CONFIG = """key = "zone"
+days = 6
+[estimator]
+network = "1R1C"
+known = {Q_h = 6.0, Q_c = -6.0}
+"""
+
+
+def put(data, which, name):
+    for zone, X in list(ZONES.items())[:2]:
+        folder = data / f"zone={zone.replace('/', '%2F')}"
+        folder.mkdir(parents=True, exist_ok=True)
+        X[which].to_parquet(folder / f"{name}.parquet")
+
+
+def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
+    folder = tmp_path / "houses"
+    assert main(["fleet", "fit", str(folder)]) == 1
+    assert "has no folder data; put a Parquet dataset there" in capsys.readouterr().err
+    put(folder / "data", TRAIN, "first")
+    (folder / "fleet.toml").write_text(CONFIG)
+    assert main(["fleet", "fit", str(folder)]) == 0
+    assert "zones: 2\nfailed: 0\n" in capsys.readouterr().out
+    put(folder / "data", NEW, "second")
+    plans = ZONES["a"][NEW].assign(T_za=np.nan, T_oa=99.0)
+    plans.to_parquet(folder / "data" / "zone=a" / "planned.parquet")  # the measured rows, in "second", replace them
+    ahead = folder / "data" / "zone=a" / "third.parquet"
+    ZONES["a"][AHEAD].assign(T_za=np.nan).to_parquet(ahead)
+    assert main(["fleet", "tick", str(folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"forecast zones": 1, "rows": 24, "failed": 0, "errors": {}}
+    X = ZONES["a"]
+    model = clone(HYBRID).fit(X[DAY : 7 * DAY], X["T_za"][DAY : 7 * DAY]).update(X[NEW])
+    expected = model.forecast(None, X[AHEAD].drop(columns="T_za"), quantiles=(0.1, 0.9))
+    written = of(pd.read_parquet(folder / "forecast.parquet"), "a")
+    pd.testing.assert_frame_equal(written, expected, check_exact=True, check_freq=False)
+    assert main(["fleet", "status", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "2024-01-15 23:00:00" in shown
+    assert (folder / "status.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("days = [1", "fleet.toml cannot be read ("),
+        ("zones = 3", "zones in "),
+        ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
+        ("days = true", "days = True in "),
+        ("estimator = 3", "is no table; write its parameters below [estimator]."),
+    ],
+)
+def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
+    (tmp_path / "fleet.toml").write_text(text)
+    with pytest.raises(ValueError) as error:
+        FleetFolder(tmp_path).read()
+    assert said in str(error.value)
+    (tmp_path / "fleet.toml").write_text(EXAMPLE)
+    fleet, days = FleetFolder(tmp_path).read()
+    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta("56D"), "1D")
+    with pytest.raises(FileNotFoundError, match="holds no fleet; make it with skhybrid fleet fit"):
+        FleetFolder(tmp_path / "nowhere").tick()
