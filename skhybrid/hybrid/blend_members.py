@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +15,21 @@ from .without_heat import WithoutHeat
 _LAGS = 24  # temperatures that the black box regresses on
 
 
-def make_others(fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = ()) -> list[Member]:
+def make_others(
+    fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = (), prior: Any = None
+) -> list[Member]:
     """The members beside the network; the heat whose gain they are not to learn is taken out of them.
 
-    ARX takes the penalties of the fitted one among the members ``like``, where there is one.
+    ARX takes the penalties of the fitted one among the members ``like``, where there is one, or a prior, which also
+    knows of heat that hardly ran.
     """
+    if prior is not None:
+        of = prior.arx
+        return [
+            ARXMember(_LAGS, prior=of.get("one_step")),
+            ARXMember(_LAGS, multi_step=True, prior=of.get("multi_step")),
+            DailyProfileMember(),
+        ]
     plan = purpose == "plan"
     fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
     # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones

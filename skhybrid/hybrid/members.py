@@ -16,7 +16,16 @@ from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain, step_gain
+from ..schedule import (
+    ErrorHistory,
+    LeadFit,
+    NetworkPrior,
+    NumberedSegment,
+    RollingNetwork,
+    fit_leads,
+    plant_gain,
+    step_gain,
+)
 from ..thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
 
@@ -108,15 +117,23 @@ class ScheduleMember:
     """
 
     names: tuple[str, ...] = ("network", "network, short memory")
-    is_rule, needs_days = False, True
+    is_rule = False
     fit_: LeadFit
 
-    def __init__(self, network: RCNetwork, known: dict[str, float], purpose: str = "forecast") -> None:
-        self.network, self.known, self.purpose = network, known, purpose
+    def __init__(
+        self,
+        network: RCNetwork,
+        known: dict[str, float],
+        purpose: str = "forecast",
+        prior: NetworkPrior | None = None,
+    ) -> None:
+        self.network, self.known, self.purpose, self._prior = network, known, purpose, prior
+        self.needs_days = prior is None
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         T = training.history["T_za"]
-        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, calendar=True, purpose=self.purpose)
+        given = self.known, True, self.purpose, self._prior
+        self.fit_ = fit_leads(self.network, training, T, n_leads, *given)
         return self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -171,13 +188,15 @@ class ARXMember:
     names: tuple[str, ...] = ("ARX",)
     is_rule, needs_days = False, False
 
-    def __init__(self, n_lags: int, *, multi_step: bool = False, like: ARXRegressor | None = None) -> None:
-        self.n_lags, self.multi_step, self._like = n_lags, multi_step, like
+    def __init__(
+        self, n_lags: int, *, multi_step: bool = False, like: ARXRegressor | None = None, prior: Any = None
+    ) -> None:
+        self.n_lags, self.multi_step, self._like, self._prior = n_lags, multi_step, like, prior
         if multi_step:
             self.names = ("multi-step ARX",)
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
+        self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0, prior=self._prior)
         if self.multi_step:
             self.arx_.set_params(objective="multi_step", adapt="refit")
         self.arx_.fit(training.replace(history={}), training.history["T_za"], self._like)

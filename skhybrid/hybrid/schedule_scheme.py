@@ -15,6 +15,7 @@ from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
 from ..filtering import ForecastSample
+from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
@@ -34,9 +35,9 @@ from .blend_members import make_others, prior_shares
 from .drift import DriftMonitor
 from .gain_report import disagreement, gain_errors, gain_table, plant_of, told_plant, warn_of_gain
 from .known_rows import KnownRows
-from .members import Member, NumberedTable, ScheduleMember
+from .members import ARXMember, Member, NumberedTable, ScheduleMember
 from .plausible_range import PlausibleRange
-from .rolling_blend import BlendRecord, RollingBlend
+from .rolling_blend import PULLS, BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
 from .tables import days_after, midnights, with_temperature
 
@@ -61,8 +62,10 @@ class ScheduleScheme(Scheme):
         horizon: Any,
         adapt: str | None,
         purpose: str = "forecast",
+        prior: Any = None,
     ) -> None:
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
+        self.prior = prior
         #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
         self._running: dict[str | None, RollingBlend] = {}
 
@@ -96,9 +99,10 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
+        network_prior = None if self.prior is None else self.prior.network
+        self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = make_others(fit, training, self.purpose, like)
+        self._others = make_others(fit, training, self.purpose, like, self.prior)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
@@ -108,16 +112,17 @@ class ScheduleScheme(Scheme):
         per_day = rows_per_day(training.step)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
+        shares, pulls = (_RULE_SHARES, PULLS) if self.prior is None else (_RULE_SHARES[-1:] * 2, PULLS[-1:] * 2)
         priors = np.array(
             [
                 prior_shares(self._members, share, first)
-                for share, first in zip(_RULE_SHARES, (True, False), strict=True)
+                for share, first in zip(shares, (True, False), strict=True)
             ]
         )
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
-            sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
+            sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible, pulls
         )
         if told := told_plant(fit, training):
             self.gain_doubt = disagreement(fit, self._members, self.gain_, told)
@@ -142,6 +147,14 @@ class ScheduleScheme(Scheme):
             "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
             ScaleNotIdentifiableWarning,
         )
+
+    @property
+    def evidence_(self) -> ZoneEvidence:
+        regressions: dict[str, Any] = {}
+        for member in self._others:
+            if isinstance(member, ARXMember):  # not one from which the heat was taken out
+                regressions |= member.arx_.evidence_.regressions
+        return ZoneEvidence(regressions, self._physics.fit_.sums)
 
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
@@ -375,7 +388,7 @@ class ScheduleScheme(Scheme):
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
         learned = type(self)(
-            self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose
+            self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose, prior=self.prior
         )
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)

@@ -1,0 +1,5 @@
+"""Fleets: many zones, and what they say of a new one."""
+
+from .prior import FleetPrior
+
+__all__ = ["FleetPrior"]
