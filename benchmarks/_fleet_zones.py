@@ -105,7 +105,11 @@ def _of_folder(folder: Path) -> list[Zone]:
     for k, (group, name, room, is_new) in enumerate(files):
         path = folder / group / f"{name}_{room}{'_' * bool(room)}irregular.csv"
         load = partial(_energyplus, path, "T_in_degC", "q_hvac_kW", "right")
-        building = "small_office" if name.startswith("small") else name.rsplit("_", 2 if "san" in name or "col" in name else 1)[0]
+        building = (
+            "small_office"
+            if name.startswith("small")
+            else name.rsplit("_", 2 if "san" in name or "col" in name else 1)[0]
+        )
         found.append(Zone(f"{name} {room}".strip(), building, load, STARTS[k % 3], dates=EP_DATES if is_new else ()))
     return found
 

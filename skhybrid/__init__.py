@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import (
         datasets,
         exceptions,
+        fleet,
         forecasting,
         identification,
         inspection,
@@ -53,6 +54,7 @@ __all__ = [
     "__version__",
     "datasets",
     "exceptions",
+    "fleet",
     "forecasting",
     "identification",
     "inspection",

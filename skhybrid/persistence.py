@@ -14,6 +14,7 @@ import re
 import stat
 import zipfile
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from datetime import date, datetime
 from typing import Any
 
@@ -35,8 +36,8 @@ _MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
-    r"skhybrid\.(_holidays|_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
-    r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
+    r"skhybrid\.(_holidays|_summary|_table|control|filtering|fleet|forecasting|hybrid|identification|model_selection|"
+    r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
 _MOST_ROWS = 10**8  # of an index that is not written out
@@ -58,7 +59,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
     Parameters
     ----------
     estimator : fitted estimator
-        An estimator of this package, or a scikit-learn estimator (a Pipeline, a search) that contains one.
+        An estimator of this package, a :class:`~skhybrid.fleet.FleetPrior`, or a scikit-learn estimator (a Pipeline, a
+        search) that contains one.
     path : path-like
         The file to write; it is replaced in one step, so that nobody reads a half-written file.
     metadata : mapping of str to str, optional
@@ -69,7 +71,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
     TypeError
         If it contains an object that cannot be written as data, such as a lambda.
     """
-    check_is_fitted(estimator)
+    if not is_dataclass(estimator):  # a value, such as a FleetPrior, is what it is
+        check_is_fitted(estimator)
     io = import_skops()
     try:
         data = _to_data(estimator, type(estimator).__name__)

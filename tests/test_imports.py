@@ -27,6 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "schedule": {"filtering", "thermal", "control"},
     "forecasting": {"filtering"},
     "hybrid": {"filtering", "thermal", "control", "identification", "schedule", "forecasting"},
+    "fleet": {"forecasting", "schedule"},
     "persistence": {"_archive", "_files", "_skops"},
     "preprocessing": set(),
     "logs": {"preprocessing"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -10,20 +10,23 @@ import numpy as np
 from sklearn.pipeline import Pipeline
 
 from ..forecasting.arx_prior import ARXPrior, ZoneEvidence, ZoneSums
-from ..schedule import NetworkPrior
+from ..schedule import NetworkPrior, NetworkSums
 
 _PSEUDO_ZONES = 5.0  # strength with which covariances are shrunk to their diagonals
 _FACTOR = float(np.exp(1.645))  # of a 90 % interval, per standard deviation of a logarithm
 
 
-@dataclass(frozen=True, repr=False)
-class FleetPrior:
+@dataclass(frozen=True, repr=False, eq=False)
+class FleetPrior(Mapping[str, tuple[float, float]]):
     """What fitted zones say of a new one that has a few days of data.
 
     It is learned from fitted predictors, never from their rows, and passed to a predictor as ``prior``::
 
         prior = FleetPrior.learn(models, sizes=nameplates)
         HybridPredictor(prior=prior.for_nameplate(8.0)).fit(three_days, three_days["T_za"])
+
+    As a mapping it holds the median and the 90 % factor of each resistance [K/kW] and capacitance [kWh/K] of the
+    network, which is what a gray box takes as ``priors``.
 
     Attributes
     ----------
@@ -90,7 +93,9 @@ class FleetPrior:
         if not (np.isfinite(size) and size > 0):
             raise ValueError(f"size={size!r} is no positive number.")
         if not self.nameplates[1]:
-            raise ValueError("this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn.")
+            raise ValueError(
+                "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."
+            )
         return replace(self, nameplate=float(size))
 
     @property
@@ -105,19 +110,23 @@ class FleetPrior:
         """Prior of parameters and coefficients of the network with schedules; None where none was fitted."""
         return None if self.resistances is None else self.resistances.scaled(*self._plate)
 
-    @property
-    def parameters(self) -> dict[str, tuple[float, float]]:
-        """Median and 90 % factor of each resistance [K/kW] and capacitance [kWh/K], as ``priors`` of a gray box."""
-        prior = self.network
-        if prior is None:
-            raise ValueError("this prior was learned from ARX alone and knows no thermal network; learn it from hybrids.")
-        own = {*prior.network.resistors, *prior.network.capacitances.values()}
-        spread = np.sqrt(np.diag(prior.covariance))
-        return {
-            name: (float(np.exp(c)), float(_FACTOR**s))
-            for name, c, s in zip(prior.names, prior.centre, spread, strict=True)
-            if name in own
-        }
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        prior, own = self.network, list(self)
+        if prior is None or name not in own:
+            raise KeyError(name)
+        k = prior.names.index(name)
+        return float(np.exp(prior.centre[k])), float(_FACTOR ** np.sqrt(prior.covariance[k, k]))
+
+    def __iter__(self) -> Iterator[str]:
+        if self.resistances is None:
+            raise ValueError(
+                "this prior was learned from ARX alone and knows no network; learn it from HybridPredictors."
+            )
+        network = self.resistances.network
+        return iter((*network.capacitances.values(), *network.resistors))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
 
     @property
     def _plate(self) -> tuple[float, float]:
@@ -161,10 +170,10 @@ def _regression(sums: Sequence[ZoneSums], log_sizes: np.ndarray) -> ARXPrior:
     return ARXPrior.learn(sums, log_sizes, _PSEUDO_ZONES)
 
 
-def _network(zones: Sequence[Any], log_plates: np.ndarray) -> NetworkPrior:
+def _network(zones: Sequence[NetworkSums], log_plates: np.ndarray) -> NetworkPrior:
     for zone in zones[1:]:
         if zone.names != zones[0].names:
             raise ValueError(
-                f"models holds the networks {zones[0].network.name} and {zone.network.name}; give models of one network."
+                f"models holds the networks {zones[0].network.name} and {zone.network.name}; give models of one."
             )
     return NetworkPrior.learn(zones, log_plates, _PSEUDO_ZONES)

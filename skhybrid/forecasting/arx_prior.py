@@ -18,7 +18,11 @@ from .features import irradiance_roles
 
 _REFERENCE = 20.0  # temperature from which all temperatures count [degC]
 _SIZES = np.linspace(-2.5, 2.5, 11)  # sizes that are tried, in standard deviations
-_NOISE_ROWS = 96.0  # rows that the fleet's squared error counts as
+#: by objective, how much more the prior counts than independent rows would let it (errors at many leads overlap), and
+#: the ridge that stays beside it (errors of one step alone tell little of a day)
+_STRENGTH, _RIDGE = {"one_step": 1.0, "multi_step": 5.0}, {"one_step": 1.0, "multi_step": 0.0}
+_TURNS = 4  # by which size and squared error of a zone are found in turn
+_MOST_NOISE_ROWS = 96.0  # rows that the fleet's squared error counts as at most
 
 
 class ARXKind(NamedTuple):
@@ -63,7 +67,6 @@ class ZoneSums(NamedTuple):
     moments: Moments
     noise: float  # variance of what an equation leaves [K2]
 
-
     @property
     def kind(self) -> ARXKind:
         return ARXKind.of(self.design, self.step)
@@ -84,6 +87,7 @@ class ARXPrior:
     mean: np.ndarray  # (p,)
     precision: np.ndarray  # (p, p)
     noise: float  # usual variance of what an equation leaves [K2]
+    noise_rows: float  # rows that it counts as
     log_size: float = 0.0  # of a zone of which no nameplate is known
     log_size_std: float = 0.0
 
@@ -97,8 +101,10 @@ class ARXPrior:
             grams.append(A.T @ zone.moments.gram @ A / zone.noise)
             crosses.append(A.T @ zone.moments.cross / zone.noise)
         mean, precision = learn_normal(np.array(grams), np.array(crosses), pseudo_zones)
-        noise = float(np.exp(np.mean([np.log(zone.noise) for zone in zones])))
-        return cls(kind, mean, precision, noise)
+        log_noise = np.log([zone.noise for zone in zones])
+        # the logarithm of a variance that n rows tell has the variance 2 / n
+        rows = min(2.0 / max(float(np.var(log_noise)), 1e-6), _MOST_NOISE_ROWS)
+        return cls(kind, mean, precision, float(np.exp(log_noise.mean())), rows)
 
     def sized(self, log_size: float, log_size_std: float) -> Self:
         """The same for zones whose size is otherwise known."""
@@ -116,18 +122,22 @@ class ARXPrior:
         """
         self.kind.refuse_other(ARXKind.of(design, step))
         noise, scale = self.noise, 1.0
-        for _ in range(2):
+        for _ in range(_TURNS):
             scale = self._likeliest_size(design, moments, noise)
-            pull = self._moments(design, scale, noise)
-            coef = moments.added(pull).solution(np.zeros(len(pull.cross)))
+            whole = moments.added(self._moments(design, scale, noise))
+            coef = whole.solution(np.zeros(len(whole.cross)))
             left = squares - 2.0 * coef @ moments.cross + coef @ moments.gram @ coef
-            noise = float((_NOISE_ROWS * self.noise + max(left, 0.0)) / (_NOISE_ROWS + n))
+            told = min(float(np.trace(np.linalg.solve(whole.gram, moments.gram))), n / 2)  # coefficients by the rows
+            noise = float((self.noise_rows * self.noise + max(left, 0.0)) / (self.noise_rows + n - told))
         return self._moments(design, scale, noise)
 
     def _moments(self, design: ARXDesign, size: float, noise: float) -> Moments:
         """The prior in the design's columns."""
-        B = np.linalg.inv(_shared(design, size))
-        return Moments(noise * B.T @ self.precision @ B, noise * B.T @ (self.precision @ self.mean))
+        B, strength = np.linalg.inv(_shared(design, size)), noise * _STRENGTH[self.kind.objective]
+        ridge = np.full(len(B), _RIDGE[self.kind.objective])
+        ridge[-1] = 0.0
+        gram = strength * B.T @ self.precision @ B + np.diag(ridge)
+        return Moments(gram, strength * B.T @ (self.precision @ self.mean))
 
     def _likeliest_size(self, design: ARXDesign, moments: Moments, noise: float) -> float:
         """The size under which the zone's rows and the fleet's sizes are likeliest together."""

@@ -22,7 +22,7 @@ from .without_heat import RollingWithoutHeat
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
 _DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 #: days known between which the weights become those of errors, and the pull toward the prior at either end
-_DAYS, PULLS = (1.0, 14.0), (4.0, PULL)
+_DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,6 @@ class BlendRecord:
     rows_per_day: int
     every: int  # rows between forecasts of the history
     plausible: PlausibleRange  # of the training's temperatures
-    pulls: tuple[float, float] = PULLS  # toward the prior weights, after a day and from two weeks on
 
     def errors(self, chosen: Any = slice(None)) -> np.ndarray:
         """(O, L, K) errors of each way to forecast, from some of the origins."""
@@ -54,7 +53,7 @@ class BlendRecord:
         """Prior weights (K,), and the pull toward them, so many days after the training."""
         days, (first, settled) = self.n_days + n_more, self.priors
         share = np.interp(days, _DAYS, (0.0, 1.0))
-        return first + share * (settled - first), float(np.interp(days, _DAYS, self.pulls))
+        return first + share * (settled - first), float(np.interp(days, _DAYS, _PULLS))
 
 
 class RollingBlend:

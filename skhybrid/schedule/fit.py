@@ -16,8 +16,8 @@ from .channels import ChannelPlan, make_plan, with_contrast
 from .constrained_ridge import Solution, solve_coefficients
 from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
-from .network_prior import NetworkPrior, NetworkSums
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
+from .network_prior import NetworkPrior, NetworkSums
 from .segment import Segment, make_segment
 from .step_gain import GainPull, is_delayed
 
@@ -34,6 +34,7 @@ _PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms ar
 _LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
 _MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
+_USUAL_HOURS = 24.0  # hours of forecasts that the usual errors of other zones count as
 _DAY = 24.0
 
 
@@ -95,8 +96,16 @@ class LeadFit:
         count = float(np.sum(problem.root_weights(scored) ** 2 / problem.precision))
         noise = float(left @ self.gram @ left) / max(count, 1.0)
         return NetworkSums(
-            self.model.network, self.model.step, self.model.names, self.psi, problem.channels, self.coef,
-            self.gram / noise, self.plan.mean_outdoor,
+            self.model.network,
+            self.model.step,
+            self.model.names,
+            self.psi,
+            problem.channels,
+            self.coef,
+            self.gram / noise,
+            self.plan.mean_outdoor,
+            self.sample.leads * self.model.step,
+            noise / problem.precision,
         )
 
     def without_rows(self) -> LeadFit:
@@ -119,8 +128,8 @@ def fit_leads(
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
     the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
     purpose "plan" forecasts are fitted with the heat that could be expected at their origins, where enough of it could,
-    and the response to a kW is pulled toward what jumps of the heat say of it.  A ``prior`` takes the place of the grid,
-    of the shrinkage and of the usual size.
+    and the response to a kW is pulled toward what jumps of the heat say of it.  A ``prior`` takes the place of the
+    grid, of the shrinkage and of the usual size.
     """
     step = table.step / pd.Timedelta("1h")
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
@@ -235,15 +244,20 @@ def _fit_under(
     few = scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
 
     def problem_at(psi: np.ndarray, forecasts: ScoredForecasts) -> LeadProblem:
-        weights = np.ones(len(forecasts.sample.leads))
+        weights = 1.0 / np.interp(forecasts.sample.leads * table.step_hours, prior.leads, prior.variance)
         own = prior.at(psi, plan.mean_outdoor)
         return LeadProblem(model, (forecasts,), prior.centre, np.ones(n), Shrinkage(), weights, prior=own)
 
-    start = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss).psi
-    problem = replace(weighted(replace(problem_at(start, scored), centre=start)), centre=prior.centre)
-    best = minimise(problem, start, max_steps=8)
-    problem = replace(problem, prior=prior.at(best.psi, plan.mean_outdoor))
-    best, blocks = minimise(problem, best.psi, max_steps=4), _blocks_of_days(scored.sample, table.step_hours)
+    best = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss)
+    usual = np.interp(leads * table.step_hours, prior.leads, prior.variance)
+    problem = replace(problem_at(best.psi, scored), precision=1.0 / usual)
+    best = minimise(problem, best.psi, max_steps=6)
+    hours = table.step_hours * float(np.mean(np.diff(scored.sample.origins))) if len(scored.sample.origins) > 1 else 1.0
+    for _ in range(2):
+        problem = replace(problem, prior=prior.at(best.psi, plan.mean_outdoor))
+        problem = _weighted_as_usual(problem, problem.evaluate(best.psi), usual, hours)
+        best = minimise(problem, best.psi, max_steps=4)
+    blocks = _blocks_of_days(scored.sample, table.step_hours)
     return _with_contrasts(plan, table, T, scored, reference, problem, best, blocks)[0]
 
 
@@ -258,11 +272,22 @@ def _initial_problem(
 
 def weighted(problem: LeadProblem) -> LeadProblem:
     """A problem with each lead weighted by the inverse variance of its errors at the centre of the prior."""
-    at, scored = problem.evaluate(problem.centre), problem.forecasts[0]
-    errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
-    known = np.isfinite(errors).sum(axis=0)
-    variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)
+    squares, known = _squares_by_lead(problem, problem.evaluate(problem.centre))
+    variance = np.where(known > 0, squares / np.maximum(known, 1), 1.0)
     return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
+
+
+def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """(L,) squared errors [K2] of forecasts at each lead, and how many are measured."""
+    errors = _forecast_errors(problem, problem.forecasts[0], at.designs[0], at.solution.coef)
+    return np.nansum(errors**2, axis=0), np.isfinite(errors).sum(axis=0)
+
+
+def _weighted_as_usual(problem: LeadProblem, at: Evaluation, usual: np.ndarray, hours: float) -> LeadProblem:
+    """A problem weighted by its errors at a point and, as far as these are few, by those ``usual`` (L,) [K2]."""
+    squares, known = _squares_by_lead(problem, at)
+    rows = _USUAL_HOURS / hours
+    return replace(problem, precision=1.0 / np.maximum((squares + rows * usual) / (known + rows), _LEAST_ERROR**2))
 
 
 def _best_of_grid(

@@ -31,6 +31,8 @@ class NetworkSums(NamedTuple):
     coef: np.ndarray  # (J,)
     gram: np.ndarray  # (J + 1, J + 1) of the training forecasts, in units of what they leave
     mean_outdoor: float  # [degC]
+    leads: np.ndarray  # (L,) [h]
+    variance: np.ndarray  # (L,) of the errors of forecasts at each lead [K2]
 
     @property
     def log_size(self) -> float:
@@ -64,6 +66,8 @@ class NetworkPrior:
     channels: tuple[str, ...]
     mean: np.ndarray  # (K,)
     precision: np.ndarray  # (K, K)
+    leads: np.ndarray  # (L,) [h]
+    variance: np.ndarray  # (L,) usual one of forecasts at each lead [K2]
 
     @classmethod
     def learn(cls, zones: Sequence[NetworkSums], log_nameplates: np.ndarray, pseudo_zones: float) -> Self:
@@ -79,13 +83,20 @@ class NetworkPrior:
         shared = tuple(name for name in first.channels if all(name in zone.channels for zone in zones))
         sums = [_shared_sums(zone, shared) for zone in zones]
         grams, crosses = np.array([G[:-1, :-1] for G in sums]), np.array([G[:-1, -1] for G in sums])
-        return cls(first.network, first.step, first.names, centre, covariance, shared, *learn_normal(grams, crosses, pseudo_zones))
+        mean, precision = learn_normal(grams, crosses, pseudo_zones)
+        errors = [np.log(np.interp(first.leads, zone.leads, zone.variance)) for zone in zones]
+        usual = np.exp(np.mean(errors, axis=0))
+        return cls(
+            first.network, first.step, first.names, centre, covariance, shared, mean, precision, first.leads, usual
+        )
 
     def scaled(self, log_nameplate: float, spread: float) -> Self:
         """The same for a zone with a nameplate, whose logarithm is known up to a spread."""
         along = _scaling(self.network, self.names)
         return replace(
-            self, centre=self.centre + log_nameplate * along, covariance=self.covariance + spread**2 * np.outer(along, along)
+            self,
+            centre=self.centre + log_nameplate * along,
+            covariance=self.covariance + spread**2 * np.outer(along, along),
         )
 
     def starts(self) -> list[np.ndarray]:
