@@ -141,10 +141,11 @@ def write_results(store: Path, fleet: Sequence[Zone], folder: Path) -> list[Path
     n_new = sum(bool(zone.dates) for zone in fleet)
     note = (
         f"{len(fleet)} zones of {len({z.building for z in fleet})} models of building, of which the new zone's is left "
-        f"out with all variants; {n_new} new zones on up to two dates.  The default is that of the same columns (T_oa, "
-        "q_sol, Q_hvac), with clipping and daily profile.  Training of any length ends at the date; the next two weeks "
-        "are the test, an origin every 7 h, delivered heat known.  The highest heat of a log stands for its nameplate.  Homes are measured; their boiler is taken to have 8 kW.  Brackets: 90 % of a bootstrap over "
-        "buildings."
+        f"out with all variants; {shares.index.get_level_values('zone').nunique()} new zones on up to two dates.  The "
+        "default is that of the same columns (T_oa, q_sol, Q_hvac), with clipping and daily profile.  Training of any "
+        "length ends at the date; the next two weeks are the test, an origin every 7 h, delivered heat known.  The "
+        "highest heat of a log stands for its nameplate.  Homes are measured; their boiler is taken to have 8 kW.  "
+        "Brackets: 90 % of a bootstrap over buildings."
     )
     command = "python benchmarks/fleet_prior.py --buildings FOLDER"
     return [write_table("fleet_prior", "A new zone with a prior from a fleet", command, tables, note, folder), csv]

@@ -39,7 +39,7 @@ _HOLDERS = re.compile(
     r"skhybrid\.(_holidays|_summary|_table|control|filtering|fleet|forecasting|hybrid|identification|model_selection|"
     r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
-_BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
+_BASES = {"skhybrid", "sklearn", "builtins", "abc", "collections", "typing"}  # packages of their bases
 _MOST_ROWS = 10**8  # of an index that is not written out
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -81,21 +83,19 @@ def test_a_weak_prior_is_none_and_a_tight_one_pins_the_response(objective):
     model = clone(ARX).set_params(objective=objective, horizon="6h")
     zones = [fitted(model, zone(seed)) for seed in range(3)]
     learned = FleetPrior.learn(zones)
-    rows = zone(7, n_days=4)
-    usual = heat_response(fitted(clone(model).set_params(alpha=1e-9), rows))
-    target = np.mean([heat_response(z) for z in zones], axis=0)
+    rows = [zone(seed, n_days=4) for seed in (7, 8)]
+    usual = [heat_response(fitted(clone(model).set_params(alpha=1e-9), r)) for r in rows]
     found = {}
     for factor in (1e-8, 1e10):
-        part = learned.regressions[objective]
-        given = FleetPrior(3, {objective: _scaled(part, factor)}, None, learned.ratio, learned.nameplates)
-        found[factor] = heat_response(fitted(clone(model).set_params(prior=given), rows))
-    np.testing.assert_allclose(found[1e10], target, rtol=0.1)
-    assert np.abs(found[1e-8] - usual).max() < 0.3 * np.abs(target - usual).max() + 0.02
+        part = {objective: _scaled(learned.regressions[objective], factor)}
+        given = FleetPrior(3, part, None, learned.ratio, learned.nameplates)
+        found[factor] = [heat_response(fitted(clone(model).set_params(prior=given), r)) for r in rows]
+    apart = np.abs(usual[0] - usual[1]).max()
+    assert np.abs(found[1e10][0] - found[1e10][1]).max() < 0.01 * apart  # the rows say nothing any more
+    assert max(np.abs(f - u).max() for f, u in zip(found[1e-8], usual, strict=True)) < 0.3 * apart  # and here all
 
 
 def _scaled(part, factor):
-    from dataclasses import replace
-
     return replace(part, precision=factor * part.precision)
 
 
@@ -105,18 +105,19 @@ def test_a_zone_of_twice_the_size_answers_half(arx_prior):
         heat_response(fitted(clone(ARX).set_params(prior=arx_prior.for_nameplate(size)), rows)) for size in (1.0, 2.0)
     ]
     assert answers[0].max() > 0.05
-    np.testing.assert_allclose(answers[1], 0.5 * answers[0], rtol=1e-6)
+    np.testing.assert_allclose(answers[1], 0.5 * answers[0], rtol=1e-3)  # up to the ridge that stays
 
 
-def test_a_day_is_forecast_better_with_a_fleet(prior):
-    rows = zone(11, n_days=5)
-    train, test = rows.iloc[:PER_DAY], rows.iloc[PER_DAY:]
-
-    def rmse(model):
-        return float(np.sqrt(np.mean((fitted(model, train).predict(test) - test["T_za"]) ** 2)))
-
-    given = clone(SCHEDULE).set_params(prior=prior.for_nameplate(6.0))
-    assert rmse(given) < rmse(SCHEDULE)
+def test_a_day_is_forecast_better_with_a_fleet():
+    model = ARXRegressor(objective="multi_step")
+    learned = FleetPrior.learn([fitted(model, zone(seed, n_days=21)) for seed in range(4)])
+    ratios = []
+    for seed in (11, 12, 13):
+        rows = zone(seed, n_days=5)
+        train, test = rows.iloc[:PER_DAY], rows.iloc[PER_DAY:]
+        away = [fitted(m, train).predict(test) - test["T_za"] for m in (clone(model).set_params(prior=learned), model)]
+        ratios.append(np.linalg.norm(away[0]) / np.linalg.norm(away[1]))
+    assert np.mean(ratios) < 0.7
 
 
 def test_the_network_takes_the_size_of_its_nameplate(prior):
