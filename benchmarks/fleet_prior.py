@@ -138,7 +138,6 @@ def write_results(store: Path, fleet: Sequence[Zone], folder: Path) -> list[Path
             runs[runs["model"] == DEFAULT].set_index(KEYS[:-1])["rmse"]
         ),
     }
-    n_new = sum(bool(zone.dates) for zone in fleet)
     note = (
         f"{len(fleet)} zones of {len({z.building for z in fleet})} models of building, of which the new zone's is left "
         f"out with all variants; {shares.index.get_level_values('zone').nunique()} new zones on up to two dates.  The "

@@ -32,6 +32,12 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     ----------
     n_zones : int
         Zones that it was learned from.
+    regressions : dict of str to ARXPrior
+        Coefficients of ARX by objective.
+    resistances : NetworkPrior or None
+        Parameters and coefficients of the network per nameplate.
+    ratio, nameplates : tuple of float
+        Mean and standard deviation of the logarithm of size by nameplate, and of that of nameplates.
     nameplate : float or None
         Nameplate of the zone that it is meant for [kW].
     """
