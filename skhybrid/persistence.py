@@ -13,6 +13,7 @@ import re
 import stat
 import zipfile
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from datetime import date, datetime
 from typing import Any
 
@@ -35,10 +36,10 @@ _MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
-    r"skhybrid\.(_holidays|_summary|_table|control|filtering|forecasting|hybrid|identification|model_selection|preprocessing|"
-    r"schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
+    r"skhybrid\.(_holidays|_summary|_table|control|filtering|fleet\.prior|forecasting|hybrid|identification|model_selection|"
+    r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
-_BASES = {"skhybrid", "sklearn", "builtins", "abc", "typing"}  # packages of their bases
+_BASES = {"skhybrid", "sklearn", "builtins", "abc", "collections", "typing"}  # packages of their bases
 _MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
@@ -58,9 +59,9 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
     Parameters
     ----------
     estimator : fitted estimator
-        An estimator of this package, or a scikit-learn estimator (a Pipeline, a search) that contains one.
+        Of this package (or a :class:`~skhybrid.fleet.FleetPrior`), or a Pipeline or a search that contains one.
     path : path-like
-        The file to write; it is replaced in one step, so that nobody reads a half-written file.
+        The file to write, in one step.
     metadata : mapping of str to str, optional
         Texts that go with it, for :func:`load_metadata`, such as how its log is read.
 
@@ -69,7 +70,8 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
     TypeError
         If it contains an object that cannot be written as data, such as a lambda.
     """
-    check_is_fitted(estimator)
+    if not is_dataclass(estimator):  # a value, such as a FleetPrior, is what it is
+        check_is_fitted(estimator)
     io = import_skops()
     try:
         data = _to_data(estimator, type(estimator).__name__)
@@ -303,16 +305,12 @@ def _own_class(name: str) -> type:
     return found
 
 
-def _tz(value: Any) -> str | None:
-    return None if value.tz is None else str(value.tz)
-
-
 def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
     freq = None if value.freq is None else value.freq.freqstr
     ns: Any = value.as_unit("ns").asi8
     if 2 < len(ns) <= _MOST_STAMPS and len(steps := np.unique(np.diff(ns))) == 1 and steps[0] > 0:
         ns = pd.RangeIndex(ns[0], ns[-1] + 1, steps[0])
-    return {"ns": ns, "unit": value.unit, "tz": _tz(value), "freq": freq, "name": value.name}
+    return {"ns": ns, "unit": value.unit, "tz": value.tz and str(value.tz), "freq": freq, "name": value.name}
 
 
 def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
@@ -366,7 +364,7 @@ _PANDAS: dict[str, tuple[Any, Any, Any]] = {
     "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
     "Timestamp": (
         pd.Timestamp,
-        lambda v: {"ns": v.as_unit("ns").value, "tz": _tz(v)},
+        lambda v: {"ns": v.as_unit("ns").value, "tz": v.tz and str(v.tz)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
     "date": (date, lambda v: {"text": v.isoformat()}, _data_to_date),  # after Timestamp, which is one

@@ -22,7 +22,7 @@ from skhybrid import ARXRegressor, HybridPredictor, _files
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
-from skhybrid.fleet import FleetFolder, ZoneFleet, dispatch, zone_jobs
+from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jobs
 from skhybrid.fleet.fleet_folder import EXAMPLE
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.model_selection import backtest
@@ -115,6 +115,15 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
         pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
     with pytest.raises(ValueError, match="no zone succeeded, the first of 3, a: "):
         again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
+
+
+def test_its_prior_is_that_of_its_models(alone, fleet):
+    models = [model for _, model in sorted(alone.items())]
+    found, wanted = fleet.prior({"c": 3.0, "a": 6.0, "b/1": 5.0}), FleetPrior.learn(models, [6.0, 5.0, 3.0])
+    assert dict(found) == pytest.approx(dict(wanted))
+    assert fleet.prior().n_zones == 3
+    with pytest.raises(ValueError, match=r"zone 'd', of which the store has no model"):
+        fleet.prior({"d": 6.0})
 
 
 def test_a_long_update_is_saved_with_the_model(monkeypatch, alone, fleet):

@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
-    "fleet": {"forecasting", "hybrid", "persistence", "model_selection", "study"},
+    "fleet": {"forecasting", "schedule", "hybrid", "persistence", "model_selection", "study"},
     "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",

@@ -18,7 +18,8 @@ from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.members import DailyProfileMember, NumberedTable
+from skhybrid.hybrid.members import DailyProfileMember
+from skhybrid.hybrid.numbered_table import NumberedTable
 from skhybrid.hybrid.plausible_range import PlausibleRange
 from skhybrid.hybrid.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.model_selection import RollingOriginSplit

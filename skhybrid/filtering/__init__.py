@@ -9,6 +9,7 @@ from .kalman import kalman_filter, smooth_states
 from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
+from .normal_prior import learn_normal
 from .simulation import iterate_lags, simulate_path
 from .tree_sums import sum_of_leaves
 
@@ -32,6 +33,7 @@ __all__ = [
     "lead_errors",
     "lead_rows",
     "lead_sensitivities",
+    "learn_normal",
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",

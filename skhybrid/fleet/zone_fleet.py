@@ -25,6 +25,7 @@ from .fleet_page import write_page
 from .fleet_status import status_table, zone_status
 from .long_table import joined
 from .model_store import ModelStore
+from .prior import FleetPrior
 from .zone_jobs import (
     backtest_zone,
     fit_zone,
@@ -264,6 +265,32 @@ class ZoneFleet(BaseEstimator):
         if page is not None:
             write_page(page, table, recent, self.key)
         return table
+
+    def prior(self, sizes: Mapping[str, float] | None = None) -> FleetPrior:
+        """Learn from the fitted zones what is usual, for a new zone with a few days of data.
+
+        Parameters
+        ----------
+        sizes : mapping of zone to float, optional
+            Nameplate of each zone [kW]; zones that it leaves out are left out.
+
+        Returns
+        -------
+        FleetPrior
+            Of the zones that the estimator was fitted on, not the fallback.
+
+        Raises
+        ------
+        ValueError
+            If ``sizes`` names a zone without a model, or as :meth:`FleetPrior.learn`.
+        """
+        models = self._models
+        unknown = [zone for zone in sizes or () if not models.has(zone)]
+        if unknown:
+            raise ValueError(f"sizes names zone {unknown[0]!r}, of which the store has no model; leave it out.")
+        zones = [zone for zone in sizes or self.zones_ if models.journal(zone).facts["fallback"] is None]
+        fitted = (models.load(zone)[0] for zone in zones)
+        return FleetPrior.learn(fitted, None if sizes is None else [sizes[zone] for zone in zones])
 
     @property
     def zones_(self) -> list[str]:

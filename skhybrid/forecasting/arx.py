@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
 
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
@@ -15,6 +16,7 @@ from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
+from .arx_prior import ZoneEvidence, ZoneSums, prior_of
 from .features import rows_per_day, target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
@@ -69,6 +71,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         step, by damped Gauss-Newton steps.  It has further columns: inputs filtered over 6 h and 24 h, irradiance
         before and after noon, outdoor temperature by hour of day.  Its penalties, also a further one on calendar
         columns, are those that forecast the last third of the training table best.
+    prior : FleetPrior, optional
+        What fitted zones with the same columns and step say of the coefficients; it takes the place of all penalties.
 
     Attributes
     ----------
@@ -103,6 +107,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         origin_step: Any = None,
         max_missing: float = 0.5,
         objective: Literal["one_step", "multi_step"] = "one_step",
+        prior: Any = None,
     ) -> None:
         self.horizon = horizon
         self.adapt = adapt
@@ -116,6 +121,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.holidays = holidays
         self.max_missing = max_missing
         self.objective = objective
+        self.prior = prior
 
     @unchanged_on_failure
     @one_blas_thread
@@ -145,20 +151,40 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _solve(self, table: ZoneTable, T: np.ndarray, like: ARXRegressor | None) -> None:
         """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
-        daily = self.objective == "multi_step"
-        self._design = ARXDesign.of_training(table, T, int(self.n_lags), int(self.n_input_lags), self.calendar, daily)
+        daily, prior = (
+            self.objective == "multi_step",
+            None if self.prior is None else prior_of(self.prior, self.objective),
+        )
+        lags = int(self.n_lags), int(self.n_input_lags)
+        self._design = ARXDesign.of_training(table, T, *lags, self.calendar, daily, prior is not None)
         view = self.view(table, T)
         if daily:
             n_leads = min(self._leads_of_horizon(table.step), _MOST_DAYS * rows_per_day(table.step))
             penalties, refits = self.alpha if like is None else like._fit.knobs, self.adapt is not None
-            self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits)
+            self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits, prior)
             self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
             return
         pairs = self._design.pairs(view)
-        self._moments = Moments.of(pairs)
+        self._moments, squares = Moments.of(pairs), float(pairs.d @ pairs.d)
+        self._prior = None
+        if prior is not None:
+            self._prior = prior.pseudo_rows(self._design, table.step, self._moments, squares, len(pairs.d))
         given = self.alpha if like is None else like.alpha_
+        if prior is not None:
+            given = 0.0
         self.alpha_ = self._choose_alpha(view, pairs) if given is None else float(given)
-        self.coef_ = self._moments.ridge(self.alpha_)
+        self.coef_ = self._moments.ridge(self.alpha_, self._prior)
+        self._noise = float(np.mean((pairs.d - pairs.D @ self.coef_) ** 2)) if len(pairs.d) else 0.0
+
+    @property
+    def evidence_(self) -> ZoneEvidence:
+        """Normal equations of the fit, from which a :class:`~skhybrid.fleet.FleetPrior` is learned."""
+        check_is_fitted(self)
+        if self._has_multi_step:
+            sums = ZoneSums(self._design, self.sampling_time_, self._fit.information(), self._fit.noise)
+        else:
+            sums = ZoneSums(self._design, self.sampling_time_, self._moments, self._noise)
+        return ZoneEvidence({self.objective: sums})
 
     @property
     def _has_multi_step(self) -> bool:
@@ -181,6 +207,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
                 raise ValueError(f"{name}={value!r} is not a whole number from 1.")
         if self.alpha is not None and not self.alpha > 0:
             raise ValueError(f"alpha={self.alpha!r} is not a positive penalty.")
+        if self.alpha is not None and self.prior is not None:
+            raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")
 
     def _choose_alpha(self, view: ARXData, pairs: Pairs) -> float:
         """The penalty with the lowest forecast error in left-out blocks, each at least two horizons long."""
@@ -225,7 +253,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if self._has_multi_step:
                 coef = self._fit.without(view, begin, end)
             else:
-                coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_)
+                coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_, self._prior)
             out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
@@ -307,7 +335,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """
         if self._has_multi_step:
             return RecursiveMultiStep(self._fit, begin)
-        return RecursiveARX(self._design, self._moments, self.alpha_, begin)
+        return RecursiveARX(self._design, self._moments, self.alpha_, begin, self._prior)
 
     def refitted(self, view: ARXData, origins: np.ndarray, begin: int = 0) -> np.ndarray:
         """Coefficients (n_origins, n_columns) from the training rows and those of ``view`` up to each origin.

@@ -26,6 +26,8 @@ _FILTER_HOURS = (6.0, 24.0)  # time constants of the filtered inputs [h]
 _FILTER_DAYS = 6  # days before an origin from which the filters run
 _FROM_NOON = 4.0  # morning and afternoon irradiance count fully so long before and after noon [h], and fade in as long
 _K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
+#: spread of an input that a table holds constant, where a prior knows of its effect
+_UNSEEN_SPREAD = {"u_": 0.4, "Q_": 2.5, "T_": 5.0}
 
 
 class ARXData(NamedTuple):
@@ -70,8 +72,13 @@ class Moments(NamedTuple):
         """The sums with further pairs or, with ``sign=-1``, without some of them."""
         return self.added(Moments.of(pairs), sign)
 
-    def ridge(self, alpha: float) -> np.ndarray:
-        """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free."""
+    def ridge(self, alpha: float, prior: Moments | None = None) -> np.ndarray:
+        """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free.
+
+        A prior, as sums over pairs, takes the place of the penalty.
+        """
+        if prior is not None:
+            return self.added(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
         return np.asarray(cho_solve(cho_factor(self.gram + np.diag(penalty)), self.cross))
@@ -97,6 +104,7 @@ class DailyColumns:
     noon: float  # hour at which the training irradiance has its mean [h]
     T_oa_mean: float  # [degC]
     memory: int  # rows from which the filters run
+    K_per_column: float = _K_PER_COLUMN  # unit of outdoor temperature in the columns by hour [K]
 
     @classmethod
     def of_training(cls, table: ZoneTable, roles: tuple[str, ...]) -> Self:
@@ -142,9 +150,19 @@ class ARXDesign:
 
     @classmethod
     def of_training(
-        cls, table: ZoneTable, T: np.ndarray, n_lags: int, n_input_lags: int, calendar: bool, daily: bool = False
+        cls,
+        table: ZoneTable,
+        T: np.ndarray,
+        n_lags: int,
+        n_input_lags: int,
+        calendar: bool,
+        daily: bool = False,
+        prior: bool = False,
     ) -> Self:
-        """Take roles, means and scales from the training table and its temperature (n_rows,) [degC]."""
+        """Take roles, means and scales from the training table and its temperature (n_rows,) [degC].
+
+        With a ``prior`` inputs that are constant there keep their columns.
+        """
         known, roles = T[np.isfinite(T)], tuple(table.inputs)
         # A linear recursion can diverge where the data say little: nothing far outside what was seen is forecast.
         reach = 3.0 * max(float(np.ptp(known)), 1.0)
@@ -158,6 +176,7 @@ class ARXDesign:
             of_role = {role: spread[n_input_lags * place] for place, role in enumerate(roles)}
             spread[len(roles) * n_input_lags :] = [of_role[role] for role in further.roles]
         scale = np.maximum(spread, [usual[role] for role in of_column])
+        unseen = [_UNSEEN_SPREAD.get(role[:2], 0.2) if prior else np.inf for role in of_column]
         return cls(
             n_lags,
             n_input_lags,
@@ -167,7 +186,7 @@ class ARXDesign:
             T_scale=max(float(known.std()), 1e-3),
             T_range=(float(known.min()) - reach, float(known.max()) + reach),
             input_mean=lagged.mean(axis=0),
-            input_scale=np.where(spread > 1e-9, scale, np.inf),  # a constant input has no effect
+            input_scale=np.where(spread > 1e-9, scale, unseen),  # a constant input has no effect
             daily=further,
         )
 
@@ -192,7 +211,7 @@ class ARXDesign:
             slots = day_type_hour(table)
             blocks.append(one_hot(slots, 48))
             if self.daily is not None and "T_oa" in self.roles:
-                across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / _K_PER_COLUMN
+                across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
                 blocks.append(one_hot(slots % 24, 24) * across[:, None])
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, held(T), first)
 
@@ -258,8 +277,10 @@ class ARXDesign:
 class RecursiveARX:
     """The regression updated by pairs of rows as they become known; row ``begin`` is the first after the training."""
 
-    def __init__(self, design: ARXDesign, moments: Moments, alpha: float, begin: int) -> None:
-        self._design, self._moments, self._alpha = design, moments, alpha
+    def __init__(
+        self, design: ARXDesign, moments: Moments, alpha: float, begin: int, prior: Moments | None = None
+    ) -> None:
+        self._design, self._moments, self._alpha, self._prior = design, moments, alpha, prior
         self._next = begin - 1  # row k of the next pair: the first one ends at the first new row
         self._coef: np.ndarray | None = None
 
@@ -272,7 +293,7 @@ class RecursiveARX:
     def coef(self) -> np.ndarray:
         """Coefficients (n_columns,) from all pairs so far."""
         if self._coef is None:
-            self._coef = self._moments.ridge(self._alpha)
+            self._coef = self._moments.ridge(self._alpha, self._prior)
         return self._coef
 
 

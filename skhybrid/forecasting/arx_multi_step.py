@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from .._table import ZoneTable
 from ..filtering import hourly_sample
 from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
+from .arx_prior import ARXPrior
 from .features import rows_per_day, rows_per_hour, target_rows
 
 _CHUNK = 256  # origins whose slopes are in memory at a time
@@ -134,6 +136,8 @@ class MultiStepFit(NamedTuple):
     pairs: Moments  # of the one-step errors
     knobs: Knobs
     ratio: float  # squares at all leads per one-step square, at the start
+    noise: float = 0.0  # squares at all leads and of one step, per row, in units of the leads' weights [K2]
+    prior: Moments | None = None  # as sums over pairs, which ``pairs`` includes
 
     @property
     def one_step(self) -> float:
@@ -172,7 +176,24 @@ class MultiStepFit(NamedTuple):
                     break
             if best > before * (1.0 - 1e-4):
                 break
-        return MultiStepFit(problem, coef, moments, self.pairs, knobs, self.ratio)
+        return MultiStepFit(problem, coef, moments, self.pairs, knobs, self.ratio, self.noise, self.prior)
+
+    def information(self) -> Moments:
+        """The sums of the training at the solution, of errors at all leads and of one step, per unit of weight."""
+        weight = float(self.problem.weights.sum())
+        pairs = self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
+        whole = self.moments.added(pairs, self.one_step)
+        return Moments(whole.gram / weight, whole.cross / weight)
+
+    def under(self, prior: ARXPrior, step: pd.Timedelta, squares: float, n: int) -> MultiStepFit:
+        """The same with a prior among its pairs; ``squares`` are what its ``n`` rows leave."""
+        weight, here = float(self.problem.weights.sum()), self.information()
+        whole = squares / weight + 2.0 * here.cross @ self.coef - self.coef @ here.gram @ self.coef
+        pull = prior.pseudo_rows(self.problem.design, step, here, float(whole), n)
+        share = weight / self.one_step
+        rows = Moments(share * pull.gram, share * pull.cross)
+        pairs = self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
+        return self._replace(pairs=pairs.added(rows), prior=rows)
 
 
 def _quadratic(moments: Moments, weight: float, penalty: np.ndarray, coef: np.ndarray) -> float:
@@ -232,13 +253,28 @@ class RecursiveMultiStep:
 
 
 def fit_multi_step(
-    design: ARXDesign, table: ZoneTable, view: ARXData, n_leads: int, penalties: Knobs | float | None, refits: bool
+    design: ARXDesign,
+    table: ZoneTable,
+    view: ARXData,
+    n_leads: int,
+    penalties: Knobs | float | None,
+    refits: bool,
+    prior: ARXPrior | None = None,
 ) -> MultiStepFit:
     """Fit on errors at leads up to ``n_leads`` rows, with the penalties that forecast the last third best.
 
-    ``penalties`` may be given, or ``alpha`` alone.
+    ``penalties`` may be given, or ``alpha`` alone; a ``prior`` takes their place.
     """
     problem = MultiStepProblem.of_training(design, table, n_leads)
+    if prior is not None:
+        return _with_noise(_under_prior(problem, table.step, view, prior), view)
+    return _with_noise(_penalised(problem, view, n_leads, penalties, refits), view)
+
+
+def _penalised(
+    problem: MultiStepProblem, view: ARXData, n_leads: int, penalties: Knobs | float | None, refits: bool
+) -> MultiStepFit:
+    """The fit without a prior."""
     if isinstance(penalties, Knobs):
         return _start(problem, view, view.end).improved(view, view.end - 1, penalties)
     alpha = penalties
@@ -257,6 +293,35 @@ def fit_multi_step(
             if squares < least:
                 best, least = knobs, squares
     return _start(problem, view, view.end).improved(view, view.end - 1, best)
+
+
+def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, prior: ARXPrior) -> MultiStepFit:
+    """The fit under a prior, whose size and strength are found from the errors by its mean, and again by the fit."""
+    knobs = Knobs(0.0, 0.0, _USUAL.one_step)
+    pairs, coef = problem.design.pairs(view), prior.usual(problem.design)
+    origins, span = problem.origins(view.first, view.end), (view.first, view.end - 1)
+    fit = MultiStepFit(problem, coef, problem.moments(view, coef, origins, span), Moments.of(pairs), knobs, 1.0)
+    ratio = _left(fit, view)[0] / max(float(np.sum((pairs.d - pairs.D @ coef) ** 2)), 1e-12)
+    fit = fit._replace(ratio=ratio)
+    for n_steps in (2, _STEPS):
+        squares, one_step = _left(fit, view)
+        fit = fit.under(prior, step, squares + fit.one_step * one_step, len(pairs.d))
+        fit = fit.improved(view, view.end - 1, knobs, n_steps)
+    return fit
+
+
+def _left(fit: MultiStepFit, view: ARXData) -> tuple[float, float]:
+    """Squared errors of a fit on its training rows, at all leads and of one step."""
+    problem, pairs = fit.problem, fit.problem.design.pairs(view)
+    squares = problem.squares(view, fit.coef, problem.origins(view.first, view.end), (view.first, view.end - 1))
+    return squares, float(np.sum((pairs.d - pairs.D @ fit.coef) ** 2))
+
+
+def _with_noise(fit: MultiStepFit, view: ARXData) -> MultiStepFit:
+    """The fit with what it leaves per row."""
+    squares, one_step = _left(fit, view)
+    n = len(fit.problem.design.pairs(view).d)
+    return fit._replace(noise=(squares + fit.one_step * one_step) / float(fit.problem.weights.sum()) / max(n, 1))
 
 
 def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:

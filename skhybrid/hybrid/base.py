@@ -131,6 +131,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     zeta_ = _of_scheme("zeta_", "The training disturbance [kW, or K for an output disturbance].")
     disturbance_step_ = _of_scheme("disturbance_step_", "Step of the disturbance.")
     weights_ = _of_scheme("weights_", "Shares of the blend's members by group of leads (schedule model only).")
+    evidence_ = _of_scheme("evidence_", "What a FleetPrior is learned from (schedule model only).")
     gain_ = _of_scheme("gain_", "Temperature after a step of 1 kW by lead and member [K/kW] (schedule model only).")
     gain_std_ = _of_scheme(
         "gain_std_", "Relative standard error of the network's response by lead (schedule model only)."

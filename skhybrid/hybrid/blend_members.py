@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from .._table import ZoneTable, is_plant
+from ..forecasting.arx_prior import ZoneEvidence, ZoneSums
 from ..schedule import HeatResponse, LeadFit
 from .members import ARXMember, DailyProfileMember, Member
 from .without_heat import WithoutHeat
 
 _LAGS = 24  # temperatures that the black box regresses on
+#: share of the simple rule where no error is known, after a day of training and from two weeks on; and the same where
+#: other zones have taught the members (from the first dates of ``benchmarks/fleet_prior.py``)
+_RULE_SHARES, _TAUGHT_SHARES = (0.6, 0.1), (0.45, 0.1)
 
 
-def make_others(fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = ()) -> list[Member]:
+def make_others(
+    fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = (), prior: Any = None
+) -> list[Member]:
     """The members beside the network; the heat whose gain they are not to learn is taken out of them.
 
-    ARX takes the penalties of the fitted one among the members ``like``, where there is one.
+    ARX takes the penalties of the fitted one among the members ``like``, where there is one, or a prior, which also
+    knows of heat that hardly ran.
     """
+    if prior is not None:
+        of = prior.arx
+        return [
+            ARXMember(_LAGS, prior=of.get("one_step")),
+            ARXMember(_LAGS, multi_step=True, prior=of.get("multi_step")),
+            DailyProfileMember(),
+        ]
     plan = purpose == "plan"
     fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
     # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
@@ -34,7 +49,22 @@ def make_others(fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[
     return [WithoutHeat(member, response) for member in others]
 
 
-def prior_shares(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
+def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
+    """What the network and the regressions have learned; not those from which the heat was taken out."""
+    regressions: dict[str, ZoneSums] = {}
+    for member in others:
+        if isinstance(member, ARXMember):
+            regressions |= member.arx_.evidence_.regressions
+    return ZoneEvidence(regressions, fit.sums)
+
+
+def first_shares(members: Sequence[Member], has_prior: bool) -> np.ndarray:
+    """Shares (2, K) where no error is known, after a day and from two weeks on."""
+    ages = zip(_TAUGHT_SHARES if has_prior else _RULE_SHARES, (True, False), strict=True)
+    return np.array([_prior_shares(members, rule, first) for rule, first in ages])
+
+
+def _prior_shares(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
     """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
     learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
     n_rules = sum(m.is_rule for m in members)

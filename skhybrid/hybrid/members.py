@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from copy import copy
 from functools import cache
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import pandas as pd
@@ -16,49 +15,22 @@ from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
 from ..forecasting.features import rows_per_day, rows_per_hour
-from ..schedule import ErrorHistory, LeadFit, NumberedSegment, RollingNetwork, fit_leads, plant_gain, step_gain
+from ..schedule import (
+    ErrorHistory,
+    LeadFit,
+    NetworkPrior,
+    NumberedSegment,
+    RollingNetwork,
+    fit_leads,
+    plant_gain,
+    step_gain,
+)
 from ..thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
+from .numbered_table import NumberedTable
 
 _SMALL = 1e-3  # step by which a linear model is tried [kW], so small that nothing is clipped
 _RETURN = pd.Timedelta("12h")  # after which 1/e of the deviation from the mean day is left
-
-
-class NumberedTable(NamedTuple):
-    """Known and future rows: after the training rows as one table with them, or by themselves."""
-
-    table: ZoneTable
-    T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
-    begin: int  # the first row that the training has not seen
-    joined: bool  # whether the rows before ``begin`` are the training's own
-    first: int = 0  # the table's first row, where it holds the last ones only
-    whole: Callable[[], tuple[ZoneTable, np.ndarray]] | None = None  # all rows from 0 on, where it does not hold them
-    before: Mapping[str, np.ndarray] | None = None  # inputs of some rows before ``first``
-
-    def since(self, row: int) -> NumberedTable:
-        """The rows from one on, for a member that has gone through those before it."""
-        if row <= self.first:
-            return self
-        later = slice(row - self.first, None)
-        whole = self.whole or (lambda: (self.table, self.T))
-        return self._replace(table=self.table.rows(later), T=self.T[later], first=row, whole=whole)
-
-    def with_boundary(self, values: Mapping[str, np.ndarray], origin: int, n_back: int) -> NumberedTable:
-        """Rows from ``n_back`` before an origin to the last lead, with other values (n_leads,) of some inputs ahead.
-
-        The first of them is measured where any row before it is.
-        """
-        table, n_leads = self.table, len(next(iter(values.values())))
-        first = max(0, origin - n_back)
-        while first and not np.isfinite(self.T[first]):
-            first = max(0, first - n_back)
-        kept = table.rows(slice(first, origin + 1 + n_leads))
-        n_ahead = first + kept.n_rows - origin - 1
-        inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
-        T = self.T[first : first + kept.n_rows]
-        before = {role: v[:first] for role, v in table.inputs.items()} if first else None
-        kept = kept.replace(inputs={**kept.inputs, **inputs})
-        return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before)
 
 
 class RollingMember(Protocol):
@@ -117,15 +89,23 @@ class ScheduleMember:
     """
 
     names: tuple[str, ...] = ("network", "network, short memory")
-    is_rule, needs_days = False, True
+    is_rule = False
     fit_: LeadFit
 
-    def __init__(self, network: RCNetwork, known: dict[str, float], purpose: str = "forecast") -> None:
-        self.network, self.known, self.purpose = network, known, purpose
+    def __init__(
+        self,
+        network: RCNetwork,
+        known: dict[str, float],
+        purpose: str = "forecast",
+        prior: NetworkPrior | None = None,
+    ) -> None:
+        self.network, self.known, self.purpose, self._prior = network, known, purpose, prior
+        self.needs_days = prior is None
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         T = training.history["T_za"]
-        self.fit_ = fit_leads(self.network, training, T, n_leads, self.known, calendar=True, purpose=self.purpose)
+        given = self.known, True, self.purpose, self._prior
+        self.fit_ = fit_leads(self.network, training, T, n_leads, *given)
         return self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -180,13 +160,17 @@ class ARXMember:
     names: tuple[str, ...] = ("ARX",)
     is_rule, needs_days = False, False
 
-    def __init__(self, n_lags: int, *, multi_step: bool = False, like: ARXRegressor | None = None) -> None:
-        self.n_lags, self.multi_step, self._like = n_lags, multi_step, like
+    def __init__(
+        self, n_lags: int, *, multi_step: bool = False, like: ARXRegressor | None = None, prior: Any = None
+    ) -> None:
+        self.n_lags, self.multi_step, self._like, self._prior = n_lags, multi_step, like, prior
         if multi_step:
             self.names = ("multi-step ARX",)
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        self.arx_ = ARXRegressor(horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0)
+        self.arx_ = ARXRegressor(
+            horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0, prior=self._prior
+        )
         if self.multi_step:
             self.arx_.set_params(objective="multi_step", adapt="refit")
         self.arx_.fit(training.replace(history={}), training.history["T_za"], self._like)

@@ -72,6 +72,11 @@ shared_docs = docs_from(
         max_missing : float, default=0.5
             Highest share of missing measurements.
         """,
+        "prior": """
+        prior : FleetPrior, optional
+            What fitted zones with the same columns, step and network say of this one, for a log of a few days.  It
+            takes the place of the shrinkage that is chosen from the log, and never fades.
+        """,
         "fitted": """
         zeta_ : Series
             The training disturbance by steps of the forecaster [kW, or K for an output disturbance].

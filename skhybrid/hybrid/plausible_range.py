@@ -48,6 +48,12 @@ class PlausibleRange(NamedTuple):
         low, high = self._ends
         return np.clip(paths, np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high))
 
+    def errors_of_clipped(self, errors: np.ndarray, T: np.ndarray) -> np.ndarray:
+        """Errors [K] of forecasts of temperatures [degC] as they are once the forecasts are clipped."""
+        forecast = T - errors
+        clipped = self.clip(forecast)
+        return np.where(clipped == forecast, errors, errors + forecast - clipped)
+
     def clip_errors(self, errors: np.ndarray) -> np.ndarray:
         """Errors [K] without what no clipped forecast has."""
         low, high = self._ends

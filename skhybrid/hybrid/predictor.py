@@ -37,6 +37,7 @@ class HybridPredictor(BaseTwoStage):
     %(data)s
     %(parts)s
     %(origins)s
+    %(prior)s
 
     Attributes
     ----------
@@ -85,6 +86,7 @@ class HybridPredictor(BaseTwoStage):
         verbose=0,
         origin_step=None,
         max_missing=0.5,
+        prior=None,
     ):
         super().__init__(
             gray_box,
@@ -107,6 +109,7 @@ class HybridPredictor(BaseTwoStage):
             max_missing=max_missing,
         )
         self.purpose = purpose
+        self.prior = prior
 
     def _make_scheme(self) -> Scheme:
         if self._takes_two_stages() or self.disturbance != "input":
@@ -115,6 +118,8 @@ class HybridPredictor(BaseTwoStage):
                     f"purpose={self.purpose!r} does nothing with the two-stage scheme, whose gain is that of the "
                     "identified network for any purpose; leave it out."
                 )
+            if self.prior is not None:
+                raise ValueError("prior= does nothing with the two-stage scheme; give it as priors= of the gray box.")
             return super()._make_scheme()
         for name, reason in (("memory", "identifies nothing"), ("n_jobs", "runs on one core")):
             if getattr(self, name) is not None:
@@ -122,7 +127,7 @@ class HybridPredictor(BaseTwoStage):
                     f"{name}={getattr(self, name)!r} does nothing with the schedule model, which {reason}; leave it "
                     "out, or give a gray_box or a forecaster for the two-stage scheme."
                 )
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose)
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose, self.prior)
 
     def _takes_two_stages(self) -> bool:
         return self.gray_box is not None or self.forecaster is not None or self.disturbance == "output"

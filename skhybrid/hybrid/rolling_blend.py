@@ -13,7 +13,8 @@ from ..control import Plan
 from ..filtering import ForecastSample
 from ..forecasting.intervals import DAYS_BACK
 from .blend import PULL, blend_weights, by_lead, faded, moments
-from .members import Member, NumberedTable
+from .members import Member
+from .numbered_table import NumberedTable
 from .plausible_range import PlausibleRange
 from .scheme import RecentErrors
 from .without_heat import RollingWithoutHeat

@@ -47,6 +47,7 @@ class SchedulePredictor(BaseHybrid):
     %(preprocess)s
     %(data)s
     %(origins)s
+    %(prior)s
 
     Attributes
     ----------
@@ -87,6 +88,7 @@ class SchedulePredictor(BaseHybrid):
         holidays=None,
         origin_step=None,
         max_missing=0.5,
+        prior=None,
     ):
         self.network = network
         self.known = known
@@ -100,19 +102,36 @@ class SchedulePredictor(BaseHybrid):
         self.holidays = holidays
         self.origin_step = origin_step
         self.max_missing = max_missing
+        self.prior = prior
 
     def _make_scheme(self) -> ScheduleScheme:
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose)
+        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose, self.prior)
 
 
 def make_schedule_scheme(
-    network: str | RCNetwork | None, known: Mapping[str, float] | None, horizon: Any, adapt: str | None, purpose: str
+    network: str | RCNetwork | None,
+    known: Mapping[str, float] | None,
+    horizon: Any,
+    adapt: str | None,
+    purpose: str,
+    prior: Any = None,
 ) -> ScheduleScheme:
     """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
     if purpose not in get_args(Purpose):
         raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
-    found = get_network(DEFAULT_NETWORK if network is None else network)
-    return ScheduleScheme(found, known=_capacities(dict(known or {})), horizon=horizon, adapt=adapt, purpose=purpose)
+    if prior is not None:
+        _check_prior(prior, purpose)
+    found, given = get_network(DEFAULT_NETWORK if network is None else network), _capacities(dict(known or {}))
+    return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)
+
+
+def _check_prior(prior: Any, purpose: str) -> None:
+    if not (hasattr(prior, "arx") and hasattr(prior, "network")):
+        raise ValueError(f"prior={prior!r} is no FleetPrior; learn one from fitted zones, or leave it out.")
+    if purpose == "plan":
+        raise ValueError(
+            "prior= was learned for forecasts and would undo the pull of purpose='plan' on the gain; leave one out."
+        )
 
 
 def _capacities(known: dict[str, float]) -> dict[str, float]:

@@ -14,7 +14,7 @@ from .._time import rows_of
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
-from ..filtering import ForecastSample
+from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
@@ -30,17 +30,17 @@ from ..schedule import (
 )
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
-from .blend_members import make_others, prior_shares
+from .blend_members import evidence_of, first_shares, make_others
 from .drift import DriftMonitor
 from .gain_report import disagreement, gain_errors, gain_table, plant_of, told_plant, warn_of_gain
 from .known_rows import KnownRows
-from .members import Member, NumberedTable, ScheduleMember
+from .members import Member, ScheduleMember
+from .numbered_table import NumberedTable
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
 from .tables import days_after, midnights, with_temperature
 
-_RULE_SHARES = (0.6, 0.1)  # prior share of the simple rule, after a day of training and from two weeks on
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
@@ -61,8 +61,10 @@ class ScheduleScheme(Scheme):
         horizon: Any,
         adapt: str | None,
         purpose: str = "forecast",
+        prior: Any = None,
     ) -> None:
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
+        self.prior = prior
         #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
         self._running: dict[str | None, RollingBlend] = {}
 
@@ -96,24 +98,21 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        self._physics = ScheduleMember(self.network, self.known, self.purpose).fit(training, n_leads)
+        network_prior = None if self.prior is None else self.prior.network
+        self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = make_others(fit, training, self.purpose, like)
+        self._others = make_others(fit, training, self.purpose, like, self.prior)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         left_out = np.stack([m.left_out(training, sample, fit.blocks) for m in self._members], axis=-1)
-        left_out = self._of_clipped(left_out, sample)
+        T = training.history["T_za"]
+        left_out = self.rows.plausible.errors_of_clipped(left_out, T[sample.targets(len(T))[0], None])
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
         per_day = rows_per_day(training.step)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
-        priors = np.array(
-            [
-                prior_shares(self._members, share, first)
-                for share, first in zip(_RULE_SHARES, (True, False), strict=True)
-            ]
-        )
+        priors = first_shares(self._members, has_prior=self.prior is not None)
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
@@ -121,13 +120,6 @@ class ScheduleScheme(Scheme):
         )
         if told := told_plant(fit, training):
             self.gain_doubt = disagreement(fit, self._members, self.gain_, told)
-
-    def _of_clipped(self, errors: np.ndarray, sample: ForecastSample) -> np.ndarray:
-        """(O, L, M) errors [K] of training forecasts as they are once the forecasts are clipped."""
-        T = self.rows.training.history["T_za"]
-        forecast = T[sample.targets(len(T))[0], None] - errors
-        clipped = self.rows.plausible.clip(forecast)
-        return np.where(clipped == forecast, errors, errors + forecast - clipped)
 
     def _warn_scale(self) -> None:
         """Warn where neither a capacity nor a measured heat fixes what a kW is."""
@@ -142,6 +134,10 @@ class ScheduleScheme(Scheme):
             "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
             ScaleNotIdentifiableWarning,
         )
+
+    @property
+    def evidence_(self) -> ZoneEvidence:
+        return evidence_of(self._physics.fit_, self._others)
 
     @cached_property
     def gray_box_(self) -> ScheduledNetwork:
@@ -372,7 +368,12 @@ class ScheduleScheme(Scheme):
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
         learned = type(self)(
-            self.network, known=self.known, horizon=self.horizon, adapt=self.adapt, purpose=self.purpose
+            self.network,
+            known=self.known,
+            horizon=self.horizon,
+            adapt=self.adapt,
+            purpose=self.purpose,
+            prior=self.prior,
         )
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)

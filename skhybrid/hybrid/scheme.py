@@ -11,6 +11,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
+from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
@@ -88,6 +89,11 @@ class Scheme(ABC):
     def weights_(self) -> pd.DataFrame:
         """Shares of the members of a blend."""
         raise AttributeError(f"the {self.name} scheme blends nothing, so that it has no weights_.")
+
+    @property
+    def evidence_(self) -> ZoneEvidence:
+        """What a prior of other zones is learned from."""
+        raise AttributeError(f"the {self.name} scheme has no evidence_; fit the schedule model.")
 
     @property
     def gain_(self) -> pd.DataFrame:

@@ -13,7 +13,8 @@ from ..control import Plan
 from ..filtering import ForecastSample
 from ..forecasting.features import rows_per_day
 from ..schedule import HeatResponse, RollingNetwork
-from .members import Member, NumberedTable, RollingMember
+from .members import Member, RollingMember
+from .numbered_table import NumberedTable
 
 
 class RowsAndHeat(NamedTuple):

@@ -9,6 +9,7 @@ in ``docs/user_guide/hybrid.rst``.
 from .fit import LeadFit, fit_leads
 from .gain_error import LITTLE_ERROR, days_to_tell, step_gain, step_gain_error
 from .heat_response import HeatResponse
+from .network_prior import NetworkPrior, NetworkSums
 from .online_network import OriginState
 from .plant_model import bends_at, linear_network, plant_gain
 from .rolling_network import ErrorHistory, RollingNetwork
@@ -21,6 +22,8 @@ __all__ = [
     "ErrorHistory",
     "HeatResponse",
     "LeadFit",
+    "NetworkPrior",
+    "NetworkSums",
     "NumberedSegment",
     "OriginState",
     "RollingNetwork",

@@ -17,6 +17,7 @@ from .constrained_ridge import Solution, solve_coefficients
 from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
+from .network_prior import NetworkPrior, NetworkSums
 from .segment import Segment, make_segment
 from .step_gain import GainPull, is_delayed
 
@@ -33,6 +34,7 @@ _PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms ar
 _LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
 _MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
+_USUAL_HOURS = 24.0  # hours of forecasts that the usual errors of other zones count as
 _DAY = 24.0
 
 
@@ -86,6 +88,26 @@ class LeadFit:
         scored = self.problem.forecasts[0]._replace(segment=segment)
         return replace(self, problem=replace(self.problem, forecasts=(scored,)))
 
+    @property
+    def sums(self) -> NetworkSums:
+        """The fit as a prior is learned from it."""
+        problem, scored = self.problem, self.problem.forecasts[0]
+        left = np.append(-self.coef, 1.0)
+        count = float(np.sum(problem.root_weights(scored) ** 2 / problem.precision))
+        noise = float(left @ self.gram @ left) / max(count, 1.0)
+        return NetworkSums(
+            self.model.network,
+            self.model.step,
+            self.model.names,
+            self.psi,
+            problem.channels,
+            self.coef,
+            self.gram / noise,
+            self.plan.mean_outdoor,
+            self.sample.leads * self.model.step,
+            noise / problem.precision,
+        )
+
     def without_rows(self) -> LeadFit:
         """Copy without the training rows, to be saved; ``with_rows`` of the same segment restores it, bit by bit."""
         return self.with_rows(self.segment.between(0, 0))
@@ -99,13 +121,15 @@ def fit_leads(
     known: dict[str, float] | None = None,
     calendar: bool = True,
     purpose: str = "forecast",
+    prior: NetworkPrior | None = None,
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
     the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
     purpose "plan" forecasts are fitted with the heat that could be expected at their origins, where enough of it could,
-    and the response to a kW is pulled toward what jumps of the heat say of it.
+    and the response to a kW is pulled toward what jumps of the heat say of it.  A ``prior`` takes the place of the
+    grid, of the shrinkage and of the usual size.
     """
     step = table.step / pd.Timedelta("1h")
     sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
@@ -125,7 +149,10 @@ def fit_leads(
     heat = scored.segment.heat
     # a plant that hardly ran does not make the building small
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
-    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale if scale > 1e-6 else 1.0, _SCALES, pull)
+    scale = scale if scale > 1e-6 else 1.0
+    if prior is not None:
+        return _fit_under(prior, plan, table, T, scored, reference, scale)
+    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale, _SCALES, pull)
     undetermined = _undetermined(fit, loss, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
@@ -178,6 +205,20 @@ def _fit_at_scale(
     blocks = _blocks_of_days(scored.sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = minimise(problem, best.psi, max_steps=4)
+    return _with_contrasts(plan, table, T, scored, reference, problem, best, blocks)
+
+
+def _with_contrasts(
+    plan: ChannelPlan,
+    table: ZoneTable,
+    T: np.ndarray,
+    scored: ScoredForecasts,
+    reference: float,
+    problem: LeadProblem,
+    best: Evaluation,
+    blocks: np.ndarray,
+) -> tuple[LeadFit, float]:
+    """The fit with days that may be of the other type, by delivered heat; its loss."""
     plan = with_contrast(plan, scored.segment.channels.names, best.solution.coef)
     # schedules and blend learn from delivered heat, which tells more
     known = scored._replace(segment=make_segment(plan, table, T, reference), surprise=None)
@@ -185,6 +226,39 @@ def _fit_at_scale(
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
+
+
+def _fit_under(
+    prior: NetworkPrior,
+    plan: ChannelPlan,
+    table: ZoneTable,
+    T: np.ndarray,
+    scored: ScoredForecasts,
+    reference: float,
+    heat_scale: float,
+) -> LeadFit:
+    """Fit from the best of five sizes under a prior, which is that of the size found so far."""
+    model = FilterModel.of(plan.network, table.step_hours, heat_scale)
+    prior.refuse_other(model)
+    leads, n = scored.sample.leads, len(model.names)
+    few = scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
+
+    def problem_at(psi: np.ndarray, forecasts: ScoredForecasts) -> LeadProblem:
+        weights = 1.0 / np.interp(forecasts.sample.leads * table.step_hours, prior.leads, prior.variance)
+        own = prior.at(psi, plan.mean_outdoor)
+        return LeadProblem(model, (forecasts,), prior.centre, np.ones(n), Shrinkage(), weights, prior=own)
+
+    best = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss)
+    usual = np.interp(leads * table.step_hours, prior.leads, prior.variance)
+    problem = replace(problem_at(best.psi, scored), precision=1.0 / usual)
+    best = minimise(problem, best.psi, max_steps=6)
+    hours = table.step_hours * float(np.mean(np.diff(scored.sample.origins))) if len(scored.sample.origins) > 1 else 1.0
+    for _ in range(2):
+        problem = replace(problem, prior=prior.at(best.psi, plan.mean_outdoor))
+        problem = _weighted_as_usual(problem, problem.evaluate(best.psi), usual, hours)
+        best = minimise(problem, best.psi, max_steps=4)
+    blocks = _blocks_of_days(scored.sample, table.step_hours)
+    return _with_contrasts(plan, table, T, scored, reference, problem, best, blocks)[0]
 
 
 def _initial_problem(
@@ -198,11 +272,22 @@ def _initial_problem(
 
 def weighted(problem: LeadProblem) -> LeadProblem:
     """A problem with each lead weighted by the inverse variance of its errors at the centre of the prior."""
-    at, scored = problem.evaluate(problem.centre), problem.forecasts[0]
-    errors = _forecast_errors(problem, scored, at.designs[0], at.solution.coef)
-    known = np.isfinite(errors).sum(axis=0)
-    variance = np.where(known > 0, np.nansum(errors**2, axis=0) / np.maximum(known, 1), 1.0)
+    squares, known = _squares_by_lead(problem, problem.evaluate(problem.centre))
+    variance = np.where(known > 0, squares / np.maximum(known, 1), 1.0)
     return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
+
+
+def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """(L,) squared errors [K2] of forecasts at each lead, and how many are measured."""
+    errors = _forecast_errors(problem, problem.forecasts[0], at.designs[0], at.solution.coef)
+    return np.nansum(errors**2, axis=0), np.isfinite(errors).sum(axis=0)
+
+
+def _weighted_as_usual(problem: LeadProblem, at: Evaluation, usual: np.ndarray, hours: float) -> LeadProblem:
+    """A problem weighted by its errors at a point and, as far as these are few, by those ``usual`` (L,) [K2]."""
+    squares, known = _squares_by_lead(problem, at)
+    rows = _USUAL_HOURS / hours
+    return replace(problem, precision=1.0 / np.maximum((squares + rows * usual) / (known + rows), _LEAST_ERROR**2))
 
 
 def _best_of_grid(
@@ -271,7 +356,7 @@ def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -
     if not _several(blocks):
         return errors
     for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
-        coef = solve_coefficients(others, problem.penalty, problem.positive).coef
+        coef = problem.solve(others).coef
         errors[blocks == b] = _forecast_errors(problem, scored, E, coef)[blocks == b]
     return errors
 

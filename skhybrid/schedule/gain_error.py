@@ -130,6 +130,9 @@ def _hessian(fit: LeadFit, slopes: np.ndarray, free: np.ndarray) -> tuple[np.nda
     """Hessian (q, q) by the slopes of the forecasts, and those of the pull (r, q)."""
     problem, p = fit.problem, len(fit.psi)
     H = gram(slopes) + np.diag(np.append(1.0 / problem.spread**2, problem.penalty + ~free))
+    if problem.prior is not None:
+        H[:p, :p] += problem.psi_precision - np.diag(1.0 / problem.spread**2)
+        H[p:, p:] += problem.prior.of_channels(problem.channels)[:-1, :-1] * (free[:, None] & free)
     if problem.pull is None:
         return H, np.empty((0, len(H)))
     segment = problem.forecasts[0].segment

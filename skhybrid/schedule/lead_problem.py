@@ -14,6 +14,7 @@ from .channels import GROUPS, ChannelPlan
 from .constrained_ridge import Solution, gram, solve_coefficients
 from .expected_heat import SurpriseEffect
 from .filter_model import FilterModel
+from .network_prior import ProblemPrior
 from .responses import Responses, error_columns, error_sensitivities, simulate_responses
 from .segment import Segment
 from .step_gain import GainPull
@@ -75,6 +76,7 @@ class LeadProblem:
     shrinkage: Shrinkage
     precision: np.ndarray  # (L,) inverse variance of the errors at each lead [1/K2]
     pull: GainPull | None = None  # of the gain, toward what jumps of the heat say
+    prior: ProblemPrior | None = None  # of other zones, in place of the spread and of the shrinkage
 
     @property
     def plan(self) -> ChannelPlan:
@@ -88,7 +90,29 @@ class LeadProblem:
 
     @property
     def penalty(self) -> np.ndarray:
-        return penalty_of(self.forecasts[0].segment, self.shrinkage, self.model.heat_scale)
+        penalty = penalty_of(self.forecasts[0].segment, self.shrinkage, self.model.heat_scale)
+        if self.prior is not None:
+            penalty[np.isin(self.channels, self.prior.channels)] = 0.0
+        return penalty
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """(J,) names of the coefficients."""
+        names = self.forecasts[0].segment.channels.names
+        return (*names, "emitter") if self.plan.emitter else names
+
+    @property
+    def psi_precision(self) -> np.ndarray:
+        """(p, p) of the prior of psi."""
+        return np.diag(1.0 / self.spread**2) if self.prior is None else self.prior.psi_precision
+
+    def prior_gram(self) -> np.ndarray | float:
+        """(J + 1, J + 1) that is added to the sums at every solution; 0 without a prior."""
+        return 0.0 if self.prior is None else self.prior.of_channels(self.channels)
+
+    def solve(self, products: np.ndarray) -> Solution:
+        """Coefficients under penalty and prior by sums of products (J + 1, J + 1)."""
+        return solve_coefficients(products + self.prior_gram(), self.penalty, self.positive)
 
     def root_weights(self, scored: ScoredForecasts) -> np.ndarray:
         """(O, L) square roots of the weights; 0 where the target is missing or beyond the segment."""
@@ -145,15 +169,19 @@ class LeadProblem:
         """Solve the coefficients at ``psi``."""
         designs = tuple(self.design(psi, scored) for scored in self.forecasts)
         products = np.sum([gram(E) for E in designs], axis=0) + self.pull_gram(psi)
-        solution = solve_coefficients(products, self.penalty, self.positive)
-        prior = 0.5 * np.sum(((psi - self.centre) / self.spread) ** 2)
+        solution, away = self.solve(products), psi - self.centre
+        prior = 0.5 * np.sum((away / self.spread) ** 2)
+        if self.prior is not None:
+            prior = 0.5 * away @ self.prior.psi_precision @ away
         return Evaluation(psi, solution.loss + float(prior), solution, products, designs)
 
     def slopes(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (p,) and Gauss-Newton Hessian (p, p) of the objective with the coefficients projected out."""
         free = np.flatnonzero(at.solution.free)
-        g, H = (at.psi - self.centre) / self.spread**2, np.diag(1.0 / self.spread**2)
-        inner = np.diag(self.penalty[free]) + at.gram[np.ix_(free, free)]
+        g, H = (at.psi - self.centre) / self.spread**2, self.psi_precision
+        if self.prior is not None:
+            g = H @ (at.psi - self.centre)
+        inner = np.diag(self.penalty[free]) + (at.gram + self.prior_gram())[np.ix_(free, free)]
         cross = np.zeros((len(free), len(g)))
         for scored, E in zip(self.forecasts, at.designs, strict=True):
             root = self.root_weights(scored)

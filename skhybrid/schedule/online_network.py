@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..filtering import lead_errors, lead_rows, simulate_path
-from .constrained_ridge import gram, solve_coefficients
+from .constrained_ridge import gram
 from .filter_model import Matrices
 from .fit import LeadFit
 from .lead_problem import LeadProblem
@@ -110,7 +110,7 @@ class CoefficientMemory:
     def coef(self) -> np.ndarray:
         """(J,) solved when first read after new forecasts."""
         if self._coef is None:
-            self._coef = solve_coefficients(self._products, self._problem.penalty, self._problem.positive).coef
+            self._coef = self._problem.solve(self._products).coef
         return self._coef
 
 

@@ -228,6 +228,7 @@ NOT_CALLED = {
     **dict.fromkeys(("RCNetwork", "get_network"), "the target toml"),
     **dict.fromkeys(("building_network", "room_network"), _NUMBERS),
     "RoomFits": _MADE,
+    "FleetPrior": "is learned from fitted models, no table",
     "find_adjacency": "needs more days than the tables have",
     "propose_settings": "skhybrid check, and the targets csv and toml",
     **dict.fromkeys(("run_study", "write_outputs", "write_report", "StudyResult", "Yesterday"), "skhybrid run"),

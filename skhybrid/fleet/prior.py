@@ -1,0 +1,185 @@
+"""FleetPrior: fitted zones as a prior of a new one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+
+from ..forecasting.arx_prior import ARXPrior, ZoneEvidence, ZoneSums
+from ..schedule import NetworkPrior, NetworkSums
+
+_PSEUDO_ZONES = 5.0  # strength with which covariances are shrunk to their diagonals
+_FACTOR = float(np.exp(1.645))  # of a 90 % interval, per standard deviation of a logarithm
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FleetPrior(Mapping[str, tuple[float, float]]):
+    """What fitted zones say of a new one that has a few days of data.
+
+    It is learned from fitted predictors, never from their rows, and passed to a predictor as ``prior``::
+
+        prior = FleetPrior.learn(models, sizes=nameplates)
+        HybridPredictor(prior=prior.for_nameplate(8.0)).fit(three_days, three_days["T_za"])
+
+    As a mapping it holds the median and the 90 % factor of each resistance [K/kW] and capacitance [kWh/K] of the
+    network, which is what a gray box takes as ``priors``.
+
+    Attributes
+    ----------
+    n_zones : int
+        Zones that it was learned from.
+    regressions : dict of str to ARXPrior
+        Coefficients of ARX by objective.
+    resistances : NetworkPrior or None
+        Parameters and coefficients of the network per nameplate.
+    ratio, nameplates : tuple of float
+        Mean and standard deviation of the logarithm of size by nameplate, and of that of nameplates.
+    nameplate : float or None
+        Nameplate of the zone that it is meant for [kW].
+    """
+
+    n_zones: int
+    regressions: dict[str, ARXPrior]  # by objective
+    resistances: NetworkPrior | None  # per nameplate
+    ratio: tuple[float, float]  # mean and standard deviation of the logarithm of size by nameplate
+    nameplates: tuple[float, float]  # mean and standard deviation of their logarithm
+    nameplate: float | None = None
+
+    @classmethod
+    def learn(cls, models: Iterable[Any], sizes: Iterable[float] | None = None) -> Self:
+        """Learn from fitted zones.
+
+        Parameters
+        ----------
+        models : iterable of HybridPredictor, SchedulePredictor, ARXRegressor, or Pipelines that end with one
+            Fitted on logs with the same columns and the same step, and with the same network.
+        sizes : iterable of float, optional
+            A nameplate of each zone: the heat of its plant [kW], or any other figure that grows as the zone does.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two models, or they or their sizes do not go together.
+        """
+        evidence = [_evidence_of(model) for model in models]
+        if len(evidence) < 2:
+            raise ValueError(f"models holds {len(evidence)} fitted zones; a prior is learned from two or more.")
+        log_plates = _log_sizes(sizes, len(evidence))
+        networks = [zone.network for zone in evidence if zone.network is not None]
+        if networks and len(networks) < len(evidence):
+            raise ValueError("models mixes predictors with a network and ARXRegressors; give models of one kind.")
+        log_sizes = np.array([n.log_size for n in networks]) if networks else log_plates
+        found = {}
+        for objective in ("one_step", "multi_step"):
+            here = [i for i, zone in enumerate(evidence) if objective in zone.regressions]
+            if len(here) > 1:
+                sums = [evidence[i].regressions[objective] for i in here]
+                found[objective] = _regression(sums, log_sizes[here])
+        network = _network(networks, log_plates) if networks else None
+        ratio = log_sizes - log_plates
+        return cls(len(evidence), found, network, _spread(ratio), _spread(log_plates))
+
+    def for_nameplate(self, size: float) -> Self:
+        """The prior of a zone of a known size.
+
+        Parameters
+        ----------
+        size : float
+            Its nameplate, in the unit of the ``sizes`` that were given to :meth:`learn`.
+
+        Raises
+        ------
+        ValueError
+            If it is no positive number, or no sizes were given.
+        """
+        if not (np.isfinite(size) and size > 0):
+            raise ValueError(f"size={size!r} is no positive number.")
+        if not self.nameplates[1]:
+            raise ValueError(
+                "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."
+            )
+        return replace(self, nameplate=float(size))
+
+    @property
+    def arx(self) -> dict[str, ARXPrior]:
+        """Prior of the coefficients of ARX, by objective."""
+        (log_plate, spread), (ratio, ratio_spread) = self._plate, self.ratio
+        size = log_plate + ratio, float(np.hypot(spread, ratio_spread))
+        return {objective: prior.sized(*size) for objective, prior in self.regressions.items()}
+
+    @property
+    def network(self) -> NetworkPrior | None:
+        """Prior of parameters and coefficients of the network with schedules; None where none was fitted."""
+        return None if self.resistances is None else self.resistances.scaled(*self._plate)
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        prior, own = self.network, list(self)
+        if prior is None or name not in own:
+            raise KeyError(name)
+        k = prior.names.index(name)
+        return float(np.exp(prior.centre[k])), float(_FACTOR ** np.sqrt(prior.covariance[k, k]))
+
+    def __iter__(self) -> Iterator[str]:
+        if self.resistances is None:
+            raise ValueError(
+                "this prior was learned from ARX alone and knows no network; learn it from HybridPredictors."
+            )
+        network = self.resistances.network
+        return iter((*network.capacitances.values(), *network.resistors))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    @property
+    def _plate(self) -> tuple[float, float]:
+        return self.nameplates if self.nameplate is None else (float(np.log(self.nameplate)), 0.0)
+
+    def __repr__(self) -> str:
+        plate = "" if self.nameplate is None else f", nameplate={self.nameplate:g} kW"
+        return f"FleetPrior({self.n_zones} zones{plate})"
+
+
+def _evidence_of(model: Any) -> ZoneEvidence:
+    last = model[-1] if isinstance(model, Pipeline) else model
+    found = getattr(last, "evidence_", None)
+    if not isinstance(found, ZoneEvidence):
+        raise ValueError(
+            f"models holds a {type(last).__name__} from which no prior is learned; give fitted HybridPredictors of the "
+            "schedule model, SchedulePredictors or ARXRegressors."
+        )
+    return found
+
+
+def _log_sizes(sizes: Iterable[float] | None, n: int) -> np.ndarray:
+    if sizes is None:
+        return np.zeros(n)
+    given = np.array(list(sizes), dtype=np.float64)
+    if len(given) != n:
+        raise ValueError(f"sizes has {len(given)} numbers for {n} models; give one per model.")
+    if not (np.isfinite(given) & (given > 0)).all():
+        bad = int(np.argmin(np.isfinite(given) & (given > 0)))
+        raise ValueError(f"sizes gives model {bad} the size {given[bad]:g}; every size must be a positive number.")
+    return np.log(given)
+
+
+def _spread(values: np.ndarray) -> tuple[float, float]:
+    return float(values.mean()), float(values.std(ddof=1))
+
+
+def _regression(sums: Sequence[ZoneSums], log_sizes: np.ndarray) -> ARXPrior:
+    for zone in sums[1:]:
+        sums[0].kind.refuse_other(zone.kind, "the first of models")
+    return ARXPrior.learn(sums, log_sizes, _PSEUDO_ZONES)
+
+
+def _network(zones: Sequence[NetworkSums], log_plates: np.ndarray) -> NetworkPrior:
+    for zone in zones[1:]:
+        if zone.names != zones[0].names:
+            raise ValueError(
+                f"models holds the networks {zones[0].network.name} and {zone.network.name}; give models of one."
+            )
+    return NetworkPrior.learn(zones, log_plates, _PSEUDO_ZONES)
