@@ -21,7 +21,7 @@ PAGES = [page for page in PAGES if not page.startswith(("docs/_", "docs/generate
 UNIT = r"(?:K|kW|kWh|degC|%|s|ms|MB|times)(?![\w/])"
 NUMBER = re.compile(rf"(?<![\w.])(?:\d+\.\d+(?![\w.])|\d+(?= {UNIT}))")
 INDENTED = re.compile(
-    r"( *)(?:\.\. (?:code-block|math|literalinclude|image|frame|drawing|\[\d|toctree)|(?!\.\. ).*::$|.*>>>)"
+    r"( *)(?:\.\. (?:code-block|math|literalinclude|image|frame|drawing|measured|\[\d|toctree)|(?!\.\. ).*::$|.*>>>)"
 )
 #: numbers that are no results: a part of the page's name, a pattern and the reason
 NO_RESULTS = [
@@ -30,35 +30,37 @@ NO_RESULTS = [
     ("README.md", r"differences under 5 % mean little", "a rule of thumb"),
     ("README.md", r"targets were( at most)? [\d., ]+( and|of ARX and) [\d.]+", "chosen before the benchmark ran"),
     (
-        "control.rst",
-        r"jumps by 0\.3 of|loosely \(10 % at|1 \+ 0\.24 ln|within 15 % .*? 25 %|\(95 % interval"
-        r"|below 10 %: to|room by 1\.5 K|less than 0\.6 of the heat",
+        "explanation/gain.rst",
+        r"jumps by 0\.3 of|loosely \(10 % at|1 \+ 0\.24 ln|below 10 %: to|room by 1\.5 K|less than 0\.6 of the heat",
         "settings",
     ),
+    ("results/control.rst", r"within 15 % .*? 25 %|\(95 % interval", "settings"),
     ("data_contract.rst", r"reflects 20 %", "a default"),
     ("data_contract.rst", r"differ from those .*? 0\.088", "asserted by tests/test_facades.py"),
-    ("diagnostics.rst", r"below 0\.1 the text says", "a setting"),
-    ("experiment_design.rst", r"hold within 0\.5 K", "a setting"),
-    ("forecasting.rst", r"\(0\.1 here\)|Adam, 0\.003", "a setting"),
-    ("hybrid.rst", r"where 1 kW moves .*? 2 kW\.|\[kW per 10 K\]|taken as 6 kW", "an example or a unit"),
+    ("check_a_model.rst", r"below 0\.1 the text says", "a setting"),
+    ("plan_an_experiment.rst", r"hold within 0\.5 K", "a setting"),
+    ("explanation/rulings.rst", r"\(0\.1 here\)|Adam, 0\.003", "a setting"),
+    ("thermostat.rst", r"where 1 kW moves .*? 2 kW\.", "an example"),
+    ("schedule_model.rst", r"\[kW per 10 K\]|taken as 6 kW", "an example or a unit"),
     (
-        "hybrid.rst",
-        r"at 20 % and 45 %|less than 0\.01 K|error of 0\.05 K|gives 0\.[16] to|is 0\.3, and|and 0\.2 to each",
+        "schedule_model.rst",
+        r"at 20 % and 45 %|error of 0\.05 K|gives 0\.[16] to|is 0\.3, and|and 0\.2 to each",
         "settings",
     ),
-    ("hybrid.rst", r"to 0\.01 K in the tests", "asserted by tests/test_schedule_scheme.py"),
+    ("thermostat.rst", r"less than 0\.01 K", "a setting"),
+    ("thermostat.rst", r"to 0\.01 K in the tests", "asserted by tests/test_schedule_scheme.py"),
     (
         "identifiability.rst",
         r"a quarter at 90 %|\d kW and 90 % of it between \S+ / 1\.1 and 6 \* 1\.1|above 1\.05",
         "settings",
     ),
-    ("model_selection_bayes.rst", r"with probability 0\.95 is", "a setting"),
+    ("choose_a_disturbance_model.rst", r"with probability 0\.95 is", "a setting"),
     (
-        "model_selection_study.rst",
-        r".+",
+        "results/study.rst",
+        r"^(.+?)(?= The Bayesian regression )|Limits .+",
         "the page of one study, with a test of its own (tests/test_benchmarks_selection_study.py)",
     ),
-    ("online_updating.rst", r"1000 degC|0\.9 times the error", "settings"),
+    ("run_every_day.rst", r"1000 degC|0\.9 times the error", "settings"),
     ("refused.rst", r"5 % of those", "a setting"),
 ]
 
@@ -121,33 +123,25 @@ def held_buildings() -> tuple[pd.Series, pd.Series]:
     return first[0], first[1]
 
 
-def hybrid() -> Iterator[str]:
-    """Sentences of the page on the hybrid."""
+def forecast() -> Iterator[str]:
+    """Sentences of the page on forecasts."""
     arx, refitted = held_buildings()
     yield (
         f"over 36 rows {mean(arx):.2f} of ARX and {mean(refitted):.2f} of ARX re-fitted (geometric means), at worst "
         f"{arx.max():.2f} and {refitted.max():.2f}."
     )
-
-
-def command_line() -> Iterator[str]:
-    """Sentences of the page on the command line."""
     plain, site = (results.table("demo", h)["RMSE [K]"] for h in ("as `make demo` has it", "with `[site]`"))
     assert plain["hybrid"] == site["hybrid"]
     yield f"bring ARX re-fitted from {plain['ARX re-fitted']} to {site['ARX re-fitted']} K and leave the hybrid at"
     yield f"{site['hybrid']} K: it learns"
 
 
-def identifiability() -> Iterator[str]:
-    """Sentences of the page on identifiability."""
+def identification() -> Iterator[str]:
+    """Sentences of the page on identified parameters."""
     bias = results.table("coverage", "mean error [%]").query("climate == 'both'")["A_win"].astype(float)
     yield f"(their A_win is {np.floor(bias[['CONV', 'ID', 'OD']].min().round() / 10) * 10:.0f} % too large and more)"
-
-
-def identification() -> Iterator[str]:
-    """Sentences of the page on identification."""
     away = results.table("objectives", "Median distance from the truth [%]").set_index("objective", append=True)["C_za"]
-    yield f"the C_za of ID is {float(away['ID', 'one_step']):.1f} % off with"
+    yield f"The C_za of ID is {float(away['ID', 'one_step']):.1f} % off with"
     yield f"and {float(away['ID', 'multi_step']):.0f} % off with"
     error = results.table("objectives", "Forecasts of a day").set_index("objective", append=True)["midnight median [K]"]
     yield f"({error['OD', 'multi_step']} K against {error['OD', 'one_step']} K)"
@@ -168,8 +162,8 @@ def intervals() -> Iterator[str]:
 INTERVALS = ("Coverage of 80 % intervals [-]", "Width of 80 % intervals [K]")
 
 
-def model_selection_bayes() -> Iterator[str]:
-    """Sentences of the page on the Bayesian choice."""
+def study() -> Iterator[str]:
+    """Sentences of the page on the study."""
     effects = results.table("selection_bayes", "Effects [K]").astype(float)
     yield f"is then {span(effects['std, groups'] / effects['std, rows'], '.1f')} times as large"
     past = effects.loc["past-w"]
@@ -204,16 +198,7 @@ def online_updating() -> Iterator[str]:
 
 
 SENTENCES = {
-    f"docs/user_guide/{page.__name__}.rst": page
-    for page in (
-        hybrid,
-        command_line,
-        identifiability,
-        identification,
-        intervals,
-        model_selection_bayes,
-        online_updating,
-    )
+    f"docs/results/{page.__name__}.rst": page for page in (forecast, identification, intervals, study, online_updating)
 } | {"README.md": readme}
 
 

@@ -17,6 +17,12 @@ def note(name: str) -> str:
     return (FOLDER / f"{name}.md").read_text(encoding="utf-8").split("\n|")[0]
 
 
+def measured(name: str) -> tuple[str, str]:
+    """The command that wrote a report, and its date."""
+    text = note(name)
+    return re.search(r"`(python benchmarks/[^`]+)`", text)[1], re.search(r"20\d\d-\d\d-\d\d", text)[0]
+
+
 def table(name: str, heading: str = "") -> pd.DataFrame:
     """The first table under a heading of a report; cells are text, the first column is the index."""
     text = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
