@@ -55,6 +55,12 @@ def competitors() -> pd.DataFrame:
     return table("competitors", "RMSE [K]").astype(float)
 
 
+def demo_in_short() -> pd.DataFrame:
+    """The table of the demonstration without the variants of the two-stage scheme."""
+    shown = table("demo", "as `make demo` has it")
+    return shown[~shown.index.str.contains("two-stage|alone|simple")]
+
+
 def default_beside_others() -> pd.DataFrame:
     """Error of the default by log, and its ratio to ARX, the best competitor and the best gray box."""
     rmse, ratio, others = errors().loc["hybrid, full"], ratios(), competitors()
