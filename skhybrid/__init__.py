@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         thermal,
         zone,
     )
+    from ._show_versions import show_versions
     from .forecasting import ARXRegressor, DisturbanceForecaster
     from .hybrid import BuildingPredictor, HybridPredictor, SchedulePredictor, TwoStagePredictor
     from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _NAMES_OF = {
+    "_show_versions": ("show_versions",),
     "forecasting": ("ARXRegressor", "DisturbanceForecaster"),
     "hybrid": ("BuildingPredictor", "HybridPredictor", "SchedulePredictor", "TwoStagePredictor"),
     "identification": ("GrayBoxRC", "InputDisturbanceID", "OutputDisturbanceID", "PeriodicDisturbanceID"),
@@ -60,6 +62,7 @@ __all__ = [
     "model_selection",
     "persistence",
     "preprocessing",
+    "show_versions",
     "study",
     "thermal",
     "zone",
