@@ -197,13 +197,6 @@ def test_imports_in_the_folder_go_one_way(path):
 
 
 # --------------------------------------------------------------------------------------------------------------- page
-@pytest.mark.parametrize("page", ["how_to/declare_a_network.rst", "explanation/thermal_network.rst"])
-def test_the_examples_of_the_page_run(page):
-    result = doctest.testfile(str(Path(__file__).parents[1] / "docs" / page), module_relative=False)
-    assert result.attempted > 5
-    assert result.failed == 0
-
-
 def test_the_examples_of_the_docstring_run():
     (example,) = doctest.DocTestFinder(recurse=False).find(RCNetwork)
     assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
