@@ -1,4 +1,4 @@
-"""What a release of the package says of itself."""
+"""The package of itself: versions, addresses, classifiers and requirements."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def prose(text: str, rst: bool) -> str:
 
 
 def findings(path: Path) -> Iterator[str]:
-    """What is found in a file, with its line."""
+    """Findings in a file, each with its line."""
     text = prose(path.read_text(encoding="utf-8"), path.suffix == ".rst")
     name = path.relative_to(ROOT)
     for pattern, instead in WORDS.items():

@@ -71,7 +71,7 @@ class Pages(SimpleHTTPRequestHandler):
 
 
 def look(chromium: str, address: str) -> list[str]:
-    """What is wrong with a page, by its probe."""
+    """Problems of a page, by its probe."""
     command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=60000", "--dump-dom"]
     size = "--window-size=1400,1300"
     dom = subprocess.run([*command, size, address], capture_output=True, text=True, timeout=180, check=True).stdout
