@@ -29,10 +29,11 @@ fuzz: $(VENV)/.installed-test  ## odd tables and files for hours; FUZZ_SECONDS= 
 	  $(ONE_THREAD) $(BIN)/python tests/fuzz $$reader --seconds $(FUZZ_SECONDS) || status=1; \
 	done; $(BIN)/python tests/fuzz report; exit $$status
 
-lint: $(VENV)/.installed-lint  ## ruff and mypy
+lint: $(VENV)/.installed-lint  ## ruff, mypy, and the language of the documentation
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tools/prose.py
 
 docs: $(VENV)/.installed-docs  ## build the documentation; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html

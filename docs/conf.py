@@ -1,5 +1,6 @@
 """Settings of the documentation; build it with `make docs`."""
 
+import logging
 import re
 import sys
 from pathlib import Path
@@ -18,11 +19,14 @@ release = version = skhybrid.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
+    "sphinx.ext.intersphinx",
     "sphinx.ext.viewcode",
     "numpydoc",
+    "sphinx_design",
     "sphinx_gallery.gen_gallery",
     "frames",
+    "mathml",
+    "whole_pages",
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["_build", "_templates"]
@@ -33,12 +37,36 @@ autosummary_ignore_module_all = False
 autodoc_typehints = "none"  # numpydoc's Parameters section says it
 numpydoc_show_class_members = False  # the class template lists them
 numpydoc_use_plots = False
+html_math_renderer = "mathml"
+
+# ---------------------------------------------------------------------------------------------------- other projects
+intersphinx_mapping = {
+    "python": ("https://docs.python.org/3", None),
+    "numpy": ("https://numpy.org/doc/stable", None),
+    "scipy": ("https://docs.scipy.org/doc/scipy", None),
+    "pandas": ("https://pandas.pydata.org/docs", None),
+    "sklearn": ("https://scikit-learn.org/stable", None),
+}
+intersphinx_timeout = 5
+
+
+class _Offline(logging.Filter):
+    """Without a network there are no links to other projects, and the build goes on."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return "failed to reach any of the inventories" not in str(record.msg)
+
+
+logging.getLogger("sphinx.sphinx.ext.intersphinx").addFilter(_Offline())
 
 # --------------------------------------------------------------------------------------------------------- gallery
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "auto_examples",
     "filename_pattern": r"/plot_",
+    # each class links to the examples that use it
+    "backreferences_dir": "generated/backreferences",
+    "doc_module": ("skhybrid",),
     "abort_on_example_error": True,
     "remove_config_comments": True,
     "download_all_examples": False,
@@ -50,7 +78,17 @@ sphinx_gallery_conf = {
 # ------------------------------------------------------------------------------------------------------------ look
 html_theme = "pydata_sphinx_theme"
 html_title = f"skhybrid {release}"
-html_theme_options = {"navigation_with_keys": False, "show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+html_static_path = ["_static"]
+html_css_files = ["skhybrid.css"]
+html_js_files = ["skhybrid.js"]
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_prev_next": False,
+    "secondary_sidebar_items": ["page-toc"],
+    "header_links_before_dropdown": 6,
+    "logo": {"text": "skhybrid"},
+}
+html_sidebars = {"index": [], "whats_new": [], "citation": []}
 
 
 def _changelog_as_rst() -> str:
@@ -67,9 +105,11 @@ def _heading(title: str, line: str) -> str:
     return f"{title}\n{line * len(title)}"
 
 
-def _insert_changelog(app: Any, name: str, source: list[str]) -> None:
+def _insert_what_is_written_elsewhere(app: Any, name: str, source: list[str]) -> None:
     if name == "whats_new":
         source[0] += _changelog_as_rst()
+    if name == "citation":
+        source[0] = source[0].replace("|release|", release)
 
 
 def _skip_what_is_not_ours(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
@@ -81,5 +121,5 @@ def _skip_what_is_not_ours(app: Any, what: str, name: str, obj: Any, skip: bool,
 
 def setup(app: Any) -> None:
     """Connect the two hooks."""
-    app.connect("source-read", _insert_changelog)
+    app.connect("source-read", _insert_what_is_written_elsewhere)
     app.connect("autodoc-skip-member", _skip_what_is_not_ours)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         thermal,
         zone,
     )
+    from ._show_versions import show_versions
     from .forecasting import ARXRegressor, DisturbanceForecaster
     from .hybrid import BuildingPredictor, HybridPredictor, SchedulePredictor, TwoStagePredictor
     from .identification import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _NAMES_OF = {
+    "_show_versions": ("show_versions",),
     "forecasting": ("ARXRegressor", "DisturbanceForecaster"),
     "hybrid": ("BuildingPredictor", "HybridPredictor", "SchedulePredictor", "TwoStagePredictor"),
     "identification": ("GrayBoxRC", "InputDisturbanceID", "OutputDisturbanceID", "PeriodicDisturbanceID"),
@@ -62,6 +64,7 @@ __all__ = [
     "model_selection",
     "persistence",
     "preprocessing",
+    "show_versions",
     "study",
     "thermal",
     "zone",

@@ -195,11 +195,11 @@ def test_a_verdict_follows_the_numbers():
     assert lstm_row["chicago"] == "not applicable to this part"
 
 
-def test_the_user_guide_quotes_the_table():
+def test_the_page_quotes_the_table():
     root = Path(__file__).resolve().parents[1]
     table = pd.read_csv(root / "benchmarks" / "results" / "selection_study.csv")
     errors = table.set_index(["framework", "climate"])["rmse"]
-    text = " ".join((root / "docs" / "user_guide" / "model_selection_study.rst").read_text(encoding="utf-8").split())
+    text = " ".join((root / "docs" / "results" / "study.rst").read_text(encoding="utf-8").split())
     without = [f"{errors['OD, no disturbance', climate]:.2f} K" for climate in ("oakland", "chicago")]
     alone = {f"{errors['OD alone', climate]:.2f} K" for climate in ("oakland", "chicago")}
     assert f'("OD, no disturbance"), has {without[0]} in Oakland and {without[1]} in Chicago.' in text
@@ -207,7 +207,7 @@ def test_the_user_guide_quotes_the_table():
     assert f'("OD alone"), has {alone.pop()} in both.' in text
 
 
-def test_the_user_guide_says_what_the_offices_say():
+def test_the_page_says_what_the_offices_say():
     root = Path(__file__).resolve().parents[1]
     results = pd.read_csv(root / "benchmarks" / "results" / "selection_study_offices.csv")
     wide = results.pivot_table(index=["climate", "office"], columns="model", values="rmse")
@@ -216,7 +216,7 @@ def test_the_user_guide_says_what_the_offices_say():
     assert (wide["ridge"] < wide[["the choice", "the choice on all days"]].min(axis=1)).all()
     assert (wide["the choice"] < wide["OD alone"]).groupby("climate").sum().to_dict() == {"chicago": 2, "oakland": 7}
     oakland, chicago = (wide.loc[climate].median() for climate in ("oakland", "chicago"))
-    text = " ".join((root / "docs" / "user_guide" / "model_selection_study.rst").read_text(encoding="utf-8").split())
+    text = " ".join((root / "docs" / "results" / "study.rst").read_text(encoding="utf-8").split())
     assert f"medians of {oakland['default']:.3f} K in Oakland and {chicago['default']:.3f} K in Chicago" in text
     pairs = [f"{of['ridge']:.3f} against {of['the choice']:.3g} K" for of in (oakland, chicago)]
     assert pairs == ["0.524 against 0.747 K", "0.572 against 1.6 K"]

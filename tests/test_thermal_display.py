@@ -197,13 +197,6 @@ def test_imports_in_the_folder_go_one_way(path):
 
 
 # --------------------------------------------------------------------------------------------------------------- page
-def test_the_examples_of_the_page_run():
-    page = Path(__file__).parents[1] / "docs" / "user_guide" / "networks.rst"
-    result = doctest.testfile(str(page), module_relative=False)
-    assert result.attempted > 15
-    assert result.failed == 0
-
-
 def test_the_examples_of_the_docstring_run():
     (example,) = doctest.DocTestFinder(recurse=False).find(RCNetwork)
     assert doctest.DocTestRunner().run(example) == (0, len(example.examples))

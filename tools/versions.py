@@ -18,9 +18,11 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
 import tomllib
 import xml.etree.ElementTree as ElementTree
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +36,11 @@ SHOWN = (
     "threadpoolctl", "torch", "skorch", "pymc", "dask", "distributed", "ray", "holidays", "pytest",
     "pytest-xdist", "numpydoc",
 )  # fmt: skip
+#: files of the sdist beside the package
+DESCRIPTION = {
+    "CHANGELOG.md", "CITATION.cff", "LICENSE", "MANIFEST.in", "PKG-INFO", "README.md", "SECURITY.md", "constraints.txt",
+    "pyproject.toml", "setup.cfg",
+}  # fmt: skip
 #: Imports every module of the package; its own deprecated calls are errors, those of other packages are not.
 IMPORT_ALL = """
 import importlib, pkgutil, warnings
@@ -145,22 +152,50 @@ def works(python: str) -> bool:
 
 
 def wheel(folder: Path, options: argparse.Namespace) -> Iterator[str]:
-    """Wheel and sdist, checked by twine; the README's Python block on the wheel alone, without torch."""
+    """Wheel and sdist: contents, twine, sizes; the README's Python block in environments without and with extras."""
     tools = environment(folder / "tools", sys.executable)
     run(tools, "-m", "pip", "install", "-q", "build", "twine")
     run(tools, "-m", "build", "--outdir", folder / "dist", ROOT)
     built = sorted((folder / "dist").iterdir())
     run(tools, "-m", "twine", "check", "--strict", *built)
     yield "- `twine check --strict`: " + ", ".join(path.name for path in built)
+    for path in built:
+        yield f"- {path.name}: {check_contents(path)} files, {path.stat().st_size / 1e6:.2f} MB"
     block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
     python = environment(folder / "empty", sys.executable)
     run(python, "-m", "pip", "install", "-q", built[0])  # with its dependencies
     for path in built:
         run(python, "-m", "pip", "install", "-q", "--force-reinstall", "--no-deps", path)
         run(python, "-c", WITHOUT_TORCH, cwd=folder)
-        run(python, "-c", block, cwd=folder)
-        run(folder / "empty" / "bin" / "skhybrid", "--help", cwd=folder, stdout=subprocess.DEVNULL)
-        yield f"- the README's Python block runs on {path.name} alone, without torch: {versions(python)}"
+        yield f"- {path.name} alone, without torch: {try_out(python, folder, block)}"
+    python = environment(folder / "extras", sys.executable)
+    run(python, "-m", "pip", "install", "-q", "-c", ROOT / "constraints.txt", f"{built[-1]}[all]")
+    yield f"- {built[-1].name}[all]: {try_out(python, folder, block)}"
+
+
+def try_out(python: Path, folder: Path, block: str) -> str:
+    """Run the README's Python block and the command line; the versions and the size of the environment."""
+    run(python, "-c", block, cwd=folder)
+    run(python.parent / "skhybrid", "--version", cwd=folder)
+    run(python, "-c", "import skhybrid; skhybrid.show_versions()", cwd=folder)
+    size = sum(path.stat().st_size for path in python.parents[1].rglob("*") if path.is_file() and not path.is_symlink())
+    return f"the README's Python block runs, {size / 1e6:.0f} MB installed: {versions(python)}"
+
+
+def check_contents(path: Path) -> int:
+    """Number of files of a wheel or sdist, which has the package and what describes it, no more."""
+    tracked = run("git", "ls-files", "skhybrid", stdout=subprocess.PIPE).stdout.split()
+    if path.suffix == ".whl":
+        with zipfile.ZipFile(path) as archive:
+            found = archive.namelist()
+        own = [name for name in found if ".dist-info/" not in name]
+    else:
+        with tarfile.open(path) as archive:
+            found = [member.name.partition("/")[2] for member in archive if member.isfile()]
+        own = [name for name in found if name not in DESCRIPTION and ".egg-info/" not in name]
+    if set(own) != set(tracked):
+        raise Failed(f"{path.name}: other files than the package has: {sorted(set(own) ^ set(tracked))}")
+    return len(found)
 
 
 def audit(folder: Path, options: argparse.Namespace) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Tables, drawings and equations that the package makes itself, so that the pages cannot drift from it.
 
 ``.. frame:: module: expression`` is a DataFrame as a table, ``.. drawing:: name`` a network of the catalogue,
-``.. heat-balance:: name`` its equations.
+``.. heat-balance:: name`` its equations, ``.. measured:: name`` the command and date of a report.
 """
 
 from importlib import import_module
@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 from docutils import nodes
+from results import FOLDER, measured
 from sphinx.util.docutils import SphinxDirective
 
 from skhybrid.thermal import draw, get_network
@@ -50,6 +51,20 @@ class HeatBalance(SphinxDirective):
         return [nodes.math_block(text, text, nowrap=False, number=None, label=None)]
 
 
+class Measured(SphinxDirective):
+    """The command that wrote a report of ``benchmarks/results``, its date, and where the whole report is."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        name = self.arguments[0]
+        self.env.note_dependency(str(FOLDER / f"{name}.md"))
+        command, date = measured(name)
+        report = nodes.literal(text=f"benchmarks/results/{name}.md")
+        said = [nodes.Text("Measured by "), nodes.literal(text=command), nodes.Text(f", {date}.  The whole report: ")]
+        return [nodes.paragraph("", "", *said, report, nodes.Text("."), classes=["measured"])]
+
+
 def _shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
@@ -72,6 +87,7 @@ def _row(cells: list[str]) -> nodes.row:
 def setup(app: Any) -> dict[str, bool]:
     """Register the directives."""
     app.add_directive("frame", Frame)
+    app.add_directive("measured", Measured)
     app.add_directive("drawing", Drawing)
     app.add_directive("heat-balance", HeatBalance)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

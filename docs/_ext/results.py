@@ -17,6 +17,12 @@ def note(name: str) -> str:
     return (FOLDER / f"{name}.md").read_text(encoding="utf-8").split("\n|")[0]
 
 
+def measured(name: str) -> tuple[str, str]:
+    """The command that wrote a report, and its date."""
+    text = note(name)
+    return re.search(r"`(python benchmarks/[^`]+)`", text)[1], re.search(r"20\d\d-\d\d-\d\d", text)[0]
+
+
 def table(name: str, heading: str = "") -> pd.DataFrame:
     """The first table under a heading of a report; cells are text, the first column is the index."""
     text = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
@@ -47,6 +53,12 @@ def errors() -> pd.DataFrame:
 def competitors() -> pd.DataFrame:
     """RMSE [K] of the default and its competitors as numbers, one row per log."""
     return table("competitors", "RMSE [K]").astype(float)
+
+
+def demo_in_short() -> pd.DataFrame:
+    """The table of the demonstration without the variants of the two-stage scheme."""
+    shown = table("demo", "as `make demo` has it")
+    return shown[~shown.index.str.contains("two-stage|alone|simple")]
 
 
 def default_beside_others() -> pd.DataFrame:

@@ -3,7 +3,7 @@
 Reading order: ``channels`` (inputs with a coefficient), ``segment`` (rows), ``filter_model`` (matrices), ``responses``
 (simulation and filter), ``constrained_ridge`` and ``lead_problem`` (objective), ``fit``; online, ``online_network`` and
 ``rolling_network``; then ``schedule_loads`` and ``scheduled_network`` (a fit in the user's terms).  The equations are
-in ``docs/user_guide/hybrid.rst``.
+in ``docs/explanation/schedule_model.rst``.
 """
 
 from .fit import LeadFit, fit_leads

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
 from importlib import import_module
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,7 +210,7 @@ def forgotten() -> set[str]:
 
 
 def _subpackages() -> list[str]:
-    return [name for name in skhybrid.__all__ if name.islower() and name != "__version__"]
+    return [name for name in skhybrid.__all__ if isinstance(getattr(skhybrid, name), ModuleType)]
 
 
 def called(entry: Entry) -> tuple[BaseEstimator | None, Callable[..., Any]]:

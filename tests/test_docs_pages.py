@@ -1,0 +1,49 @@
+"""Pages of the documentation: titles, alternative texts, and equations without a network."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+sys.path.insert(0, str(DOCS / "_ext"))
+
+import mathml  # noqa: E402
+
+CONF = f"import sys; sys.path.insert(0, {str(DOCS / '_ext')!r}); extensions = ['whole_pages', 'mathml']"
+
+
+def build(folder: Path, page: str) -> subprocess.CompletedProcess:
+    """Build a site of one page; warnings are errors."""
+    (folder / "conf.py").write_text(CONF + "; html_math_renderer = 'mathml'")
+    (folder / "index.rst").write_text(page)
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "-b", "html", folder, folder / "out"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.parametrize(
+    ("page", "said"),
+    [
+        ("Words under no title.\n", "has no title"),
+        ("Title\n=====\n\n.. image:: a.png\n", "no :alt: text"),
+        ("Title\n=====\n\n.. math:: x_k\n\n.. image:: a.png\n   :alt: a line\n", ""),
+    ],
+)
+def test_a_page_without_a_title_or_a_picture_without_words_fails_the_build(tmp_path, page, said):
+    (tmp_path / "a.png").write_bytes(b"")
+    done = build(tmp_path, page)
+    assert said in done.stderr
+    assert bool(done.returncode) == bool(said)
+    if not said:
+        html = (tmp_path / "out" / "index.html").read_text()
+        assert '<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">' in html
+        assert "<script" not in html.partition("<math")[2].partition("</math>")[0]
+
+
+def test_an_index_stands_beside_the_letter_under_an_accent():
+    found = mathml._mathml(r"\hat x_{k}")
+    assert "munderover" not in found
+    assert found.index("<mover") < found.index("<mi>k</mi>")

@@ -1,0 +1,57 @@
+"""The package of itself: versions, addresses, classifiers and requirements."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from itertools import chain
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import skhybrid
+from skhybrid.cli import _group
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def test_versions_agree():
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.M)[1]
+    assert cited == PROJECT["version"]
+    assert CliRunner().invoke(_group(), ["--version"]).output.strip() == f"skhybrid {skhybrid.__version__}"
+
+
+def test_show_versions_names_everything_that_can_be_installed(capsys):
+    skhybrid.show_versions()
+    shown = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert shown[:3] == ["skhybrid", "python", "system"]
+    assert {"numpy", "scikit-learn", "torch", "pymc"} <= set(shown)
+    assert len(shown) == len(set(shown))
+    assert not {"pytest", "ruff", "sphinx"} & set(shown)
+
+
+def test_a_release_has_addresses():
+    """A version without "dev" goes to strangers, who need to know where the project is."""
+    unknown = [name for name, address in PROJECT["urls"].items() if "example.org" in address]
+    assert not unknown or "dev" in PROJECT["version"]
+
+
+@pytest.mark.parametrize("name", ["LICENSE", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "skhybrid/py.typed"])
+def test_what_a_stranger_looks_for_is_there(name):
+    assert (ROOT / name).is_file()
+
+
+def test_classifiers_name_every_tested_python():
+    versions = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", c)]
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    assert re.search(r"python: (\[.*\])", workflow)[1] == str(versions).replace("'", '"')
+    assert PROJECT["requires-python"] == f">={versions[0]}"
+
+
+def test_constraints_name_every_requirement():
+    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").open()}
+    lines = [*PROJECT["dependencies"], *chain.from_iterable(PROJECT["optional-dependencies"].values())]
+    needed = {re.split(r"[^\w-]", line)[0].lower() for line in lines} - {"skhybrid"}
+    assert needed <= pinned
