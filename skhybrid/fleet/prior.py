@@ -18,7 +18,7 @@ _FACTOR = float(np.exp(1.645))  # of a 90 % interval, per standard deviation of 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FleetPrior(Mapping[str, tuple[float, float]]):
-    """What fitted zones say of a new one that has a few days of data.
+    """Knowledge of fitted zones for a new one that has a few days of data.
 
     It is learned from fitted predictors, never from their rows, and passed to a predictor as ``prior``::
 
@@ -98,7 +98,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         """
         if not (np.isfinite(size) and size > 0):
             raise ValueError(f"size={size!r} is no positive number.")
-        if not self.nameplates[1]:
+        if not any(self.nameplates):
             raise ValueError(
                 "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."
             )

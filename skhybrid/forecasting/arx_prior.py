@@ -26,7 +26,7 @@ _MOST_NOISE_ROWS = 96.0  # rows that the fleet's squared error counts as at most
 
 
 class ARXKind(NamedTuple):
-    """What two regressions must share so that one says anything of the other."""
+    """Features that two regressions must share so that one says anything of the other."""
 
     step: pd.Timedelta
     roles: tuple[str, ...]
@@ -73,7 +73,7 @@ class ZoneSums(NamedTuple):
 
 
 class ZoneEvidence(NamedTuple):
-    """What a fitted predictor has learned of its zone, from which a prior of other zones is made."""
+    """Sums that a fitted predictor has learned of its zone, from which a prior of other zones is made."""
 
     regressions: dict[str, ZoneSums]  # by objective
     network: Any = None  # NetworkSums of a network with schedules

@@ -50,7 +50,7 @@ def make_others(
 
 
 def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
-    """What the network and the regressions have learned; not those from which the heat was taken out."""
+    """Evidence of the network and of the regressions; not those from which the heat was taken out."""
     regressions: dict[str, ZoneSums] = {}
     for member in others:
         if isinstance(member, ARXMember):
