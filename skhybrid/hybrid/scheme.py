@@ -92,7 +92,7 @@ class Scheme(ABC):
 
     @property
     def evidence_(self) -> ZoneEvidence:
-        """What a prior of other zones is learned from."""
+        """Sums from which a prior of other zones is learned."""
         raise AttributeError(f"the {self.name} scheme has no evidence_; fit the schedule model.")
 
     @property
