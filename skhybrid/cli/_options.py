@@ -26,6 +26,14 @@ MODEL = click.option(
 )
 
 
+class InOrder(click.Group):
+    """Commands as a user needs them, not by the alphabet."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands."""
+        return list(self.commands)
+
+
 def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]], click.Command]:
     """A command with ``--json``, ``--strict`` and ``--quiet``, whose help ends with an example.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import as_command, print_json
+from ._options import InOrder, as_command, print_json
 from ._output import DONE, Progress
 
 _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
@@ -76,12 +76,7 @@ def status(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
     return DONE
 
 
-class _InOrder(click.Group):
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)  # as a user needs them, not by the alphabet
-
-
-command = _InOrder(
+command = InOrder(
     "fleet",
     commands=[fit, tick, status],
     help="Keep a folder of many zones: data, models and forecasts.",

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, SETPOINT, as_command, print_json
+from ._options import CONFIG, SETPOINT, InOrder, as_command, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
@@ -98,12 +98,7 @@ def status(folder: Path, say: Progress, as_json: bool) -> int:
     return DONE
 
 
-class _InOrder(click.Group):
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)  # as a user needs them, not by the alphabet
-
-
-command = _InOrder(
+command = InOrder(
     "zone",
     commands=[init, tick, status],
     help="Keep a folder per zone: model, forecasts and what happened.",

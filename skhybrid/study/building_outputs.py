@@ -19,7 +19,7 @@ from .compared_models import HYBRID
 from .identified_building import told
 from .outputs import NAMES, plain, staged_files, write_csv
 from .report import verdict
-from .report.building_page import spans_of, write_building_report, zones_in_words
+from .report.building_page import write_building_report, zones_in_words
 from .verdict import Verdict
 
 _SHOWN = pd.Timedelta("7D")
@@ -66,7 +66,7 @@ def building_metrics(result: BuildingResult) -> str:
         "building": _nested(result),
         "models": plain(result.table.drop(columns="note")),
         "interval_80_coverage": coverage_of(result.frames[HYBRID]),
-        **spans_of(result),
+        **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
         "next_day_held_out": result.data.held_out,
         "seconds": round(result.seconds, 2),

@@ -52,6 +52,19 @@ class StudyData(NamedTuple):
     held_out: bool
     remarks: tuple[str, ...] = ()
 
+    def spans(self, frame: pd.DataFrame) -> dict[str, Any]:
+        """The spans of a study, and the number of forecasts of a back-test.
+
+        Parameters
+        ----------
+        frame : DataFrame, the back-test
+        """
+        return {
+            "train": f"{self.train.index[0]} to {self.train.index[-1]}",
+            "test": f"{self.test_start} to {self.later.index[-1]}",
+            "forecasts compared": frame["origin"].nunique(),
+        }
+
 
 def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
     """Read a log by its settings: one column per role at an even step, and a report of what was filled or dropped.

@@ -145,7 +145,7 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         truth=truth,
         **_learned(result),
         coverage=result.coverage,
-        spans=_spans(result),
+        spans=result.data.spans(result.frames[HYBRID]),
         settings=result.settings.as_dict(),
         verdicts=result.verdicts,
         scaled=result.scaled,
@@ -193,15 +193,6 @@ def _wide(result: StudyResult) -> pd.DataFrame:
     return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})
 
 
-def _spans(result: StudyResult) -> dict[str, Any]:
-    data, frame = result.data, result.frames[HYBRID]
-    return {
-        "train": f"{data.train.index[0]} to {data.train.index[-1]}",
-        "test": f"{data.test_start} to {data.later.index[-1]}",
-        "forecasts compared": frame["origin"].nunique(),
-    }
-
-
 def plain(table: pd.DataFrame) -> dict[Any, Any]:
     """The rows of a table by name, None for what is not known."""
     values = table.astype(object)
@@ -218,7 +209,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "building": plain(told(result.building)),
         "models": plain(result.table.drop(columns="note")),
         "interval_80_coverage": result.coverage,
-        **_spans(result),
+        **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
         "next_day_cost": None if (cost := _cost(result)) is None else cost._asdict(),
         "next_day_held_out": result.data.held_out,

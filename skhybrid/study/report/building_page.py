@@ -50,7 +50,7 @@ def write_building_report(path: str | PathLike[str], result: BuildingResult) -> 
     result : BuildingResult
     """
     name = result.settings.name
-    listed = {**spans_of(result), **flat(result.settings.as_dict()), "skhybrid": __version__}
+    listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict()), "skhybrid": __version__}
     items = (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items())
     sections = [
         _head(result),
@@ -63,16 +63,6 @@ def write_building_report(path: str | PathLike[str], result: BuildingResult) -> 
     ]
     with atomic_path(path) as made:
         made.write_text(html_page(f"{name}: day-ahead forecast", sections, ZONE_STYLE), encoding="utf-8")
-
-
-def spans_of(result: BuildingResult) -> dict[str, Any]:
-    """The spans of a study, and its number of forecasts."""
-    data, frame = result.data, result.frames[HYBRID]
-    return {
-        "train": f"{data.train.index[0]} to {data.train.index[-1]}",
-        "test": f"{data.test_start} to {data.later.index[-1]}",
-        "forecasts compared": frame["origin"].nunique(),
-    }
 
 
 def zone_boxes(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
