@@ -79,7 +79,7 @@ def test_equations_are_those_of_the_paper():
     )
     assert CATALOGUE["1R1C"].equations(("T_oa", "Q_hvac")) == "C_za dT_za/dt = (T_oa - T_za)/R_zo + Q_hvac + Q_g"
     assert CATALOGUE["1R1C"].equations(("T_oa", "q_sol_east", "u_heat_2"), latex=True) == (
-        r"C_{\mathrm{za}} \dot{T}_{\mathrm{za}} &= \frac{T_{\mathrm{oa}} - T_{\mathrm{za}}}{R_{\mathrm{zo}}} + "
+        r"C_{\mathrm{za}} \frac{dT_{\mathrm{za}}}{dt} &= \frac{T_{\mathrm{oa}} - T_{\mathrm{za}}}{R_{\mathrm{zo}}} + "
         r"A_{\mathrm{win,east}} q_{\mathrm{sol,east}} + Q_{\mathrm{h,2}} u_{\mathrm{heat,2}} + Q_{\mathrm{g}}"
     )
 
@@ -112,7 +112,7 @@ def test_latex_equals_the_text(network):
     plain = network.equations(latex=True).replace(" \\\\\n", "\n")
     plain = re.sub(r"_\{\\mathrm\{([^}]*)\}\}", lambda m: "_" + m[1].replace(",", "_"), plain)
     plain = re.sub(r"\\frac\{([^}]*)\}\{([^}]*)\}", r"(\1)/\2", plain)
-    assert re.sub(r"\\dot\{T\}(\w+) &=", r"dT\1/dt =", plain) == network.equations()
+    assert re.sub(r"\((dT_\w+)\)/dt &=", r"\1/dt =", plain) == network.equations()
 
 
 def test_print_shows_equations_and_parameters():

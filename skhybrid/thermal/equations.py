@@ -14,7 +14,7 @@ def equations(network: Declaration, roles: Iterable[str] | None = None, *, latex
     for node, capacitance in network.capacitances.items():
         flows = [*_conduction(network, node, latex), *heat_inputs(network, node, roles, latex=latex)]
         if latex:
-            lines.append(rf"{symbol(capacitance)} \dot{{T}}{_subscript(node)} &= {' + '.join(flows)}")
+            lines.append(rf"{symbol(capacitance)} \frac{{dT{_subscript(node)}}}{{dt}} &= {' + '.join(flows)}")
         else:
             lines.append(f"{capacitance} dT_{node}/dt = {' + '.join(flows)}")
     return (" \\\\\n" if latex else "\n").join(lines)
