@@ -12,7 +12,7 @@ BENCHMARKS := $(sort $(filter-out benchmarks/_% benchmarks/make_%,$(wildcard ben
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test blocks fuzz lint docs bench versions clean
+.PHONY: help demo test slow fuzz lint docs bench versions clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -21,10 +21,10 @@ demo: $(VENV)/.installed  ## forecast tomorrow from a log, beside simple baselin
 	$(BIN)/skhybrid demo
 
 test: $(VENV)/.installed-test  ## run the tests, with every extra (PYTEST_ARGS= for one process)
-	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS) --ignore=tests/test_docs_blocks.py
+	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS) -m "not slow"
 
-blocks: $(VENV)/.installed-test  ## run the code in README, documentation and docstrings
-	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS) tests/test_docs_blocks.py
+slow: $(VENV)/.installed-test  ## run the tests of minutes: code in the documentation, clusters, killed processes
+	$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS) -m slow
 
 fuzz: $(VENV)/.installed-test  ## odd tables and files for hours; FUZZ_SECONDS= per reader; a stopped run goes on
 	@status=0; $(ONE_THREAD) $(BIN)/python tests/fuzz tables --count $(FUZZ_TABLES) --seconds 14400 || status=1; \

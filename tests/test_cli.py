@@ -435,7 +435,7 @@ def test_a_second_run_replaces_every_file_of_the_first_and_no_other(files, old):
     assert {name for name, content in found.items() if content in (b"old", b"mine")} == {"notes.txt"}
 
 
-@pytest.mark.parametrize("part", ["_write_csv", "save_model", "write_report", "study_picture"])
+@pytest.mark.parametrize("part", ["write_csv", "save_model", "write_report", "study_picture"])
 def test_a_run_that_fails_in_its_report_leaves_the_old_files(files, old, capsys, monkeypatch, part):
     before = _contents(old)
     monkeypatch.setattr(f"skhybrid.study.outputs.{part}", _fail(OSError(errno.ENOSPC, "No space left on device")))

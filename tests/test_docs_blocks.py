@@ -19,6 +19,7 @@ import pytest
 from sybil import Sybil
 from sybil.parsers import markdown, rest
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
 SLOW = re.compile(r"code of this page takes about \d+\s+minutes")
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

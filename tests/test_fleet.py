@@ -120,7 +120,8 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
 def test_its_prior_is_that_of_its_models(alone, fleet):
     models = [model for _, model in sorted(alone.items())]
     found, wanted = fleet.prior({"c": 3.0, "a": 6.0, "b/1": 5.0}), FleetPrior.learn(models, [6.0, 5.0, 3.0])
-    assert dict(found) == pytest.approx(dict(wanted))
+    assert list(found) == list(wanted)
+    np.testing.assert_allclose(list(found.values()), list(wanted.values()))
     assert fleet.prior().n_zones == 3
     with pytest.raises(ValueError, match=r"zone 'd', of which the store has no model"):
         fleet.prior({"d": 6.0})
@@ -389,6 +390,7 @@ def _die_at_b(zone, where):
     return zone
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_costs_only_its_zone(tmp_path):
     calls = {zone: (_die_at_b, (zone, str(tmp_path))) for zone in "abcd"}
     found = {outcome.zone: outcome for outcome in dispatch.run(calls, 2)}
@@ -414,6 +416,7 @@ def test_processes_give_the_same(sequential, tmp_path):
     assert_the_same(sequential, tmp_path, n_jobs=2)
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_of_two_workers_gives_the_same(sequential, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
@@ -424,6 +427,7 @@ def test_a_dask_cluster_of_two_workers_gives_the_same(sequential, tmp_path):
         assert_the_same(sequential, tmp_path)
 
 
+@pytest.mark.slow
 def test_ray_gives_the_same(sequential, tmp_path):
     ray = pytest.importorskip("ray")
     from ray.util.joblib import register_ray

@@ -238,6 +238,7 @@ def _fit_and_predict(model, X, y):
     return model.fit(X.iloc[:400], y.iloc[:400]).predict(X.iloc[400:])
 
 
+@pytest.mark.slow
 def test_a_network_is_the_same_to_the_bit_in_other_processes_and_threads():
     X, y = hourly()
     models = [DisturbanceForecaster(m, residual_of=None, **{**TINY, "hidden_size": 20}) for m in NETWORKS]

@@ -315,6 +315,7 @@ assert torch.get_num_threads() == 2
 """
 
 
+@pytest.mark.slow
 def test_a_fit_is_the_same_to_the_bit_where_torch_has_two_threads():
     program = PROGRAM.format(folder=str(Path(__file__).parent))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

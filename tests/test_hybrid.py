@@ -303,6 +303,7 @@ def test_arrays_and_columns_by_role(office):
     assert np.isfinite(blind.predict(array[7 * DAY : 9 * DAY])).all()
 
 
+@pytest.mark.slow
 def test_pipeline_grid_search_is_the_same_in_parallel(office):
     """The search that the package is made for: transformer, nested parameters, rolling splits, two processes."""
     X = office.X[: 16 * DAY].assign(q_sol=office.X["q_sol"][: 16 * DAY] * 1000.0)

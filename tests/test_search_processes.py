@@ -92,6 +92,7 @@ def finished(store):
         reader.close()
 
 
+@pytest.mark.slow
 def test_a_search_that_was_killed_goes_on_and_ends_the_same(given, uninterrupted, tmp_path, monkeypatch):
     store, total = tmp_path / "r.sqlite", 2 * len(given["matrix"])
     process = start(store, n_jobs=2)
@@ -115,6 +116,7 @@ def test_a_search_that_was_killed_goes_on_and_ends_the_same(given, uninterrupted
     pd.testing.assert_frame_equal(table, uninterrupted, check_exact=True)
 
 
+@pytest.mark.slow
 def test_two_processes_share_one_store(given, uninterrupted, tmp_path):
     store, total = tmp_path / "r.sqlite", 2 * len(given["matrix"])
     both = [start(store, n_jobs=1) for _ in range(2)]
@@ -153,6 +155,7 @@ def assert_sent_once_a_worker(found):
     assert len({(pid, one) for pid, one, _ in found}) == len({pid for pid, *_ in found}) <= 2
 
 
+@pytest.mark.slow
 def test_joblibs_own_workers_map_what_they_share(given, uninterrupted):
     pd.testing.assert_frame_equal(search(given, n_jobs=2), uninterrupted, check_exact=True)
     found = unpacked(n_jobs=2)
@@ -160,6 +163,7 @@ def test_joblibs_own_workers_map_what_they_share(given, uninterrupted):
     assert {kind for *_, kind in found} == {"memmap"}
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_of_two_workers_gives_the_same(given, uninterrupted, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
@@ -173,6 +177,7 @@ def test_a_dask_cluster_of_two_workers_gives_the_same(given, uninterrupted, tmp_
     assert len(finished(tmp_path / "r.sqlite")) == 2 * len(given["matrix"])
 
 
+@pytest.mark.slow
 def test_ray_gives_the_same(given, uninterrupted, tmp_path):
     ray = pytest.importorskip("ray")
     from ray.util.joblib import register_ray

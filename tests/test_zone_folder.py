@@ -179,6 +179,7 @@ def _killed(target, *arguments):
     assert child.exitcode == -signal.SIGKILL
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
 def test_a_kill_at_any_moment_leaves_a_folder_that_the_next_tick_completes(log, zone, cheap, tmp_path):
     source = write(log, tmp_path / "log.csv", DAYS + 1)
