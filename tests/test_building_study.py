@@ -24,7 +24,7 @@ from skhybrid.zone.forecast_archive import open_archive
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")]
 ZONES = ("kitchen", "hall")
 CONFIG = """
 name = "house <b>&"

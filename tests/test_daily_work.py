@@ -247,6 +247,7 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
     assert any("ideal one" in text for text in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     log = pd.read_csv(folder / "log.csv", sep=";", decimal=",").drop(columns="Globalstrahlung [W/m²]")
     log.to_csv(tmp_path / "dark.csv", index=False)
@@ -258,6 +259,7 @@ def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     assert main(["forecast", "--model", given[2], "--log", given[0], "--weather", weather, "--setpoint", "20,25"]) == 0
 
 
+@pytest.mark.slow
 def test_a_back_test_begins_with_a_verdict(folder, tmp_path, capsys):
     config = (folder / "zone.toml").read_text(encoding="utf-8")
     (tmp_path / "zone.toml").write_text(config, encoding="utf-8")

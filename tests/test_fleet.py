@@ -344,6 +344,7 @@ estimator = ARXRegressor()
 """
 
 
+@pytest.mark.slow
 def test_a_fleet_that_was_killed_goes_on_and_ends_the_same(tmp_path, monkeypatch):
     store = tmp_path / "store"
     program = PROGRAM + "ZoneFleet(estimator, store=sys.argv[1]).fit(tables)"
@@ -412,6 +413,7 @@ def assert_the_same(sequential, store, n_jobs=None):
     pd.testing.assert_frame_equal(found, sequential, check_exact=True)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same(sequential, tmp_path):
     assert_the_same(sequential, tmp_path, n_jobs=2)
 

@@ -215,6 +215,7 @@ def elsewhere(complete: bool, **environment: str) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in json.loads(run.stdout).items()}
 
 
+@pytest.mark.slow
 def test_two_threads_change_no_bit():
     two = elsewhere(True, **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "2"))
     for name, values in numbers(True).items():

@@ -338,6 +338,7 @@ def test_posterior_gradient_is_exact(office, periodic):
         assert gradient[q] == pytest.approx((density(z + shift)[0] - density(z - shift)[0]) / 2e-5, rel=1e-3, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_posterior_is_about_normal_on_an_easy_problem(office):
     pytest.importorskip("pymc")
     X = office.X.drop(columns="q_sol")

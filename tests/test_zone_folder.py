@@ -86,6 +86,7 @@ def tables(folder):
         return [database.execute(f"SELECT * FROM {name}").fetchall() for name in ("forecast", "measured")]
 
 
+@pytest.mark.slow
 def test_init_tick_and_status_from_the_command_line(log, zone, tmp_path, capsys):
     assert _names(zone) == FILES
     assert main(["zone", "init", str(zone.path), "--log", str(tmp_path)]) == 1
