@@ -151,10 +151,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _solve(self, table: ZoneTable, T: np.ndarray, like: ARXRegressor | None) -> None:
         """Set the coefficients; the data matrix, which a year of minutes makes half a gigabyte, ends here."""
-        daily, prior = (
-            self.objective == "multi_step",
-            None if self.prior is None else prior_of(self.prior, self.objective),
-        )
+        daily = self.objective == "multi_step"
+        prior = None if self.prior is None else prior_of(self.prior, self.objective)
         lags = int(self.n_lags), int(self.n_input_lags)
         self._design = ARXDesign.of_training(table, T, *lags, self.calendar, daily, prior is not None)
         view = self.view(table, T)

@@ -176,13 +176,17 @@ class MultiStepFit(NamedTuple):
                     break
             if best > before * (1.0 - 1e-4):
                 break
-        return MultiStepFit(problem, coef, moments, self.pairs, knobs, self.ratio, self.noise, self.prior)
+        return self._replace(coef=coef, moments=moments, knobs=knobs)
+
+    @property
+    def _own_pairs(self) -> Moments:
+        """The sums of the one-step errors without the prior's."""
+        return self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
 
     def information(self) -> Moments:
         """The sums of the training at the solution, of errors at all leads and of one step, per unit of weight."""
         weight = float(self.problem.weights.sum())
-        pairs = self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
-        whole = self.moments.added(pairs, self.one_step)
+        whole = self.moments.added(self._own_pairs, self.one_step)
         return Moments(whole.gram / weight, whole.cross / weight)
 
     def under(self, prior: ARXPrior, step: pd.Timedelta, squares: float, n: int) -> MultiStepFit:
@@ -192,8 +196,7 @@ class MultiStepFit(NamedTuple):
         pull = prior.pseudo_rows(self.problem.design, step, here, float(whole), n)
         share = weight / self.one_step
         rows = Moments(share * pull.gram, share * pull.cross)
-        pairs = self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
-        return self._replace(pairs=pairs.added(rows), prior=rows)
+        return self._replace(pairs=self._own_pairs.added(rows), prior=rows)
 
 
 def _quadratic(moments: Moments, weight: float, penalty: np.ndarray, coef: np.ndarray) -> float:
