@@ -3,13 +3,13 @@ The heat that tomorrow will need
 ================================
 
 A small office, simulated with EnergyPlus.  Tomorrow's two set-points are known and the weather is forecast; the people
-are unknown.  How much heat will the office take, when is the peak, and what would a smaller plant do?
+are unknown.  How much heat will the office need, when is the peak, and what would a smaller plant do?
 """
 
 # %%
 # The log
 # -------
-# ``Q_hvac`` is the heat that the plant delivered [kW], cooling negative.  The set-points are those of an ordinary
+# ``Q_hvac`` is the heat that the plant delivered [kW], negative when cooling.  The set-points are those of an ordinary
 # office: 21 and 24 degC on working days, 15.6 and 26.7 degC otherwise.
 import matplotlib.pyplot as plt
 import numpy as np

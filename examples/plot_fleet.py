@@ -3,7 +3,7 @@ A model per zone
 ================
 
 A fleet keeps one model per zone.  This example fits twelve zones, one of which has a broken log, takes in two days, and
-shows which zones need a look.
+shows which zones need attention.
 """
 
 # %%
@@ -29,8 +29,8 @@ training, later = X[X.index < "2024-01-22"], X[X.index >= "2024-01-22"]
 # %%
 # Fit
 # ---
-# The zone with gaps says why it cannot be fitted, and the others go on.  ``ARXRegressor`` is fast; real fleets take
-# :class:`~skhybrid.HybridPredictor`.
+# ``errors_`` says why the zone with gaps cannot be fitted; the others are fitted.  ``ARXRegressor`` is fast; for a real
+# fleet take :class:`~skhybrid.HybridPredictor`.
 fleet = ZoneFleet(ARXRegressor(), n_jobs=1).fit(training)
 fleet.errors_
 

@@ -2,7 +2,7 @@
 The paper's identification study
 ================================
 
-Section 2 of the paper on one office: four ways to identify a room whose occupants nobody measures, and their
+Section 2 of the paper on one office: four ways to identify a room with occupants whom nobody counts, and their
 strengths.  The truth is known here, so everything can be compared with it.
 ``benchmarks/results/paper_identification.md`` has the same over several seeds, with a verdict on each statement of the
 paper.
@@ -136,7 +136,7 @@ errors.pow(2).mean().pow(0.5).round(2)
 # %%
 # The week of the estimated disturbance
 # -------------------------------------
-# Each network inverted: the heat that explains the measured temperature, beside the true gain.
+# Each network inverted: the heat that explains the measured temperature, with the true gain for comparison.
 fig, axes = plt.subplots(3, 1, figsize=(9, 8), sharex=True, layout="constrained")
 for ax, label in zip(axes, ("true", "ours", "CONV"), strict=True):
     DisturbanceWeekDisplay.from_estimator(plain[label], X, truth=gain, ax=ax, title=f"parameters: {label}")

@@ -4,7 +4,7 @@ A planned day, and what happened
 
 A predictive controller plans the heat of an office with the affine forecast of the hybrid.  Every half hour it measures
 the room, plans the next day anew, and sends the thermostat a set-point.  The office is simulated, with people of whom
-the controller knows nothing, so that one can see the plan, what came of it, and what thermostats alone would have cost.
+the controller knows nothing.  The example shows the plan, what came of it, and what thermostats alone would have cost.
 """
 
 # %%
@@ -78,8 +78,8 @@ print(f"largest difference: {(thermostat.lived()['T_za'] - office.states['T_za']
 # %%
 # Cost and comfort
 # ----------------
-# The coefficient of performance of the heat pump falls with the outdoor temperature, and electricity is dear in the
-# morning and in the evening.  Between 8 and 18 h the room should have 20 degC.
+# The coefficient of performance of the heat pump falls with the outdoor temperature, and electricity is expensive in
+# the morning and in the evening.  Between 8 and 18 h the room should be at 20 degC or more.
 DISCOMFORT = 0.5  # price of a K h
 
 
@@ -111,9 +111,9 @@ def account(plant, office):
 # %%
 # The controller
 # --------------
-# A linear program over the next day.  The room is to be warm enough in nine cases of ten, which is what the offsets of
-# the lower quantile add.  While there is heat in the plan, the thermostat gets the temperature that is planned for the
-# end of the half hour, and makes up for what the plan did not foresee.
+# A linear program over the next day.  The offsets of the lower quantile make the room warm enough in nine cases of ten.
+# While there is heat in the plan, the thermostat gets the temperature that is planned for the end of the half hour, and
+# makes up for what the plan did not foresee.
 
 
 def plan(ahead, weather):
@@ -153,7 +153,7 @@ planned, plans = control(office, X)
 # One day
 # -------
 # The plan of Wednesday as it was at midnight, with its band, and what happened.  The plan was made anew every half
-# hour, so that the room follows it only until the people of the day turn out otherwise than those of the average day.
+# hour, so the room follows the midnight plan only until the people of the day differ from those of the average day.
 midnight = pd.Timestamp("2023-02-01")
 q, ahead = plans[midnight]
 day = slice(midnight, ahead.index[-1])
@@ -183,8 +183,8 @@ plt.show()
 # What it was worth
 # -----------------
 # One office and one day prove nothing.  Here are the five days in three offices, whose people differ.  A thermostat can
-# be set better than it was, so there is a rule too: a level before 6 h from some hour on, and another one until 18 h.
-# It is the best of a grid on the week before, tried on the simulated office itself, which nobody could do on site.
+# be set better than it was, so a rule is compared too: one level from some hour until 6 h, and another until 18 h.  The
+# rule is the best of a grid on the week before, tried on the simulated office itself, which nobody could do on site.
 
 
 def by_rule(office, rows, start, before, during):

@@ -2,8 +2,8 @@
 Forecast tomorrow's room temperature
 ====================================
 
-A synthetic office, so the truth is known.  This example forecasts the last day of the log from the midnight before it,
-with an interval, and identifies the building's thermal network in spite of the heat that nobody measures.
+The office is synthetic, so the truth is known.  This example forecasts the last day of the log from the midnight before
+it, with an interval, and identifies the building's thermal network in spite of the heat that nobody measures.
 """
 
 # %%
@@ -11,7 +11,7 @@ with an interval, and identifies the building's thermal network in spite of the 
 # -------
 # A row is a step of 15 minutes.  ``X`` holds the weather, the runtime fractions of heating and cooling and, as
 # history, the measured room temperature; ``y`` is the room temperature.  ``heat_gain`` is the true heat that nobody
-# measures: people, plugs, lights and air.
+# measures: people, plug loads, lights and air.
 import matplotlib.pyplot as plt
 import pandas as pd
 
@@ -73,7 +73,7 @@ identified = PeriodicDisturbanceID(known=nameplate, random_state=0).fit(X[:n_tra
 pd.DataFrame({"true": office.theta, "identified": identified.theta_, "gray box": gray_box.theta_}).round(2)
 
 # %%
-# The identified disturbance is the heat of people, plugs, lights and air, here over the last week of the training.
+# The identified disturbance is the heat of people, plug loads, lights and air, here over the last week of the training.
 week = slice(n_train - 7 * PER_DAY, n_train)
 zeta = identified.estimate_disturbance(X[:n_train], smooth=True)
 fig, ax = plt.subplots(figsize=(8, 3.5), layout="constrained")

@@ -77,8 +77,8 @@ building = BuildingPredictor(HybridPredictor(purpose="plan"), adjacency=doors).f
 building.shares_.round(2)
 
 # %%
-# The error [K] of a day ahead, over origins every five hours of the week after the training.  ``own_`` has the
-# predictor of each room by itself.
+# The error [K] of forecasts a day ahead, over origins every five hours of the week after the training.  ``own_`` has
+# the predictor of each room by itself.
 later, measured = X[n_train:], y[n_train:].to_numpy()
 origins = np.arange(-1, len(later) - 25, 5)
 true = measured[origins[:, None] + np.arange(1, 25)]
@@ -107,8 +107,8 @@ figure.autofmt_xdate()
 # Who warms whom
 # --------------
 # The forecast is affine in the heat of all rooms, so one number says what a kW in one room does to another: here the
-# change of temperature after a kW for four hours, beside that of the simulated house.  The forecast sees less of it, as
-# it is a blend with the forecast of each room by itself, and nothing beyond the next room.
+# change of temperature after a kW for four hours, and the same in the simulated house.  The forecast shows a smaller
+# effect, because it is a blend with the forecast of each room by itself, and no effect beyond the next room.
 affine = building.affine_forecast(None, tomorrow)
 forecast = affine.gain[4, :4].sum(axis=0)  # (room that is heated, room that warms) [K]
 states = np.zeros((6, 3))

@@ -2,14 +2,14 @@
 One plan, three optimisers
 ==========================
 
-skhybrid forecasts; what is done with the forecast belongs to an optimiser.  The same plan of heat for tomorrow, made
-with cvxpy, with CasADi and with do-mpc, in some fifteen lines each (extra ``control``).
+skhybrid forecasts; an optimiser decides what to do with the forecast.  This example makes the same plan of heat for
+tomorrow with cvxpy, with CasADi and with do-mpc, in about fifteen lines each (extra ``control``).
 """
 
 # %%
 # The model
 # ---------
-# A winter log of an office that an on/off thermostat heats, whose heat is measured.  It ends in the night to a Tuesday.
+# A winter log of an office with an on/off thermostat and measured heat.  It ends at the midnight before a Tuesday.
 import warnings
 
 import casadi
@@ -35,9 +35,9 @@ model = HybridPredictor(random_state=0).fit(train, train["T_za"])
 # %%
 # The problem
 # -----------
-# Heat comes from a heat pump of 6 kW, whose coefficient of performance falls with the outdoor temperature, at a price
-# of electricity by the clock.  In office hours the room should be at 20 degC; a degree too cold for an hour costs as
-# much as is written here, so that there is always a plan.  The quantile offsets make a chance constraint of it: the
+# Heat comes from a heat pump of 6 kW, whose coefficient of performance falls with the outdoor temperature.  The price
+# of electricity goes by the clock.  In office hours the room should be at 20 degC; a degree too cold for an hour costs
+# ``discomfort``, so that there is always a plan.  The quantile offsets turn this limit into a chance constraint: the
 # room is to be warm enough in nine cases of ten.
 hours, hour = 0.5, future.index.hour
 tariff = np.where(hour.isin([6, 7, 8, 17, 18, 19]), 0.45, 0.25)  # per kWh of electricity
@@ -50,8 +50,8 @@ n = len(future)
 # %%
 # cvxpy
 # -----
-# The forecast is affine, so that the plan is a linear program.  The temperature is a variable of its own, for HiGHS to
-# have a sparse problem.
+# The forecast is affine, so the plan is a linear program.  The temperature is a variable of its own, which keeps the
+# problem sparse for HiGHS.
 
 
 def plan_by_cvxpy(ahead):
@@ -126,7 +126,7 @@ def plan_by_do_mpc(space):
 # %%
 # The same plan
 # -------------
-# All three find the same cost.  Where two steps have the same price their heat may differ, as no plan is better.
+# All three find the same cost.  Where two steps have the same price, their heat may differ, since no plan is better.
 space = model.to_state_space(None, future, T_za=T_now)
 plans = {
     "cvxpy": plan_by_cvxpy(ahead),

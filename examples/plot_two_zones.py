@@ -36,7 +36,7 @@ flat
 # %%
 # A log whose truth is known
 # --------------------------
-# Two weeks in which the heaters follow a pseudo-random sequence and the gains wander slowly.
+# Two weeks in which the heaters follow a pseudo-random sequence and the gains drift slowly.
 truth = {"C_wn": 4.0, "C_ws": 6.0, "C_n": 0.8, "C_s": 1.2, "R_nw": 1.2, "R_sw": 0.9, "R_no": 8.0, "R_so": 6.0}
 truth |= {"R_ns": 2.5, "A_win_north": 1.0, "A_win_south": 3.0, "Q_h_north": 5.0, "Q_h_south": 6.0}
 
