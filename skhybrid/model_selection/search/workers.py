@@ -8,6 +8,7 @@ from itertools import groupby, islice
 from typing import Any, NamedTuple, Self
 
 from joblib import Parallel, delayed, effective_n_jobs
+from joblib.parallel import get_active_backend
 from tqdm.auto import tqdm
 
 from .candidates import BASELINE, effort_of, identification_params, shares_network, stack_key
@@ -31,7 +32,7 @@ class Workers:
     """One pool of joblib workers, here or on a cluster, kept from the beginning of a search to its end."""
 
     def __init__(self, n_jobs: int | None) -> None:
-        settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT}
+        settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT} | _of_dask()
         self._batch_size = None
         try:
             self._parallel = Parallel(**settings, return_as="generator_unordered")
@@ -53,6 +54,16 @@ class Workers:
             return
         while batch := list(islice(calls, self._batch_size)):
             yield from self._parallel(batch)
+
+
+def _of_dask() -> dict[str, Any]:
+    """The backend to use in place of joblib's for Dask, where that is the active one."""
+    active, _ = get_active_backend()
+    if type(active).__name__ != "DaskDistributedBackend":
+        return {}
+    from .dask_backend import TellingDaskBackend  # imports Dask
+
+    return {"backend": TellingDaskBackend.like(active)}
 
 
 class Runner:

@@ -1,0 +1,49 @@
+"""joblib's Dask backend, which also tells that a worker died."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, NamedTuple, Self
+
+from joblib._dask import DaskDistributedBackend
+
+_RESTART = 60.0  # seconds that workers which died may take to come back
+
+
+class _Death(NamedTuple):
+    error: BaseException
+
+
+class TellingDaskBackend(DaskDistributedBackend):
+    """Dask backend that hands on the error of a lost task; joblib's own would wait for its result forever."""
+
+    @classmethod
+    def like(cls, other: DaskDistributedBackend) -> Self:
+        """The same client and settings."""
+        patience = max(other.wait_for_workers_timeout, _RESTART)
+        made = cls(client=other.client, wait_for_workers_timeout=patience, **other.submit_kwargs)
+        made.data_futures, made._scatter = other.data_futures, other._scatter
+        return made
+
+    def effective_n_jobs(self, n_jobs: int) -> int:
+        """Threads of the workers, at least two: with one, joblib would compute in this process."""
+        return max(2, super().effective_n_jobs(n_jobs))
+
+    def submit(self, func: Any, callback: Callable[[Any], None] | None = None) -> Future:
+        """Submit a task; ``callback`` hears of its result, and of the error if there will be none."""
+        future: Future = super().submit(func, callback)
+
+        def tell(done: Future) -> None:
+            error = done.exception()
+            if error is not None and callback is not None:
+                callback(_Death(error))
+
+        future.add_done_callback(tell)
+        return future
+
+    def retrieve_result_callback(self, out: Any) -> Any:
+        """The result of a task, or its error raised."""
+        if isinstance(out, _Death):
+            raise out.error
+        return super().retrieve_result_callback(out)
