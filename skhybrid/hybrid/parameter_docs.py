@@ -74,8 +74,8 @@ shared_docs = docs_from(
         """,
         "prior": """
         prior : FleetPrior, optional
-            What fitted zones with the same columns, step and network say of this one, for a log of a few days.  It
-            takes the place of the shrinkage that is chosen from the log, and never fades.
+            What fitted zones with the same columns, step and network say of this one, for a log of a few days.  That
+            of ARX takes the place of penalties chosen from the log; that of the network is used with less than a week.
         """,
         "fitted": """
         zeta_ : Series

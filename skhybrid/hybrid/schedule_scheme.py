@@ -45,6 +45,7 @@ _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, b
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _FREE = (-np.inf, np.inf)  # set-points of rows that have none
+_NETWORK_PRIOR_DAYS = 7  # days from which the log says more of the network than others do (benchmarks/fleet_prior.py)
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
 
 
@@ -98,7 +99,9 @@ class ScheduleScheme(Scheme):
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
         training = self.rows.training
-        network_prior = None if self.prior is None else self.prior.network
+        per_day = rows_per_day(training.step)
+        young = training.n_rows < _NETWORK_PRIOR_DAYS * per_day
+        network_prior = self.prior.network if self.prior is not None and young else None
         self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
         fit = self._physics.fit_
         self._others = make_others(fit, training, self.purpose, like, self.prior)
@@ -109,7 +112,6 @@ class ScheduleScheme(Scheme):
         T = training.history["T_za"]
         left_out = self.rows.plausible.errors_of_clipped(left_out, T[sample.targets(len(T))[0], None])
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
-        per_day = rows_per_day(training.step)
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         priors = first_shares(self._members, has_prior=self.prior is not None)
