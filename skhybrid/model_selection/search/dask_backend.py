@@ -32,18 +32,24 @@ class TellingDaskBackend(DaskDistributedBackend):
 
     def submit(self, func: Any, callback: Callable[[Any], None] | None = None) -> Future:
         """Submit a task; ``callback`` hears of its result, and of the error if there will be none."""
-        future: Future = super().submit(func, callback)
+        return _tell_of_death(super().submit(func, callback), callback)
 
-        def tell(done: Future) -> None:
-            error = done.exception()
-            if error is not None and callback is not None:
-                callback(_Death(error))
-
-        future.add_done_callback(tell)
-        return future
+    def apply_async(self, func: Any, callback: Callable[[Any], None] | None = None) -> Future:
+        """:meth:`submit` as joblib before 1.6 names it."""
+        return _tell_of_death(super().apply_async(func, callback), callback)
 
     def retrieve_result_callback(self, out: Any) -> Any:
         """The result of a task, or its error raised."""
         if isinstance(out, _Death):
             raise out.error
         return super().retrieve_result_callback(out)
+
+
+def _tell_of_death(future: Future, callback: Callable[[Any], None] | None) -> Future:
+    def tell(done: Future) -> None:
+        error = done.exception()
+        if error is not None and callback is not None:
+            callback(_Death(error))
+
+    future.add_done_callback(tell)
+    return future
