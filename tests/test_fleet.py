@@ -403,7 +403,8 @@ def processes():
 def dask():
     distributed = pytest.importorskip("distributed")
     with (
-        importlib.import_module("dask").config.set({"distributed.scheduler.allowed-failures": 0}),  # it tries again three times otherwise
+        # otherwise it tries three times again
+        importlib.import_module("dask").config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(2, processes=True, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster),
         joblib.parallel_config(backend="dask"),

@@ -32,10 +32,9 @@ def test_show_versions_names_everything_that_can_be_installed(capsys):
     assert not {"pytest", "ruff", "sphinx"} & set(shown)
 
 
-def test_a_release_has_addresses():
-    """A version without "dev" goes to strangers, who need to know where the project is."""
-    unknown = [name for name, address in PROJECT["urls"].items() if "example.org" in address]
-    assert not unknown or "dev" in PROJECT["version"]
+def test_the_changelog_has_the_version():
+    headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)
+    assert headings[:2] == ["Unreleased", PROJECT["version"].partition(".dev")[0]]
 
 
 @pytest.mark.parametrize("name", ["LICENSE", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "skhybrid/py.typed"])

@@ -159,6 +159,9 @@ def wheel(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     built = sorted((folder / "dist").iterdir())
     run(tools, "-m", "twine", "check", "--strict", *built)
     yield "- `twine check --strict`: " + ", ".join(path.name for path in built)
+    urls = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
+    if missing := [name for name, address in urls.items() if "example.org" in address]:
+        yield f"- addresses to fill in before publishing (`[project.urls]`): {', '.join(missing)}"
     for path in built:
         yield f"- {path.name}: {check_contents(path)} files, {path.stat().st_size / 1e6:.2f} MB"
     block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
