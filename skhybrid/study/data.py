@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_infinite_columns, refuse_shape
-from .._time import even_step, spell
+from .._time import SHORTEST_GAP, even_step, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, to_roles
@@ -128,10 +128,13 @@ def _refuse_mixed_units(frame: pd.DataFrame) -> None:
 def on_even_steps(
     frame: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
 ) -> tuple[pd.DataFrame, RegularizeReport]:
-    """The rows at the step of the settings, with values that are logged by change held until the next."""
+    """The rows at the step of the settings, with values that are logged by change held until the next.
+
+    Gaps of inputs are filled up to the length from which an identification begins a new stretch.
+    """
     held = [role for role in held if role in frame]
     longest = settings.log.get("max_hold", "1D")
-    made = regularize(frame, settings.step, return_report=True, held=held, max_hold=longest)
+    made = regularize(frame, settings.step, SHORTEST_GAP, return_report=True, held=held, max_hold=longest)
     return cast("tuple[pd.DataFrame, RegularizeReport]", made)
 
 

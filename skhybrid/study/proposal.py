@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
+from .._time import SHORTEST_GAP
 from ..logs import LogReport, read_log, to_left_label
 from .settings import SCHEDULE, as_toml
 
-_LONGEST_GAP = pd.Timedelta("1h")  # longest gap of an input inside the proposed spans; shorter ones are filled
 _SHORTEST_LOG = 4  # fewest days to train and test on
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
 #: roles that a proposal names even where no column was found, with what they are
@@ -173,7 +173,7 @@ def _span_lines(report: LogReport) -> list[list[str]]:
     """Training and test spans of whole days, before the last day of the log; comments where there are too few."""
     index = _segment(report)
     day = pd.Timedelta("1D")
-    days = (index[-1].normalize() - index[0].normalize()).days if len(index) else 0
+    days = (index[-1].normalize() - _next_midnight(index[0])).days if len(index) else 0
     if days < _SHORTEST_LOG:
         first = f"from {index[0]} to {index[-1]}" if len(index) else "no row"
         text = (
@@ -190,6 +190,12 @@ def _span_lines(report: LogReport) -> list[list[str]]:
     ]
 
 
+def _next_midnight(stamp: pd.Timestamp) -> pd.Timestamp:
+    """The stamp itself if a day begins with it, or the start of the next day."""
+    midnight = stamp.normalize()
+    return midnight if midnight == stamp else (midnight + pd.Timedelta("1D")).normalize()
+
+
 def _segment(report: LogReport) -> pd.DatetimeIndex:
     """Stamps of the longest segment without a long gap in any input, up to the last known temperature."""
     frame = report.frame
@@ -202,6 +208,6 @@ def _segment(report: LogReport) -> pd.DatetimeIndex:
     found = pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
     if len(found) < 2:
         return found[:0]
-    broken = found[1:] - found[:-1] > max(_LONGEST_GAP, 2 * report.step)
+    broken = found[1:] - found[:-1] > max(SHORTEST_GAP, 2 * report.step)
     segment = np.concatenate([[0], np.cumsum(broken)])
     return found[segment == np.bincount(segment).argmax()]
