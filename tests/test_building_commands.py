@@ -16,6 +16,7 @@ from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
+from skhybrid.zone import ZoneModel
 from skhybrid.zone.tomorrow import schedules_of
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -152,11 +153,21 @@ def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):
     model.write_bytes((folder / "house.skops").read_bytes())
     log[: N_KNOWN + 30].to_csv(tmp_path / "later.csv")
     common = ("update", "--model", model, "--log", tmp_path / "later.csv")
-    assert "use skhybrid fit" in refusal(capsys, *common, "--relearn")
     assert run(*common, "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"new rows": 30, "known until": str(log.index[N_KNOWN + 29])}
     assert run(*common, "--json") == 0
     assert json.loads(capsys.readouterr().out)["new rows"] == 0
+
+
+def test_a_building_learns_from_new_rows(folder, log, tmp_path, capsys):
+    model = tmp_path / "house.skops"
+    model.write_bytes((folder / "house.skops").read_bytes())
+    before = ZoneModel.load(model).learned_until
+    log[: N_KNOWN + 96].to_csv(tmp_path / "later.csv")
+    assert run("update", "--model", model, "--log", tmp_path / "later.csv", "--relearn", "--json") == 0
+    after = ZoneModel.load(model)
+    assert after.learned_until > before
+    assert str(after.known_until) == json.loads(capsys.readouterr().out)["known until"]
 
 
 def test_a_model_file_keeps_everything(folder, log, tmp_path):

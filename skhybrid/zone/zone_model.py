@@ -69,8 +69,8 @@ class ZoneModel:
         predictor = make_models(settings)[0].estimator
         if settings.zones:
             building = BuildingPredictor(predictor, adjacency=settings.adjacency)
-            return cls(building.fit(rows, rows[settings.roles_of("T_za")]), settings)
-        return cls(predictor.fit(rows, rows["T_za"]), settings)
+            return cls(building.fit(rows, measured_of(rows, settings)), settings)
+        return cls(predictor.fit(rows, measured_of(rows, settings)), settings)
 
     @property
     def zones(self) -> list[str]:
@@ -137,13 +137,11 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they do not follow the known rows without a gap, or several zones are to learn.
+            If they do not follow the known rows without a gap.
         """
-        if relearn and self.zones:
-            raise ValueError("a building of several zones does not learn from new rows alone; use skhybrid fit.")
         new = self.new_rows(frame)
         if len(new) and relearn:
-            self.predictor.partial_fit(new, new["T_za"])
+            self.predictor.partial_fit(new, measured_of(new, self.settings))
         elif len(new):
             self.predictor.update(new)
         return len(new)
@@ -266,6 +264,11 @@ class ZoneModel:
         return {
             zone: tuple(future[r].to_numpy() if r in future else None for r in own) for zone, own in by_zone.items()
         }
+
+
+def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
+    """The temperature of the zone; of several zones a column for each."""
+    return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]
 
 
 def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> pd.DataFrame:
