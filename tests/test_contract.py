@@ -753,8 +753,10 @@ def test_rows_of():
         "max_gap of a log": lambda office: regularize(office.X, max_gap=3),
         "step": lambda office: make_weather(step=5),
         "step of a plan": lambda office: make_prbs(3, scale="1h", step=15),
-        "gap": lambda office: list(RollingOriginSplit("2D", "1D", gap=0.5).split(office.X)),
-        "sampling_time of a split": lambda office: list(RollingOriginSplit(8, 4, sampling_time=15).split(range(99))),
+        "gap": lambda office: list(RollingOriginSplit(train="2D", test="1D", gap=0.5).split(office.X)),
+        "sampling_time of a split": lambda office: list(
+            RollingOriginSplit(train=8, test=4, sampling_time=15).split(range(99))
+        ),
         "sampling_time": lambda office: make_state_space(
             "1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"], sampling_time=15
         ),

@@ -132,6 +132,17 @@ def test_the_network_takes_the_size_of_its_nameplate(prior):
     assert 2.0 < C_za[1] / C_za[0] < 4.0
 
 
+@pytest.mark.parametrize(("n_days", "counts"), [(6, True), (7, False)])
+def test_the_network_of_other_zones_counts_for_less_than_a_week(prior, n_days, counts):
+    rows = zone(7, n_days=n_days + 1)
+    known, ahead = rows[: n_days * PER_DAY], rows[n_days * PER_DAY :]
+    forecasts = [
+        fitted(clone(SCHEDULE).set_params(prior=given), known).forecast(known, ahead)["T_za"]
+        for given in (prior, replace(prior, resistances=None))
+    ]
+    assert forecasts[0].equals(forecasts[1]) is not counts
+
+
 def test_the_front_takes_the_same_prior(prior):
     rows = zone(13, n_days=3)
     front = HybridPredictor(network="2R2C", intervals=False, prior=prior)

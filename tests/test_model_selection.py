@@ -154,6 +154,11 @@ def test_an_array_is_numbered_by_rows():
     assert frame["lead"].iloc[1] == pd.Timedelta("2h")
 
 
+def test_a_number_by_itself_is_not_taken_for_rows():
+    with pytest.raises(TypeError, match="positional"):
+        RollingOriginSplit(2)  # the number of splits comes first elsewhere
+
+
 def test_a_pipeline_and_a_search_are_looked_into():
     X, y = _table(6)
     doubled = Pipeline([("scale", StandardScaler(with_mean=False).set_output(transform="pandas"))])
@@ -162,7 +167,7 @@ def test_a_pipeline_and_a_search_are_looked_into():
     scaled = pipe[:-1].transform(X)["T_za"]
     expected = 1000 * scaled.loc[frame["origin"]].to_numpy() + frame["lead"] / pd.Timedelta("1h")
     np.testing.assert_allclose(frame["y_pred"], expected)
-    search = GridSearchCV(Ridge(), {"alpha": [1e-9]}, cv=RollingOriginSplit("3D", "1D")).fit(X, y)
+    search = GridSearchCV(Ridge(), {"alpha": [1e-9]}, cv=RollingOriginSplit(train="3D", test="1D")).fit(X, y)
     np.testing.assert_allclose(backtest(search, X, y)["y_pred"], backtest(search, X, y)["y_true"], atol=1e-6)
 
 

@@ -68,7 +68,9 @@ def test_a_search_with_our_splitter_comes_back(tmp_path):
 
 def test_a_search_over_an_estimator_of_ours_comes_back(tmp_path):
     office = make_office(n_days=6, random_state=0, sampling_time="1h")
-    arx = GridSearchCV(Pipeline([("arx", ARXRegressor())]), {"arx__n_lags": [2, 4]}, cv=RollingOriginSplit("3D", "1D"))
+    arx = GridSearchCV(
+        Pipeline([("arx", ARXRegressor())]), {"arx__n_lags": [2, 4]}, cv=RollingOriginSplit(train="3D", test="1D")
+    )
     arx.fit(office.X, office.y)
     save_model(arx, tmp_path / "m")
     np.testing.assert_array_equal(load_model(tmp_path / "m").predict(office.X), arx.predict(office.X))

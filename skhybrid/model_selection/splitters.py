@@ -45,6 +45,7 @@ class RollingOriginSplit(BaseCrossValidator):
 
     def __init__(
         self,
+        *,
         train: Any = "28D",
         test: Any = "1D",
         gap: Any = "0D",

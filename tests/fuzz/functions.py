@@ -168,7 +168,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "quantile_scorer, Pipeline": lambda X, y: quantile_scorer(fitted("Pipeline"), X, y),
     "score_backtest": lambda X, by: score_backtest(_as_backtest(X), by),
     "score_intervals": lambda X, by: score_intervals(_as_backtest(X), by),
-    "RollingOriginSplit": lambda X, train: list(RollingOriginSplit(train, test="6h").split(X)) and None,
+    "RollingOriginSplit": lambda X, train: list(RollingOriginSplit(train=train, test="6h").split(X)) and None,
     "DriftMonitor.fit": lambda X: DriftMonitor().fit(X, _days(X)).mean_,
     "DriftMonitor.watch": lambda X: DriftMonitor().fit(_DAYS, _DAYS + 1.0).watch(X, _days(X)),
     "diagnose_residuals": lambda X, max_lag, level: (
