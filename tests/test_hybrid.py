@@ -122,7 +122,7 @@ def test_a_parameter_that_does_nothing_is_refused(settings, message, office):
 
 def test_a_search_cannot_compare_copies_of_the_schedule_model(office):
     grid = {"forecaster__case": ["case01", "case03"]}
-    search = GridSearchCV(HybridPredictor(), grid, cv=RollingOriginSplit("5D", "1D", n_splits=2))
+    search = GridSearchCV(HybridPredictor(), grid, cv=RollingOriginSplit(train="5D", test="1D", n_splits=2))
     with pytest.raises(ValueError, match="forecaster__case does nothing with the schedule model, which has no forec"):
         search.fit(office.X[: 8 * DAY], office.y[: 8 * DAY])
 

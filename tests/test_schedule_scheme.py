@@ -561,7 +561,7 @@ def test_a_file_gives_the_same_forecasts(fitted, X, tmp_path):
 
 def test_clone_and_a_search_over_what_the_model_takes(fitted, X):
     assert clone(fitted).get_params()["adapt"] == fitted.adapt
-    splits = RollingOriginSplit("7D", "1D", n_splits=2, sampling_time="30min")
+    splits = RollingOriginSplit(train="7D", test="1D", n_splits=2, sampling_time="30min")
     y = X["T_za"].interpolate()
     search = GridSearchCV(
         HybridPredictor(known={"Q_h": 6.0}),

@@ -156,4 +156,4 @@ def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
     day = _rows("1D", sampling, "test")
     n_test = max(n_rows // 6 // day * day, day + _rows(horizon, sampling, "horizon"))
     n_train = n_rows - 2 * n_test
-    return RollingOriginSplit(n_train, n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None
+    return RollingOriginSplit(train=n_train, test=n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from joblib._dask import DaskDistributedBackend
 
@@ -16,15 +16,12 @@ class _Death(NamedTuple):
 
 
 class TellingDaskBackend(DaskDistributedBackend):
-    """Dask backend that hands on the error of a lost task; joblib's own would wait for its result forever."""
+    """A Dask backend that hands on the error of a lost task; joblib's own would wait for its result forever."""
 
-    @classmethod
-    def like(cls, other: DaskDistributedBackend) -> Self:
-        """The same client and settings."""
-        patience = max(other.wait_for_workers_timeout, _RESTART)
-        made = cls(client=other.client, wait_for_workers_timeout=patience, **other.submit_kwargs)
-        made.data_futures, made._scatter = other.data_futures, other._scatter
-        return made
+    def __init__(self, active: DaskDistributedBackend) -> None:
+        patience = max(active.wait_for_workers_timeout, _RESTART)
+        super().__init__(client=active.client, wait_for_workers_timeout=patience, **active.submit_kwargs)
+        self.data_futures = active.data_futures
 
     def effective_n_jobs(self, n_jobs: int) -> int:
         """Threads of the workers, at least two: with one, joblib would compute in this process."""

@@ -63,7 +63,7 @@ def _of_dask() -> dict[str, Any]:
         return {}
     from .dask_backend import TellingDaskBackend  # imports Dask
 
-    return {"backend": TellingDaskBackend.like(active)}
+    return {"backend": TellingDaskBackend(active)}
 
 
 class Runner:
