@@ -193,7 +193,7 @@ def _span_lines(report: LogReport) -> list[list[str]]:
 def _next_midnight(stamp: pd.Timestamp) -> pd.Timestamp:
     """The stamp itself if a day begins with it, or the start of the next day."""
     midnight = stamp.normalize()
-    return midnight if midnight == stamp else (midnight + pd.Timedelta("1D")).normalize()
+    return midnight if midnight == stamp else midnight + pd.DateOffset(days=1)
 
 
 def _segment(report: LogReport) -> pd.DatetimeIndex:
