@@ -24,6 +24,7 @@ from sklearn.utils.validation import check_is_fitted
 from . import __version__
 from ._archive import MOST_BYTES, check_archive, is_tight
 from ._files import atomic_path
+from ._folded import MARK, fold, unfold
 from ._packed import pack, unpack
 from ._skops import import_skops
 from ._warnings import first_sentence
@@ -32,7 +33,6 @@ from .exceptions import ModelFileError
 __all__ = ["load_metadata", "load_model", "load_model_and_metadata", "save_model"]
 
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
-_MARK = "__skhybrid__"
 _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
@@ -77,6 +77,7 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
         data = _to_data(estimator, type(estimator).__name__)
         if metadata:
             data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
+        data = fold(data)
         body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
         if is_tight(body):  # load_model refuses what looks like a bomb
             body = io.dumps(data)
@@ -173,7 +174,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[bytes, bytes, bytes]:
 def _decode(body: bytes, path: object) -> Any:
     io = import_skops()
     try:
-        return _from_data(io.loads(check_archive(body), trusted=_TRUSTED))
+        return _from_data(unfold(io.loads(check_archive(body), trusted=_TRUSTED)))
     except io.exceptions.UntrustedTypesFoundException as error:
         raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
     except Exception as error:  # a forged file can let any part of the reading fail
@@ -195,24 +196,24 @@ def _to_data(value: Any, where: str) -> Any:
         return _array_to_data(value, where)
     for kind, (accepted, encode, _) in _PANDAS.items():
         if isinstance(value, accepted):
-            return {_MARK: kind, **{k: _to_data(v, f"{where}.{k}") for k, v in encode(value).items()}}
+            return {MARK: kind, **{k: _to_data(v, f"{where}.{k}") for k, v in encode(value).items()}}
     if isinstance(value, type):
         own = value.__module__.startswith(_OWN)
-        return {_MARK: "type", "type": f"{value.__module__}:{value.__qualname__}"} if own else value
+        return {MARK: "type", "type": f"{value.__module__}:{value.__qualname__}"} if own else value
     if type(value).__module__.startswith(_OWN):
         return _own_to_data(value, where)
     if isinstance(value, dict):
         pairs = [(_to_data(k, where), _to_data(v, f"{where}[{k!r}]")) for k, v in value.items()]
-        if type(value) is dict and all(isinstance(k, str) and k != _MARK for k in value):
+        if type(value) is dict and all(isinstance(k, str) and k != MARK for k in value):
             return dict(pairs)
-        return {_MARK: "dict", "pairs": [list(pair) for pair in pairs]}
+        return {MARK: "dict", "pairs": [list(pair) for pair in pairs]}
     if isinstance(value, list | tuple | set | frozenset):
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]
         if type(value) is list:
             return items
         if type(value) not in (tuple, set, frozenset):
             raise TypeError(f"{where} is a {type(value).__qualname__}, which cannot be written as data.")
-        return {_MARK: "sequence", "kind": type(value).__name__, "items": items}
+        return {MARK: "sequence", "kind": type(value).__name__, "items": items}
     if _is_sklearn_object(value):  # skops can write it, once its attributes are data
         made = object.__new__(type(value))
         made.__dict__.update({k: _to_data(v, f"{where}.{k}") for k, v in vars(value).items()})
@@ -223,12 +224,12 @@ def _to_data(value: Any, where: str) -> Any:
 def _array_to_data(value: Any, where: str) -> Any:
     if isinstance(value, np.ma.MaskedArray):  # cv_results_ masks parameters that a candidate does not have
         data = _array_to_data(np.ma.getdata(value), where)
-        return {_MARK: "masked", "data": data, "mask": np.ma.getmaskarray(value)}
+        return {MARK: "masked", "data": data, "mask": np.ma.getmaskarray(value)}
     if isinstance(value, np.ndarray) and value.dtype == object:
         items = [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value.ravel())]
-        return {_MARK: "objects", "shape": list(value.shape), "items": items}
+        return {MARK: "objects", "shape": list(value.shape), "items": items}
     packed = pack(value)
-    return value if packed is None else {_MARK: packed[0], **packed[1]}
+    return value if packed is None else {MARK: packed[0], **packed[1]}
 
 
 def _own_to_data(value: Any, where: str) -> dict[str, Any]:
@@ -237,11 +238,11 @@ def _own_to_data(value: Any, where: str) -> dict[str, Any]:
         raise TypeError(f"{where} is {value!r}, which cannot be written as data.")
     name = f"{cls.__module__}:{cls.__qualname__}"
     if isinstance(value, tuple):
-        return {_MARK: "tuple", "type": name, "items": [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]}
+        return {MARK: "tuple", "type": name, "items": [_to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]}
     state = value.__getstate__()
     if not isinstance(state, dict):
         raise TypeError(f"{where} is a {cls.__qualname__} without plain attributes, which cannot be written as data.")
-    return {_MARK: "object", "type": name, "state": {k: _to_data(v, f"{where}.{k}") for k, v in state.items()}}
+    return {MARK: "object", "type": name, "state": {k: _to_data(v, f"{where}.{k}") for k, v in state.items()}}
 
 
 def _is_sklearn_object(value: Any) -> bool:
@@ -252,7 +253,7 @@ def _is_sklearn_object(value: Any) -> bool:
 def _from_data(value: Any) -> Any:
     """Rebuild the objects that :func:`_to_data` replaced."""
     if isinstance(value, dict):
-        kind = value.get(_MARK)
+        kind = value.get(MARK)
         return {k: _from_data(v) for k, v in value.items()} if kind is None else _rebuild(kind, value)
     if isinstance(value, list):
         return [_from_data(v) for v in value]
@@ -262,7 +263,7 @@ def _from_data(value: Any) -> Any:
 
 
 def _rebuild(kind: str, value: dict[str, Any]) -> Any:
-    parts = {k: _from_data(v) for k, v in value.items() if k != _MARK}
+    parts = {k: _from_data(v) for k, v in value.items() if k != MARK}
     if any(not isinstance(parts[k], list) for k in ("items", "pairs", "tuples") if k in parts):
         raise ValueError(f"the items of a {kind} are not a list")  # a range of 10**12 would be unfolded
     if kind in _PANDAS:

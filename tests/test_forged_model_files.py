@@ -10,6 +10,7 @@ import time
 import tracemalloc
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,8 @@ from sklearn.linear_model import Ridge
 
 import skhybrid
 from skhybrid import HybridPredictor, _archive, persistence
+from skhybrid._archive import check_archive
+from skhybrid._folded import fold, unfold
 from skhybrid.exceptions import ModelFileError
 from skhybrid.persistence import load_model, save_model
 
@@ -75,10 +78,15 @@ def archive(members, compression=zipfile.ZIP_DEFLATED) -> bytes:
 
 
 def saved(value=None) -> dict[str, bytes]:
-    """Members of the archive of a value, by default of an array."""
-    body = skops.io.dumps({"a": np.arange(3.0)} if value is None else value)
+    """Members of the archive of a value as a file holds it, by default of an array by itself."""
+    body = skops.io.dumps({"a": np.arange(3.0)} if value is None else fold(value))
     with zipfile.ZipFile(io.BytesIO(body)) as file:
         return {name: file.read(name) for name in file.namelist()}
+
+
+def read(body: bytes) -> Any:
+    """The data in an archive, read by skops after the check."""
+    return skops.io.loads(check_archive(body))
 
 
 def with_array(content: bytes) -> bytes:
@@ -197,25 +205,24 @@ def test_shared_nodes_do_not_unfold(tmp_path):
     for number in range(2, 42):
         again = node("ListNode", "builtins.list", content=[], __id__=number - 1)
         root = node("ListNode", "builtins.list", content=[root, again], __id__=number)
-    back = load_model(forge(tmp_path / "m", archive([("schema.json", schema(root))])))
-    assert len(back) == 2
+    assert len(read(archive([("schema.json", schema(root))]))) == 2
     cycle = node(
         "ListNode", "builtins.list", __id__=1, content=[node("ListNode", "builtins.list", content=[], __id__=1)]
     )
-    assert load_model(forge(tmp_path / "m", archive([("schema.json", schema(cycle))]))) == [[]]
+    assert read(archive([("schema.json", schema(cycle))])) == [[]]
     cached = node("ListNode", "builtins.list", __id__=1, content=[node("CachedNode", "builtins.list", __id__=1)])
     assert "CachedNode" in refused(tmp_path / "m", archive([("schema.json", schema(cached))]))
 
 
-def test_an_array_in_three_thousand_places_is_read_once(tmp_path):
+def test_an_array_in_three_thousand_places_is_read_once():
     members = saved()
     name = next(name for name in members if name.endswith(".npy"))
     members[name] = npy(shape=f"({MIB // 8},)", data=bytes(MIB))
     places = [node("NdArrayNode", "numpy.ndarray", type="numpy", file=name, __id__=n) for n in range(3_000)]
     members["schema.json"] = schema(node("ListNode", "builtins.list", content=places))
-    forge(tmp_path / "m", archive(members.items()))
+    body = archive(members.items())
     tracemalloc.start()
-    back = load_model(tmp_path / "m")
+    back = read(body)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len({id(one) for one in back}) == 1
@@ -303,6 +310,47 @@ NODES = {
 @pytest.mark.parametrize("name", NODES)
 def test_nodes_that_save_model_does_not_write_are_refused(tmp_path, name):
     refused(tmp_path / "m", archive(NODES[name]().items()))
+
+
+def _text(text: bytes, values=(), **more):
+    return {"text": np.frombuffer(text, np.uint8), "values": list(values), **more}
+
+
+def test_a_text_with_its_values_is_read(tmp_path):
+    given = {"a": [1, 2.5, "x", None, True], "b": np.arange(3.0), "c": {"d": np.float64(1.5)}}
+    back = load_model(forge(tmp_path / "m", archive(saved({"model": given, "metadata": {}}).items())))
+    assert back["a"] == given["a"]
+    np.testing.assert_array_equal(back["b"], given["b"])
+    assert type(back["c"]["d"]) is np.float64
+
+
+def test_an_array_that_is_held_twice_is_held_once():
+    array = np.arange(3.0)
+    folded = fold({"a": array, "b": [array]})
+    assert len(folded["values"]) == 1
+    back = unfold(folded)
+    assert back["a"] is back["b"][0]
+
+
+TEXTS = {
+    "no text": {"a": 1},
+    "more": _text(b"1", more=1),
+    "numbers": {"text": np.arange(3.0), "values": []},
+    "values": {"text": np.frombuffer(b"1", np.uint8), "values": 1},
+    "no JSON": _text(b"{"),
+    "no value": _text(b'{"__skhybrid__": 1}', [np.ones(1)]),
+    "a value from the end": _text(b'{"__skhybrid__": -1}', [np.ones(1)]),
+    "lists": _text(b"[" + b"[]," * 2_000_000 + b"0]"),
+    "depth": _text(b"[" * 100_000 + b"]" * 100_000),
+    "length": _text(b'"' + b" " * 2**23 + b'"'),
+    "digits": _text(b"9" * 1_000_000),
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_texts_that_save_model_does_not_write_are_refused(tmp_path, name):
+    body = skops.io.dumps(TEXTS[name])
+    refused(tmp_path / "m", body)
 
 
 def marked(mark, /, **parts):

@@ -25,6 +25,7 @@ from sklearn.tree import DecisionTreeRegressor
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
 from skhybrid._files import atomic_path
+from skhybrid._folded import fold
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.model_selection import RollingOriginSplit
@@ -224,7 +225,7 @@ def test_a_forged_archive_with_a_foreign_type_is_refused(tmp_path):
     ["subprocess:Popen", "skhybrid.persistence:Path", "skhybrid.persistence:load_model", "skhybrid:x", "skhybrid.no:A"],
 )
 def test_a_forged_own_type_is_refused(tmp_path, name):
-    _forged(tmp_path / "m", skops.io.dumps({"__skhybrid__": "object", "type": name, "state": {}}))
+    _forged(tmp_path / "m", skops.io.dumps(fold({"__skhybrid__": "object", "type": name, "state": {}})))
     with pytest.raises(ModelFileError, match="cannot be read as a model"):
         load_model(tmp_path / "m")
 
