@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,12 +59,27 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
             click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
         ):
             run = option(run)
-        epilog = "\b\nExample:\n" + "\n".join(f"  {line}" for line in example.splitlines())
-        made = click.command(name, epilog=epilog, context_settings=HELP_NAMES)(run)
+        made = click.command(name, epilog=_epilog(example), context_settings=HELP_NAMES)(run)
         made.params = made.params[3:] + made.params[:3]  # help begins with what only this command has
         return made
 
     return decorate
+
+
+def as_group(name: str, commands: Sequence[click.Command], summary: str, example: str) -> InOrder:
+    """A group of commands, whose help ends with an example."""
+    return InOrder(
+        name,
+        commands=list(commands),
+        help=summary,
+        epilog=_epilog(example),
+        context_settings=HELP_NAMES,
+        no_args_is_help=False,
+    )
+
+
+def _epilog(example: str) -> str:
+    return "\b\nExample:\n" + "\n".join(f"  {line}" for line in example.splitlines())
 
 
 def print_json(content: Any) -> None:

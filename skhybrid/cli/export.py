@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, as_command, print_json, refuse_zones, settings_at
+from ._options import CONFIG, as_command, as_group, print_json, refuse_zones, settings_at
 from ._output import DONE, Progress
 
 
@@ -76,13 +76,11 @@ def emhass(
     return DONE
 
 
-command = click.Group(
+command = as_group(
     "export",
-    commands=[emhass],
-    help="Write what was identified for other programs (EMHASS).",
-    epilog="\b\nExample:\n  skhybrid export emhass thermostat.csv --config zone.toml",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    no_args_is_help=False,
+    [emhass],
+    "Write what was identified for other programs (EMHASS).",
+    "skhybrid export emhass thermostat.csv --config zone.toml",
 )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import InOrder, as_command, print_json
+from ._options import as_command, as_group, print_json
 from ._output import DONE, Progress
 
 _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
@@ -76,13 +76,11 @@ def status(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
     return DONE
 
 
-command = InOrder(
+command = as_group(
     "fleet",
-    commands=[fit, tick, status],
-    help="Keep a folder of many zones: data, models and forecasts.",
-    epilog="\b\nExample:\n  skhybrid fleet fit houses",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    no_args_is_help=False,
+    [fit, tick, status],
+    "Keep a folder of many zones: data, models and forecasts.",
+    "skhybrid fleet fit houses",
 )
 
 

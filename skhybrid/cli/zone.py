@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, SETPOINT, InOrder, as_command, print_json
+from ._options import CONFIG, SETPOINT, as_command, as_group, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
@@ -98,13 +98,11 @@ def status(folder: Path, say: Progress, as_json: bool) -> int:
     return DONE
 
 
-command = InOrder(
+command = as_group(
     "zone",
-    commands=[init, tick, status],
-    help="Keep a folder per zone: model, forecasts and what happened.",
-    epilog="\b\nExample:\n  skhybrid zone init kitchen --log thermostat.csv",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    no_args_is_help=False,
+    [init, tick, status],
+    "Keep a folder per zone: model, forecasts and what happened.",
+    "skhybrid zone init kitchen --log thermostat.csv",
 )
 
 
