@@ -240,17 +240,18 @@ def _fit_under(
     """Fit from the best of five sizes under a prior, which is that of the size found so far."""
     model = FilterModel.of(plan.network, table.step_hours, heat_scale)
     prior.refuse_other(model)
-    leads, n = scored.sample.leads, len(model.names)
-    few = scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
+    few, n = _few_of(scored), len(model.names)
+
+    def usual_variance(leads: np.ndarray) -> np.ndarray:
+        return np.interp(leads * table.step_hours, prior.leads, prior.variance)
 
     def problem_at(psi: np.ndarray, forecasts: ScoredForecasts) -> LeadProblem:
-        weights = 1.0 / np.interp(forecasts.sample.leads * table.step_hours, prior.leads, prior.variance)
+        weights = 1.0 / usual_variance(forecasts.sample.leads)
         own = prior.at(psi, plan.mean_outdoor)
         return LeadProblem(model, (forecasts,), prior.centre, np.ones(n), Shrinkage(), weights, prior=own)
 
     best = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss)
-    usual = np.interp(leads * table.step_hours, prior.leads, prior.variance)
-    problem = replace(problem_at(best.psi, scored), precision=1.0 / usual)
+    problem, usual = problem_at(best.psi, scored), usual_variance(scored.sample.leads)
     best = minimise(problem, best.psi, max_steps=6)
     hours = table.step_hours * float(np.mean(np.diff(scored.sample.origins))) if len(scored.sample.origins) > 1 else 1.0
     for _ in range(2):
@@ -294,14 +295,19 @@ def _best_of_grid(
     model: FilterModel, scored: ScoredForecasts, spread: np.ndarray, scales: Sequence[float], pull: GainPull | None
 ) -> Evaluation:
     """The point of a coarse grid with the least loss of a few forecasts."""
-    leads = scored.sample.leads
-    few = scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
+    few = _few_of(scored)
 
     def evaluate(scale: float, pace: float) -> Evaluation:
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
         return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(few.sample.leads)), pull).evaluate(psi)
 
     return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss)
+
+
+def _few_of(scored: ScoredForecasts) -> ScoredForecasts:
+    """A few of the forecasts and leads, on which starts are compared."""
+    leads = scored.sample.leads
+    return scored.every(6, leads[_COARSE] if len(leads) > 4 else leads)
 
 
 def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:
