@@ -9,8 +9,8 @@ import pandas as pd
 
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
+from ..study.run import INTERVAL
 
-LEVELS = (0.1, 0.9)  # quantiles of the intervals that are watched
 _KEPT_DAYS, _KEPT_ROWS = 28, pd.Timedelta("3D")
 _DAY = pd.Timedelta("1D")
 
@@ -19,10 +19,10 @@ def day_ahead(model: Any, X: pd.DataFrame) -> pd.DataFrame:
     """Forecasts of rows from the midnights before them: ``y_pred`` and, where they were learned, quantiles [degC]."""
     found = pd.DataFrame({"y_pred": np.asarray(model.predict(X))}, index=X.index)
     try:
-        bands = model.predict_quantiles(X, LEVELS)
+        bands = model.predict_quantiles(X, INTERVAL)
     except (AttributeError, TooFewDaysError):
         return found
-    return found.assign(**dict(zip(quantile_columns(LEVELS), np.asarray(bands).T, strict=True)))
+    return found.assign(**dict(zip(quantile_columns(INTERVAL), np.asarray(bands).T, strict=True)))
 
 
 def scored_days(
@@ -38,7 +38,7 @@ def scored_days(
     before = rows["y_true"].reindex(stamps - _DAY).to_numpy()
     dates, touched = stamps.strftime("%Y-%m-%d"), set(pd.DatetimeIndex(new.index).strftime("%Y-%m-%d"))
     frame = pd.DataFrame({"own": rows["y_pred"] - rows["y_true"], "rule": before - rows["y_true"]})
-    low, high = (rows.get(name, pd.Series(np.nan, rows.index)) for name in quantile_columns(LEVELS))
+    low, high = (rows.get(name, pd.Series(np.nan, rows.index)) for name in quantile_columns(INTERVAL))
     frame["inside"] = ((rows["y_true"] >= low) & (rows["y_true"] <= high)).astype(float).where(low.notna())
     frame = frame[frame["own"].notna()]
     found = {day["day"]: day for day in days}

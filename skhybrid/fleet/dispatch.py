@@ -49,13 +49,10 @@ def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs:
     Where a worker dies, the zones in work are tried once more, one at a time: the one that kills its worker again has
     failed.
     """
-    waiting, suspects = dict(calls), dict.fromkeys(calls, False)
+    waiting, suspects = dict(calls), set[str]()
     while waiting:
-        alone = next((zone for zone in waiting if suspects[zone]), None)
-        if alone is not None and all(suspects[zone] for zone in waiting):
-            batch = {alone: waiting[alone]}
-        else:
-            batch = {zone: call for zone, call in waiting.items() if not suspects[zone]}
+        first = next(iter(waiting))
+        batch = {zone: call for zone, call in waiting.items() if zone not in suspects} or {first: waiting[first]}
         begun: set[str] = set()
         try:
             with Workers(n_jobs) as workers:
@@ -68,10 +65,10 @@ def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs:
         except Exception as error:
             if not {base.__name__ for base in type(error).__mro__} & _DEATHS:
                 raise
-            if len(batch) == 1 and suspects[next(iter(batch))]:
-                del waiting[next(iter(batch))]
-                yield Outcome(next(iter(batch)), error=_DIED)
-            suspects |= dict.fromkeys(begun, True)
+            if not batch.keys().isdisjoint(suspects):
+                del waiting[first]
+                yield Outcome(first, error=_DIED)
+            suspects |= begun
 
 
 _DIED = (

@@ -124,8 +124,7 @@ class ZoneFleet(BaseEstimator):
         self._fit_errors: dict[Any, str] = {}
         self.errors_: dict[Any, str] = {}
         with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
-            calls = {zone: (path,) for zone, path in files.paths.items()}
-            found = self._run(fit_zone, calls, files, (self.estimator, self.fallback, last), fitting=True)
+            found = self._run(fit_zone, files.by_zone, files, (self.estimator, self.fallback, last), fitting=True)
         whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
         self.errors_ = self._fit_errors = {**self.errors_, **whys}
         if self.errors_:
@@ -194,7 +193,7 @@ class ZoneFleet(BaseEstimator):
             Rows that follow the known ones, with ``T_za``.  Rows that a zone has just taken in are not taken in again.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            self._run(update_zone, {zone: (path,) for zone, path in files.paths.items()}, files)
+            self._run(update_zone, files.by_zone, files)
         return self
 
     def tick(self, X: Any) -> pd.DataFrame:
@@ -211,8 +210,7 @@ class ZoneFleet(BaseEstimator):
             The key and the columns of the estimator's forecast, with 80 % intervals where they were learned.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            calls = {zone: (path,) for zone, path in files.paths.items()}
-            return self._joined(self._run(tick_zone, calls, files), files)
+            return self._joined(self._run(tick_zone, files.by_zone, files), files)
 
     def score(self, X: Any, y: Any = None) -> pd.DataFrame:
         """Score each zone as the estimator's ``score`` does.
@@ -259,7 +257,7 @@ class ZoneFleet(BaseEstimator):
         """
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
-        found = self._run(zone_status, dict.fromkeys(zones, ()), files, keep_paths=False)
+        found = self._run(zone_status, dict.fromkeys(zones, ()), files)
         failed = {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         table, recent = status_table({o.zone: o.value for o in found if o.error is None}, failed, self.key)
         if page is not None:
@@ -324,9 +322,7 @@ class ZoneFleet(BaseEstimator):
 
     def _table(self, job: Callable[..., Any], X: Any, y: Any, *given: Any) -> pd.DataFrame:
         with zone_files(X, y, self.key) as files:
-            return self._joined(
-                self._run(job, {zone: (path,) for zone, path in files.paths.items()}, files, given), files
-            )
+            return self._joined(self._run(job, files.by_zone, files, given), files)
 
     def _run(
         self,
@@ -336,19 +332,21 @@ class ZoneFleet(BaseEstimator):
         given: Iterable[Any] = (),
         *,
         fitting: bool = False,
-        keep_paths: bool = True,
         lost: Mapping[str, str] | None = None,
     ) -> list[Outcome]:
-        """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``."""
-        models, known = self._models, {} if fitting else getattr(self, "_fit_errors", {})
+        """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``; a job without files gets no paths.
+
+        Those of the last fit stay in ``errors_``.
+        """
+        models, failed = self._models, dict(lost or {})
+        known: dict[Any, str] = {}
         if not fitting:
             models.check(self._settings())
-        failed = dict(lost or {})
-        if not fitting:
+            known = getattr(self, "_fit_errors", {})
             why = {str(label): text for label, text in known.items()}
             failed |= {zone: why.get(zone, _UNFITTED) for zone in paths if not models.has(zone)}
         calls = {
-            zone: (job, (zone, self.store_, *((own,) if keep_paths else ()), *given))
+            zone: (job, (zone, self.store_, *([own] if own else []), *given))
             for zone, own in paths.items()
             if zone not in failed
         }

@@ -12,7 +12,8 @@ from sklearn.base import clone
 from .._time import positive_duration
 from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
-from .day_errors import LEVELS, day_ahead, scored_days
+from ..study.run import INTERVAL
+from .day_errors import day_ahead, scored_days
 from .journal import Journal
 from .model_store import ModelStore
 from .zone_rows import TARGET, fingerprint, read_rows
@@ -109,7 +110,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | Non
     found = None
     if ahead.any():
         future = X[ahead].drop(columns=_measured_column(model), errors="ignore")
-        found = _forecast(model, journal, None, future, {"quantiles": LEVELS})
+        found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)
     if new.any() or ahead.any():
         models.keep(zone, model, journal)
@@ -144,7 +145,7 @@ def _forecast(
         try:
             return model.forecast(history, future, **given)
         except TooFewDaysError:
-            if given.get("quantiles") is not LEVELS:
+            if given.get("quantiles") is not INTERVAL:
                 raise
             return model.forecast(history, future)
     quantiles = given.pop("quantiles", None)
@@ -154,7 +155,7 @@ def _forecast(
     table = pd.concat([past, future]) if len(past) else future
     asked = {"horizon": len(future) * pd.Timedelta(model.sampling_time_)}
     found = pd.DataFrame({"T_za": model.predict_from(table, [len(past) - 1], **asked)[0]}, index=future.index)
-    if quantiles is None or (quantiles is LEVELS and not hasattr(model, "intervals_")):
+    if quantiles is None or (quantiles is INTERVAL and not hasattr(model, "intervals_")):
         return found
     bands = model.predict_quantiles_from(table, [len(past) - 1], quantiles, **asked)[0]
     return found.assign(**{f"q_{level:g}": bands[:, i] for i, level in enumerate(quantiles)})

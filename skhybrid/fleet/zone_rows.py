@@ -27,6 +27,11 @@ class ZoneFiles(NamedTuple):
     paths: dict[str, str]
     labels: dict[str, Any]  # the key as the caller gave it
 
+    @property
+    def by_zone(self) -> dict[str, tuple[str, ...]]:
+        """The file of each zone as the files of a call."""
+        return {zone: (path,) for zone, path in self.paths.items()}
+
 
 @contextmanager
 def zone_files(X: Any, y: Any, key: str) -> Iterator[ZoneFiles]:
