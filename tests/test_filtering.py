@@ -20,6 +20,7 @@ from skhybrid.filtering import (
     iterate_lags,
     kalman_filter,
     one_step_errors,
+    regression_slopes,
     simulate_inverse,
     simulate_path,
     smooth_states,
@@ -459,6 +460,26 @@ def test_autoregressions_against_a_loop():
             bounded += abs(value) > 1.2
         np.testing.assert_allclose(found[i], values[n_lags:], atol=1e-12)
     assert 0 < bounded < n * n_leads
+
+
+@pytest.mark.parametrize(("every", "n_lags"), [(1, 3), (4, 7), (30, 40)])
+def test_slopes_of_a_regression_against_a_loop(every, n_lags):
+    """Rows end before the last leads of the last origins; some factors are 0."""
+    rng = np.random.default_rng(13)
+    leads, n_origins, m = np.array([1, 2, 6, 7, 12, 25]), 9, 2
+    T, rows = rng.normal(size=(n_origins, n_lags + 24)), rng.normal(size=((n_origins - 1) * every + 20, m))
+    impulse = rng.normal(size=25)
+    factors = rng.uniform(0.5, 2.0, (n_origins, 6)) * (rng.random((n_origins, 6)) < 0.7)
+    factors[np.arange(n_origins)[:, None] * every + leads > len(rows)] = 0.0
+    wanted = []
+    for a, i in np.argwhere(factors):
+        each = np.zeros(n_lags + m)
+        for k in range(leads[i]):
+            columns = np.append(T[a, k : k + n_lags][::-1], rows[a * every + k])
+            each += impulse[leads[i] - 1 - k] * columns
+        wanted.append(factors[a, i] * each)
+    found = regression_slopes(T, rows, impulse, every, leads, factors)
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
 def test_kernels_run_uncompiled():

@@ -10,6 +10,7 @@ from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .normal_prior import learn_normal
+from .regression_slopes import regression_slopes
 from .simulation import iterate_lags, simulate_path
 from .tree_sums import sum_of_leaves
 
@@ -37,6 +38,7 @@ __all__ = [
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",
+    "regression_slopes",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",

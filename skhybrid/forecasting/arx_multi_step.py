@@ -7,10 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
-from numpy.lib.stride_tricks import sliding_window_view
 
 from .._table import ZoneTable
-from ..filtering import hourly_sample
+from ..filtering import hourly_sample, iterate_lags, regression_slopes
 from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
 from .arx_prior import ARXPrior
 from .features import rows_per_day, rows_per_hour, target_rows
@@ -80,43 +79,25 @@ class MultiStepProblem:
         total = Moments(np.zeros((p, p)), np.zeros(p))
         if not len(origins):
             return total
-        ahead, response = self._ahead(view, origins), self._response(coef)
+        impulse, n_leads = self._impulse(coef), int(self.leads[-1])
         for first in range(0, len(origins), _CHUNK):
-            part = slice(first, first + _CHUNK)
-            chunk = origins[part]
+            chunk = origins[first : first + _CHUNK]
             paths, errors, weights = self._errors(view, coef, chunk, span)
-            slopes = np.concatenate(
-                [response @ self._past(view, chunk, paths), response @ ahead[part]], axis=2
-            ).reshape(-1, p)
-            root = np.sqrt(weights).ravel()
-            slopes *= root[:, None]
-            total = total.added(Moments(slopes.T @ slopes, slopes.T @ (root * errors.ravel() + slopes @ coef)))
+            ahead = (paths[:, :-1] - self.design.T_mean) / self.design.T_scale
+            T = np.hstack([self.design.windows(view, chunk)[:, ::-1], ahead])
+            rows = view.exogenous[chunk[0] - view.first : chunk[-1] - view.first + n_leads]
+            root = np.sqrt(weights)
+            slopes = regression_slopes(T, rows, impulse, self.every, self.leads, root)
+            errors = (root * errors)[weights > 0.0]
+            total = total.added(Moments(slopes.T @ slopes, slopes.T @ (errors + slopes @ coef)))
         return total
 
-    def _ahead(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
-        """(O, H, n_exogenous) columns of the rows ahead of origins, as views."""
-        n_leads = int(self.leads[-1])
-        rows = view.exogenous[origins[0] - view.first : origins[-1] - view.first + n_leads]
-        missing = origins[-1] - origins[0] + n_leads - len(rows)  # after the last row it is held
-        held = np.vstack([rows, np.repeat(rows[-1:], missing, axis=0)]) if missing else rows
-        return sliding_window_view(held, n_leads, axis=0)[:: self.every].swapaxes(1, 2)
-
-    def _response(self, coef: np.ndarray) -> np.ndarray:
-        """(L, H) effect of a change of the temperature step in each row ahead on the temperature at each lead."""
-        lags, n_leads = coef[: self.design.n_lags] / self.design.T_scale, int(self.leads[-1])
-        impulse = np.zeros(self.design.n_lags + n_leads)
-        now = self.design.n_lags
-        impulse[now] = 1.0
-        for row in range(now + 1, len(impulse)):
-            impulse[row] = impulse[row - 1] + lags @ impulse[row - 1 : row - 1 - now : -1]
-        since = self.leads[:, None] - 1 - np.arange(n_leads)
-        return np.where(since >= 0, impulse[now + since], 0.0)
-
-    def _past(self, view: ARXData, origins: np.ndarray, paths: np.ndarray) -> np.ndarray:
-        """(O, H, n_lags) standardised temperatures before each row ahead, newest first, along the paths."""
-        ahead = (paths[:, :-1] - self.design.T_mean) / self.design.T_scale
-        whole = np.hstack([self.design.windows(view, origins)[:, ::-1], ahead])
-        return np.ascontiguousarray(sliding_window_view(whole, self.design.n_lags, axis=1)[:, :, ::-1])
+    def _impulse(self, coef: np.ndarray) -> np.ndarray:
+        """(H,) effect of a change of a temperature step on the temperature at its end and at each row after it."""
+        lags = coef[None, : self.design.n_lags][:, ::-1] / self.design.T_scale
+        begin, still = np.zeros_like(lags), np.zeros((1, int(self.leads[-1]) - 1))
+        begin[0, -1] = 1.0
+        return np.append(1.0, iterate_lags(begin, lags, still, -np.inf, np.inf))
 
     def penalty(self, knobs: Knobs) -> np.ndarray:
         """(p,) the penalty on each coefficient; none on the constant."""

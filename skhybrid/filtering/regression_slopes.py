@@ -1,0 +1,85 @@
+"""Derivatives of an autoregression's forecasts by its coefficients.
+
+A coefficient changes each temperature step ahead by its column of that row, and a changed step k rows before a target
+changes the target by ``impulse[k]``.  Forecasts of one target share what later origins see of a column with known
+rows; a lagged temperature is, beyond the origin, the newest one some rows earlier.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._compile import compiled
+
+
+@compiled
+def _write_known_columns(rows, impulse, every, leads, factors, place, out):
+    """Slopes by the coefficients of columns (N, m) whose rows ahead are known, from the last origin to the first."""
+    (N, m), n_leads = rows.shape, leads[-1]
+    used = np.zeros(n_leads + 1, np.bool_)
+    for lead in leads:
+        for h in range(lead, 0, -every):
+            used[h] = True
+    sums = np.zeros((n_leads + 1, m))  # by lead, first of the next origin and then of this one
+    for a in range((N - 1) // every, -1, -1):
+        for h in range(min(n_leads, N - a * every), 0, -1):
+            if not used[h]:
+                continue
+            sums[h] = sums[max(h - every, 0)]
+            for k in range(min(every, h)):
+                effect = impulse[h - 1 - k]
+                for j in range(m):
+                    sums[h, j] += effect * rows[a * every + k, j]
+        if a < len(place):
+            for i in range(len(leads)):
+                if place[a, i] >= 0:
+                    out[place[a, i], out.shape[1] - m :] = factors[a, i] * sums[leads[i]]
+
+
+@compiled
+def _write_lags(T, n_lags, impulse, leads, factors, place, out):
+    """Slopes by the coefficients of lags: of each origin's last ``n_lags`` temperatures and of those forecast."""
+    n_leads = leads[-1]
+    newest, before, shifted = np.empty(n_leads + 1), np.empty(n_lags), np.empty(n_lags)
+    for a in range(len(T)):
+        past, ahead = T[a, :n_lags][::-1], T[a, n_lags - 1 :]
+        newest[:] = 0.0
+        for k in range(n_leads):
+            for h in range(k + 1, n_leads + 1):
+                newest[h] += impulse[h - 1 - k] * ahead[k]
+        before[:] = 0.0  # what temperatures before the origin add, by lag
+        i = 0
+        for h in range(1, n_leads + 1):
+            shifted[0] = 0.0
+            for lag in range(1, n_lags):
+                shifted[lag] = before[lag - 1] + impulse[h - 1] * past[lag]
+            before, shifted = shifted, before
+            if h < leads[i]:
+                continue
+            if place[a, i] >= 0:
+                for lag in range(n_lags):
+                    after = newest[h - lag] if h > lag else 0.0
+                    out[place[a, i], lag] = factors[a, i] * (before[lag] + after)
+            i += 1
+
+
+@compiled
+def regression_slopes(T, rows, impulse, every, leads, factors):
+    """Derivatives (n, n_lags + m) of forecasts of O origins, ``every`` rows apart, at L increasing leads.
+
+    Row a of ``T`` (O, n_lags + n_leads - 1) has the temperatures up to an origin and those forecast, the oldest first;
+    ``rows`` (N, m) are the other columns from the first origin on, up to the last row that is known.  The n forecasts
+    whose ``factors`` (O, L) are not 0 are kept in their order, multiplied by them; a forecast that
+    needs later rows has 0.
+    """
+    n_lags, m = T.shape[1] - leads[-1] + 1, rows.shape[1]
+    place, n = np.full(factors.shape, -1), 0
+    for a in range(len(factors)):
+        for i in range(len(leads)):
+            if factors[a, i] != 0.0:
+                place[a, i] = n
+                n += 1
+    out = np.zeros((n, n_lags + m))
+    _write_known_columns(rows, impulse, every, leads, factors, place, out)
+    _write_lags(T, n_lags, impulse, leads, factors, place, out)
+    return out
