@@ -10,7 +10,7 @@ import pytest
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
-from skhybrid import ARXRegressor, HybridPredictor
+from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
 from skhybrid._table import ZoneTable, read_table
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import WeatherError
@@ -107,6 +107,7 @@ def models(office):
     return {
         "arx": ARXRegressor().fit(train, y),
         "hybrid": HybridPredictor(adapt=None, network="2R2C", known={"Q_h": 6.0}).fit(train, y),
+        "gray box": GrayBoxRC("2R2C", known={"Q_h": 6.0}, n_starts=1, random_state=0).fit(train, y),
     }
 
 
@@ -126,13 +127,14 @@ def test_backtest_under_a_weather_forecast(office, models, name):
     assert (off["q_0.9"] - off["q_0.1"]).mean() > (exact["q_0.9"] - exact["q_0.1"]).mean()
 
 
-def test_going_through_rows_equals_the_whole_table(office, models):
+@pytest.mark.parametrize("name", ["hybrid", "gray box"])
+def test_going_through_rows_equals_the_whole_table(office, models, name):
     X, y = _rows(office)
-    walked = backtest(models["hybrid"], X, y, weather_error="medium")
+    walked = backtest(models[name], X, y, weather_error="medium")
     rows = X.index.get_indexer(walked["origin"].unique())
     whole = read_table(BaseEstimator(), X, columns=None, sampling_time=None, reset=True)
     seen = [WeatherError().forecast(whole, int(row), N_LEADS) for row in rows]
-    paths = [models["hybrid"].predict_from(t, [int(row)], "1D")[0] for t, row in zip(seen, rows, strict=True)]
+    paths = [models[name].predict_from(t, [int(row)], "1D")[0] for t, row in zip(seen, rows, strict=True)]
     np.testing.assert_allclose(walked["y_pred"], np.concatenate(paths), atol=1e-8)
 
 

@@ -42,6 +42,7 @@ def paths_under(
             "stamps; leave weather_error=None."
         )
     walker, begin = _walker(forecaster, table, int(origins[0]))
+    bands_asked = {} if quantiles is None else {"quantiles": quantiles, "weather_error": weather}
     shape = (len(origins), n_leads)
     paths, bands = np.full(shape, np.nan), None if quantiles is None else np.full((*shape, len(quantiles)), np.nan)
     for i, origin in enumerate(origins.tolist()):
@@ -57,7 +58,7 @@ def paths_under(
             walker.update(table.rows(slice(begin, origin + 1)))
             begin = origin + 1
         ahead = seen.rows(slice(origin + 1, origin + 1 + there))
-        found = walker.forecast(None, ahead, quantiles=quantiles, weather_error=weather)
+        found = walker.forecast(None, ahead, **bands_asked)
         paths[i, :there] = found["T_za"]
         if bands is not None and quantiles is not None:
             bands[i, :there] = found[quantile_columns(quantiles)]
