@@ -26,12 +26,12 @@ def _spec(kind, **settings):
     return NetworkSpec(**{"kind": kind} | shape | size | {"n_channels": 2, "filter_size": 3, "pool_size": 0} | settings)
 
 
-def _windows(spec, seed=0):
-    """Windows to train on, of which a tenth of the targets is unknown, and windows that validate."""
+def _windows(spec, seed=0, unknown=0.1):
+    """Windows to train on, of which a share of the targets is unknown, and windows that validate."""
     g = torch.Generator().manual_seed(seed)
     shapes = ((N_PAST + 1,), (N_COLUMNS, N_PAST), (N_COLUMNS, N_LEADS), (N_LEADS,), (N_LEADS,))
     *views, base, target = (torch.randn(N + 10, *shape, generator=g) for shape in shapes)
-    target[torch.rand(target.shape, generator=g) < 0.1] = np.nan
+    target[torch.rand(target.shape, generator=g) < unknown] = np.nan
     table = WindowTable(spec.kind, spec.reads_zeta, WindowViews(*views), base, target)
     return Windows([table], torch.arange(3, N + 3)), Windows([table], torch.arange(N + 3, N + 10))
 
@@ -40,8 +40,8 @@ def _generators(*seeds):
     return [torch.Generator().manual_seed(seed) for seed in seeds]
 
 
-def _trained(specs, seeds, settings, validates=False):
-    train, valid = _windows(specs[0])
+def _trained(specs, seeds, settings, validates=False, unknown=0.1):
+    train, valid = _windows(specs[0], unknown=unknown)
     generators = _generators(*seeds)
     stack = make_stack(specs).draw_weights(generators)
     return train_stack(stack, generators, train, valid if validates else None, settings)
@@ -49,16 +49,16 @@ def _trained(specs, seeds, settings, validates=False):
 
 def _loss(stack, windows, rows, kept):
     """Mean squared error of a stack of one, and how many targets are known."""
-    inputs, target = windows.take(rows[None], [0])
+    inputs, target = windows.take(windows.chosen[rows][None], [0])
     factors = {} if kept is None else {"kept": kept}
     known = torch.isfinite(target)
     return ((stack(**inputs, **factors) - target)[known] ** 2).mean(), int(known.sum())
 
 
-def _plain_loop(spec, seed, settings, max_norm):
+def _plain_loop(spec, seed, settings, max_norm, unknown):
     """Weights, losses and largest gradient norm of one network after a loop that one would write."""
     (generator,) = _generators(seed)
-    twin, (windows, _) = make_stack([spec]).draw_weights([generator]), _windows(spec)
+    twin, (windows, _) = make_stack([spec]).draw_weights([generator]), _windows(spec, unknown=unknown)
     optimizer, losses, norms = torch.optim.Adam([twin.flat], lr=settings.learning_rate), [], []
     for _ in range(settings.max_epochs):
         order, squares, count = torch.randperm(N, generator=generator), 0.0, 0
@@ -84,13 +84,16 @@ _CNN = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "changes"), [*product(NETWORKS, _SETTINGS), *product(["cnn"], _CNN)])
-def test_training_is_a_plain_loop_over_batches(kind, changes, monkeypatch):
+@pytest.mark.parametrize(
+    ("kind", "changes", "unknown"),
+    [*product(NETWORKS, _SETTINGS, [0.1]), *product(["cnn"], _CNN, [0.1]), *product(["mlp", "lstm"], _SETTINGS, [0.0])],
+)
+def test_training_is_a_plain_loop_over_batches(kind, changes, unknown, monkeypatch):
     max_norm = 0.15
     monkeypatch.setattr(training, "_MAX_NORM", max_norm)
     spec, settings = _spec(kind, **changes), TrainingSettings(0.01, 40, 2, 10)  # the last batch is smaller
-    for seed, found in zip((1, 2), _trained([spec] * 2, (1, 2), settings), strict=True):
-        weights, losses, norm = _plain_loop(spec, seed, settings, max_norm)
+    for seed, found in zip((1, 2), _trained([spec] * 2, (1, 2), settings, unknown=unknown), strict=True):
+        weights, losses, norm = _plain_loop(spec, seed, settings, max_norm, unknown)
         assert norm > max_norm  # gradients are clipped
         assert [epoch["train_loss"] for epoch in found.history] == pytest.approx(losses, rel=1e-4)
         assert np.isnan(found.valid_loss)

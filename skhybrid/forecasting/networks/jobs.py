@@ -232,7 +232,7 @@ def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
     # The block that stopped the training flatters it: without the discount, corrections that do not last are kept.
     stack = network.build()
     valid = cast(Windows, plan.data.valid)
-    inputs, targets = valid.take(torch.arange(len(valid)), stack.numbers)
+    inputs, targets = valid.take(valid.chosen, stack.numbers)
     with torch.no_grad(), one_thread():
         forecast = stack(**inputs).mean(dim=0)
     base, target = inputs["base"][0], targets[0]

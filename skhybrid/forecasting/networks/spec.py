@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -49,13 +50,17 @@ class NetworkSpec(NamedTuple):
         return 1 if self.kind == "cnn" else self.n_layers
 
     def kept_shape(self, n_windows: int) -> tuple[int, int, int]:
-        """Shape in which factors of dropout are drawn: time or layer first, windows before values but in cells."""
-        width = rounded_up(self.hidden_size)
-        return (self.n_dropping, *((width, n_windows) if self.kind in N_GATES else (n_windows, width)))
+        """Shape of the drawn factors of dropout: (n_dropping, rounded width, n_windows)."""
+        return self.n_dropping, rounded_up(self.hidden_size), n_windows
 
-    def by_width(self, kept: Tensor) -> Tensor:
-        """Drawn factors (n_networks, ...) as (n_networks, n_dropping, hidden_size, n_windows)."""
-        return (kept if self.kind in N_GATES else kept.transpose(2, 3))[:, :, : self.hidden_size].contiguous()
+    def draw_uniform(self, out: Tensor, generator: torch.Generator) -> None:
+        """Fill a tensor of :meth:`kept_shape`; but in cells, windows are drawn before values."""
+        if self.kind in N_GATES:
+            out.uniform_(generator=generator)
+            return
+        drawn = torch.empty(out.transpose(1, 2).shape, device=out.device).uniform_(generator=generator)
+        for layer, values in zip(out, drawn, strict=True):
+            layer.copy_(values.T)  # one by one, torch transposes in blocks
 
 
 class Layer(NamedTuple):
@@ -135,6 +140,7 @@ def _head_layers(inputs: Tensor, n_out: int, spec: NetworkSpec) -> list[Layer]:
     return [_dense("hidden", inputs, hidden), _dense("out", hidden, _kept(n_out))]
 
 
-def layers_of(spec: NetworkSpec) -> list[Layer]:
+@lru_cache(maxsize=256)
+def layers_of(spec: NetworkSpec) -> tuple[Layer, ...]:
     """The layers of a network, in the order in which they are drawn."""
-    return {"mlp": _mlp_layers, "cnn": _cnn_layers}.get(spec.kind, _recurrent_layers)(spec)
+    return tuple({"mlp": _mlp_layers, "cnn": _cnn_layers}.get(spec.kind, _recurrent_layers)(spec))

@@ -56,18 +56,19 @@ class WindowBatches:
             yield from self._shuffled([self.generators[number] for number in numbers])
             return
         if self._in_order[0] != numbers:
-            order = torch.arange(len(self.windows), device=self.windows.chosen.device)
-            self._in_order = numbers, [self.windows.take(rows, numbers) for rows in order.split(self.size)]
+            parts = self.windows.chosen.split(self.size)
+            self._in_order = numbers, [self.windows.take(rows, numbers) for rows in parts]
         yield from self._in_order[1]
 
     def _shuffled(self, generators: list[torch.Generator]) -> Iterator[Batch]:
         """An epoch: the order of windows, then all dropout, from each generator."""
         n, device = len(self.windows), self.windows.chosen.device
         order = torch.stack([torch.randperm(n, generator=g, device=g.device) for g in generators]).to(device)
+        rows = self.windows.chosen[order]
         kept = draw_kept(self.stack, n, generators)
         for start in range(0, n, self.size):
             part = slice(start, start + self.size)
-            inputs, target = self.windows.take(order[:, part], self.stack.numbers)
+            inputs, target = self.windows.take(rows[:, part], self.stack.numbers)
             if kept is not None:
                 inputs["kept"] = kept[..., part]
             yield inputs, target
@@ -80,21 +81,26 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
     """
     if not any(spec.dropout for spec in stack.specs):
         return None
-    shapes = [spec.kept_shape(n_windows) for spec in (stack.spec, *stack.specs)]
-    drawn = torch.ones(len(stack.specs), *shapes[0], device=generators[0].device)
-    for row, spec, shape, generator in zip(drawn, stack.specs, shapes[1:], generators, strict=True):
-        if spec.dropout:
-            row[: shape[0]].uniform_(generator=generator)
-    shares = torch.tensor([spec.dropout for spec in stack.specs], device=drawn.device)[:, None, None, None]
-    kept = drawn.ge_(shares).mul_(1.0 / (1.0 - shares))
-    return stack.spec.by_width(kept)
+    kept = torch.empty(len(stack.specs), *stack.spec.kept_shape(n_windows), device=generators[0].device)
+    for row, spec, generator in zip(kept, stack.specs, generators, strict=True):
+        own = row[: spec.n_dropping if spec.dropout else 0]
+        row[len(own) :] = 1.0
+        if len(own):
+            spec.draw_uniform(own, generator)
+            own.ge_(spec.dropout).mul_(1.0 / (1.0 - spec.dropout))
+    return kept[:, :, : stack.spec.hidden_size]
 
 
 class SquaredErrorsPerNetwork(torch.nn.Module):
     """Sum of squared errors of each network over the known targets of a batch, and their number."""
 
+    all_known = False  # whether no target is NaN, which saves a few passes
+
     def forward(self, forecast: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
         """Sums and numbers (n_networks,) for forecasts (n_networks, n_windows, n_leads); unknown targets are NaN."""
+        if self.all_known:
+            squares = F.mse_loss(forecast, target, reduction="none").sum(dim=(1, 2))
+            return squares, torch.full_like(squares, target[0].numel())
         known = ~torch.isnan(target)
         squares = F.mse_loss(forecast, torch.where(known, target, forecast.detach()), reduction="none")
         return squares.sum(dim=(1, 2)), known.sum(dim=(1, 2))
@@ -145,6 +151,7 @@ class StackNet(NeuralNet):
         """
         if iterator is None:
             return
+        self.criterion_.all_known = iterator.windows.all_known
         self.sums_: list[tuple[Tensor, Tensor]] = []
         for batch in iterator:
             step_fn(batch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -103,13 +104,17 @@ class Windows(torch.utils.data.Dataset):
     def __len__(self) -> int:
         return len(self.chosen)
 
-    def take(self, order: Tensor, numbers: Sequence[int]) -> tuple[dict[str, Tensor], Tensor]:
+    @cached_property
+    def all_known(self) -> bool:
+        """Whether no target of a chosen window is missing."""
+        return not any(bool(torch.isnan(table.target[self.chosen]).any()) for table in self.tables)
+
+    def take(self, rows: Tensor, numbers: Sequence[int]) -> tuple[dict[str, Tensor], Tensor]:
         """A batch: inputs of a stack by name, and targets.
 
-        ``order`` (n_networks, n_windows) or (n_windows,) holds places in ``chosen``, of each network or of all;
-        ``numbers`` are the networks'.
+        ``rows`` (n_networks, n_windows) or (n_windows,) are windows of each network or of all; ``numbers`` are the
+        networks'.
         """
-        rows = self.chosen[order]
         if len(self.tables) > 1:
             rows = rows.expand(len(numbers), -1)
             each = [_cut(self.tables[number], row) for number, row in zip(numbers, rows, strict=True)]
