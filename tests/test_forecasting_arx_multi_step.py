@@ -48,6 +48,14 @@ def problem_of(X, n_lags=5):
     return problem, view, coef
 
 
+def forecasts(problem, view, coef, origins, span):
+    return problem.forecasts(view, coef, problem.targets(view, origins, span))
+
+
+def moments(problem, view, *of):
+    return problem.moments(view, forecasts(problem, view, *of))
+
+
 def rmse(model, X, y):
     origins = np.arange(0, len(X) - 96, 12)
     truth = y.to_numpy()[origins[:, None] + np.arange(1, 97)]
@@ -58,20 +66,20 @@ def test_the_slopes_are_those_of_finite_differences():
     X = room(8).assign(T_za=lambda X: X["T_za"].mask(np.random.default_rng(1).random(len(X)) < 0.2))
     problem, view, coef = problem_of(X)
     origins, span = problem.origins(0, view.end), (40, view.end - 50)
-    sums = problem.moments(view, coef, origins, span)
+    sums = moments(problem, view, coef, origins, span)
     gradient = 2.0 * (sums.gram @ coef - sums.cross)
     for j in (0, 1, 4, 5, 12, 14, 18, 25, 70, len(coef) - 1):
         away = np.zeros(len(coef))
         away[j] = 1e-6 * max(1.0, abs(coef[j]))
-        ends = [problem.squares(view, coef + sign * away, origins, span) for sign in (1.0, -1.0)]
+        ends = [forecasts(problem, view, coef + sign * away, origins, span).squares for sign in (1.0, -1.0)]
         assert gradient[j] == pytest.approx((ends[0] - ends[1]) / (2.0 * away[j]), rel=1e-4, abs=1e-3)
 
 
 def test_sums_of_parts_are_those_of_the_whole():
     problem, view, coef = problem_of(room(8))
     origins, ends = problem.origins(0, view.end), (0, 200, 500, view.end)
-    whole = problem.moments(view, coef, origins, (0, view.end))
-    parts = [problem.moments(view, coef, origins, span) for span in pairwise(ends)]
+    whole = moments(problem, view, coef, origins, (0, view.end))
+    parts = [moments(problem, view, coef, origins, span) for span in pairwise(ends)]
     np.testing.assert_allclose(sum(part.gram for part in parts), whole.gram, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(sum(part.cross for part in parts), whole.cross, rtol=1e-9, atol=1e-9)
 
@@ -124,10 +132,11 @@ def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):
     recursive = RecursiveMultiStep(fit, cut)
     recursive.advance(view, len(X) - 1)
     origins, span = fit.problem.origins(0, len(X)), (0, len(X) - 1)
-    sums = fit.problem.moments(view, fit.coef, origins, span)
+    sums = moments(fit.problem, view, fit.coef, origins, span)
     start = fit._replace(moments=sums, pairs=Moments.of(design.pairs(view)))
     whole = start.improved(view, len(X) - 1, fit.knobs)
-    squares = [fit.problem.squares(view, coef, origins, span) for coef in (fit.coef, recursive.coef(), whole.coef)]
+    coefs = fit.coef, recursive.coef(), whole.coef
+    squares = [forecasts(fit.problem, view, coef, origins, span).squares for coef in coefs]
     assert squares[2] < squares[1] < squares[0]
     assert squares[1] - squares[2] < 0.5 * (squares[0] - squares[2])
 

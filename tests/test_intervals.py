@@ -337,6 +337,13 @@ def test_a_table_that_is_too_short_is_refused_when_quantiles_are_asked(office):
         model.predict_quantiles(office.X[4:20])
 
 
+def test_intervals_that_were_not_wanted_are_named(office):
+    model = ARXRegressor(intervals=False).fit(office.X, office.y)
+    np.testing.assert_array_equal(model.coef_, ARXRegressor().fit(office.X, office.y).coef_)
+    with pytest.raises(ValueError, match="with intervals=False; fit again with intervals=True"):
+        model.predict_quantiles(office.X[-96:])
+
+
 def test_a_saved_model_has_the_same_quantiles(office, arx, tmp_path):
     save_model(arx, tmp_path / "model.skops")
     X = office.X[28 * 96 : 33 * 96]

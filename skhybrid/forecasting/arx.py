@@ -46,6 +46,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         ``"refit"`` solves the regression again at each origin, on the training pairs and all pairs known at the origin;
         with ``objective="multi_step"`` once a day, where errors of the rows after the training count three times and
         half as much after 30 days.
+    intervals : bool, default True
+        Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.
     n_lags, n_input_lags : int, default 24 and 8
         Rows of temperature, and of every input.
     calendar : bool, default True
@@ -97,6 +99,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         *,
         horizon: Any = "1D",
         adapt: Literal["refit"] | None = None,
+        intervals: bool = True,
         n_lags: int = 24,
         n_input_lags: int = 8,
         calendar: bool = True,
@@ -111,6 +114,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     ) -> None:
         self.horizon = horizon
         self.adapt = adapt
+        self.intervals = intervals
         self.n_lags = n_lags
         self.n_input_lags = n_input_lags
         self.calendar = calendar
@@ -144,7 +148,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._solve(table, T, like)
-        self._intervals = self._left_out_intervals(table, T)
+        self._intervals = self._left_out_intervals(table, T) if self.intervals else None
         end = slice(-self._design.warmup, None)
         self._tail = table.rows(end).replace(history={"T_za": T[end]})
         return self

@@ -245,7 +245,8 @@ class ARXDesign:
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
-            driven = (view.exogenous @ drive[0])[rows]
+            first, end = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
+            driven = (view.exogenous[first:end] @ drive[0])[rows - first]
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
         bounds = self.T_range if held else (-np.inf, np.inf)

@@ -36,6 +36,28 @@ _CHOICES = {"one_step": (1.0, 25.0), "calendar": (100.0,), "alpha": (1000.0,)}  
 _HOURS_BETWEEN = 3  # origins of the comparison [h]
 
 
+class LeadTargets(NamedTuple):
+    """Forecasts that are scored, and what was measured of their targets."""
+
+    origins: np.ndarray  # (O,) rows
+    truth: np.ndarray  # (O, L) measured temperatures [degC]
+    weights: np.ndarray  # (O, L), 0 where nothing counts
+
+
+class LeadForecasts(NamedTuple):
+    """Forecasts by some coefficients, and their errors."""
+
+    coef: np.ndarray  # (p,)
+    targets: LeadTargets
+    paths: np.ndarray  # (O, H) [degC]
+    errors: np.ndarray  # (O, L) [K], 0 where nothing counts
+
+    @property
+    def squares(self) -> float:
+        """Weighted sum of squared errors [K2]."""
+        return float(np.sum(self.targets.weights * self.errors**2))
+
+
 @dataclass(frozen=True)
 class MultiStepProblem:
     """The weighted squares of errors at many leads from hourly origins."""
@@ -57,38 +79,34 @@ class MultiStepProblem:
         """Hourly origins in [begin, end)."""
         return np.arange(begin, end, self.every)
 
-    def _errors(
-        self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Paths (O, H) [degC], errors (O, L) [K] and weights (O, L), 0 for targets outside (span[0], span[1]]."""
-        paths = self.design.iterate(view, origins, int(self.leads[-1]), coef[None, :])
-        targets = origins[:, None] + self.leads
-        inside = (targets > span[0]) & (targets <= min(span[1], view.end - 1))
-        truth = view.T[np.minimum(targets, view.end - 1) - view.first]
+    def targets(self, view: ARXData, origins: np.ndarray, span: tuple[int, int]) -> LeadTargets:
+        """Targets in (span[0], span[1]] of forecasts from hourly origins, without a gap."""
+        rows = origins[:, None] + self.leads
+        inside = (rows > span[0]) & (rows <= min(span[1], view.end - 1))
+        truth = view.T[np.minimum(rows, view.end - 1) - view.first]
         counts = inside & np.isfinite(truth) & self.design.half_known(view, origins)[:, None]
-        return paths, np.where(counts, truth - paths[:, self.leads - 1], 0.0), counts * self.weights
+        return LeadTargets(origins, truth, counts * self.weights)
 
-    def squares(self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]) -> float:
-        """Weighted sum of squared errors [K2] with targets in (span[0], span[1]]."""
-        _, errors, weights = self._errors(view, coef, origins, span)
-        return float(np.sum(weights * errors**2))
+    def forecasts(self, view: ARXData, coef: np.ndarray, targets: LeadTargets) -> LeadForecasts:
+        """Forecasts by coefficients (p,)."""
+        paths = self.design.iterate(view, targets.origins, int(self.leads[-1]), coef[None, :])
+        errors = np.where(targets.weights > 0.0, targets.truth - paths[:, self.leads - 1], 0.0)
+        return LeadForecasts(coef, targets, paths, errors)
 
-    def moments(self, view: ARXData, coef: np.ndarray, origins: np.ndarray, span: tuple[int, int]) -> Moments:
-        """The normal equations of the errors linearised at ``coef``; origins are hourly, without a gap."""
-        p = len(coef)
-        total = Moments(np.zeros((p, p)), np.zeros(p))
-        if not len(origins):
-            return total
-        impulse, n_leads = self._impulse(coef), int(self.leads[-1])
+    def moments(self, view: ARXData, made: LeadForecasts) -> Moments:
+        """The normal equations of the errors linearised at the coefficients of forecasts."""
+        coef, origins = made.coef, made.targets.origins
+        p, n_leads = len(coef), int(self.leads[-1])
+        total, impulse = Moments(np.zeros((p, p)), np.zeros(p)), self._impulse(coef)
         for first in range(0, len(origins), _CHUNK):
-            chunk = origins[first : first + _CHUNK]
-            paths, errors, weights = self._errors(view, coef, chunk, span)
-            ahead = (paths[:, :-1] - self.design.T_mean) / self.design.T_scale
+            part = slice(first, first + _CHUNK)
+            chunk, weights = origins[part], made.targets.weights[part]
+            ahead = (made.paths[part, :-1] - self.design.T_mean) / self.design.T_scale
             T = np.hstack([self.design.windows(view, chunk)[:, ::-1], ahead])
             rows = view.exogenous[chunk[0] - view.first : chunk[-1] - view.first + n_leads]
             root = np.sqrt(weights)
             slopes = regression_slopes(T, rows, impulse, self.every, self.leads, root)
-            errors = (root * errors)[weights > 0.0]
+            errors = (root * made.errors[part])[weights > 0.0]
             total = total.added(Moments(slopes.T @ slopes, slopes.T @ (errors + slopes @ coef)))
         return total
 
@@ -130,30 +148,32 @@ class MultiStepFit(NamedTuple):
         reach = int(self.problem.leads[-1])
         origins = self.problem.origins(view.first, view.end)
         meeting = origins[(origins >= begin - reach) & (origins < end)]
-        left = self.moments.added(self.problem.moments(view, self.coef, meeting, (view.first, view.end)), -1.0)
+        targets = self.problem.targets(view, meeting, (view.first, view.end))
+        meant = self.problem.moments(view, self.problem.forecasts(view, self.coef, targets))
+        left = self.moments.added(meant, -1.0)
         pairs = self.pairs.added(Moments.of(self.problem.design.pairs(view, begin, end)), -1.0)
         return left.added(pairs, self.one_step).solution(self.problem.penalty(self.knobs))
 
     def improved(self, view: ARXData, end: int, knobs: Knobs, n_steps: int = _STEPS) -> MultiStepFit:
         """After damped Gauss-Newton steps with these penalties on errors with targets up to row ``end``."""
         problem, coef, moments, damping = self.problem, self.coef, self.moments, _DAMPING
-        origins, span = problem.origins(view.first, end), (view.first, end)
+        targets = problem.targets(view, problem.origins(view.first, end), (view.first, end))
         penalty, weight = problem.penalty(knobs), knobs.one_step * self.ratio
 
-        def loss(at: np.ndarray) -> float:
-            return problem.squares(view, at, origins, span) + _quadratic(self.pairs, weight, penalty, at)
+        def tried(at: np.ndarray) -> tuple[LeadForecasts, float]:
+            made = problem.forecasts(view, at, targets)
+            return made, made.squares + _quadratic(self.pairs, weight, penalty, at)
 
-        best = loss(coef)
+        _, best = tried(coef)
         for _ in range(n_steps):
             whole, before = moments.added(self.pairs, weight), best
             for _ in range(_TRIES):
                 held = damping * np.diag(whole.gram)
                 trial = Moments(whole.gram, whole.cross + held * coef).solution(penalty + held)
-                reached = loss(trial)
+                made, reached = tried(trial)
                 damping *= 0.1 if reached < best else 10.0
                 if reached < best:
-                    coef, best = trial, reached
-                    moments = problem.moments(view, coef, origins, span)
+                    coef, best, moments = trial, reached, problem.moments(view, made)
                     break
             if best > before * (1.0 - 1e-4):
                 break
@@ -208,19 +228,20 @@ class RecursiveMultiStep:
         self._history = Moments(fade * self._history.gram, fade * self._history.cross)
         earliest = max(self._begin, self._done - int(problem.leads[-1]))
         earliest += -(earliest - self._begin) % problem.every
-        origins, span = problem.origins(earliest, mark), (self._done, mark)
+        targets = problem.targets(view, problem.origins(earliest, mark), (self._done, mark))
         pairs = Moments.of(problem.design.pairs(view, max(self._done, 0), mark))
         penalty, known = problem.penalty(fit.knobs), self._known.added(self._history)
 
-        def loss(at: np.ndarray) -> float:
-            new = problem.squares(view, at, origins, span) + _quadratic(pairs, fit.one_step, 0.0 * penalty, at)
-            return _HISTORY_WEIGHT * new + _quadratic(known, 1.0, penalty, at)
+        def tried(at: np.ndarray) -> tuple[LeadForecasts, float]:
+            made = problem.forecasts(view, at, targets)
+            new = made.squares + _quadratic(pairs, fit.one_step, 0.0 * penalty, at)
+            return made, _HISTORY_WEIGHT * new + _quadratic(known, 1.0, penalty, at)
 
-        best = loss(self._coef)
+        made, best = tried(self._coef)
         for _ in range(_STEPS_PER_DAY):
-            new = problem.moments(view, self._coef, origins, span).added(pairs, fit.one_step)
+            new = problem.moments(view, made).added(pairs, fit.one_step)
             trial = known.added(new, _HISTORY_WEIGHT).solution(penalty)
-            reached = loss(trial)
+            made, reached = tried(trial)
             if reached >= best:
                 break
             self._coef, best = trial, reached
@@ -283,8 +304,9 @@ def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, p
     """The fit under a prior, whose size and strength are found from the errors by its mean, and again by the fit."""
     knobs = Knobs(0.0, 0.0, _USUAL.one_step)
     pairs, coef = problem.design.pairs(view), prior.usual(problem.design)
-    origins, span = problem.origins(view.first, view.end), (view.first, view.end - 1)
-    fit = MultiStepFit(problem, coef, problem.moments(view, coef, origins, span), Moments.of(pairs), knobs, 1.0)
+    targets = problem.targets(view, problem.origins(view.first, view.end), (view.first, view.end - 1))
+    moments = problem.moments(view, problem.forecasts(view, coef, targets))
+    fit = MultiStepFit(problem, coef, moments, Moments.of(pairs), knobs, 1.0)
     ratio = _left(fit, view)[0] / max(float(np.sum((pairs.d - pairs.D @ coef) ** 2)), 1e-12)
     fit = fit._replace(ratio=ratio)
     for n_steps in (2, _STEPS):
@@ -297,8 +319,8 @@ def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, p
 def _left(fit: MultiStepFit, view: ARXData) -> tuple[float, float]:
     """Squared errors of a fit on its training rows, at all leads and of one step."""
     problem, pairs = fit.problem, fit.problem.design.pairs(view)
-    squares = problem.squares(view, fit.coef, problem.origins(view.first, view.end), (view.first, view.end - 1))
-    return squares, float(np.sum((pairs.d - pairs.D @ fit.coef) ** 2))
+    targets = problem.targets(view, problem.origins(view.first, view.end), (view.first, view.end - 1))
+    return problem.forecasts(view, fit.coef, targets).squares, float(np.sum((pairs.d - pairs.D @ fit.coef) ** 2))
 
 
 def _with_noise(fit: MultiStepFit, view: ARXData) -> MultiStepFit:
@@ -313,10 +335,11 @@ def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
     pairs = problem.design.pairs(view, 0, end - 1)
     sums = Moments.of(pairs)
     coef = sums.solution(problem.penalty(_USUAL))
-    origins, span = problem.origins(view.first, end), (view.first, end - 1)
+    targets = problem.targets(view, problem.origins(view.first, end), (view.first, end - 1))
+    made = problem.forecasts(view, coef, targets)
     one_step = float(np.sum((pairs.d - pairs.D @ coef) ** 2))
-    ratio = problem.squares(view, coef, origins, span) / one_step if one_step > 0.0 else 1.0
-    return MultiStepFit(problem, coef, problem.moments(view, coef, origins, span), sums, _USUAL, ratio)
+    ratio = made.squares / one_step if one_step > 0.0 else 1.0
+    return MultiStepFit(problem, coef, problem.moments(view, made), sums, _USUAL, ratio)
 
 
 def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, refits: bool) -> float:

@@ -134,7 +134,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return self
 
     def _fitted_arx(self, table: ZoneTable, T: np.ndarray) -> ARXRegressor:
-        arx = ARXRegressor(horizon=self.horizon, adapt="refit", max_missing=1.0)
+        arx = ARXRegressor(horizon=self.horizon, adapt="refit", max_missing=1.0, intervals=False)
         return arx.fit(table.replace(history={}), T)
 
     def _grow(self, known: ZoneTable, sample: ForecastSample) -> None:

@@ -34,7 +34,7 @@ class LeftOut(NamedTuple):
 
 
 class QuantileForecastMixin(RollingForecastMixin):
-    """``predict_quantiles``; ``fit`` sets ``_intervals``, None where the training table was too short."""
+    """``predict_quantiles``; ``fit`` sets ``_intervals``, None where it was too short or did not learn them."""
 
     _intervals: LeadIntervals | None
     _no_intervals = (
@@ -49,8 +49,9 @@ class QuantileForecastMixin(RollingForecastMixin):
     def intervals_(self) -> LeadIntervals:
         """Intervals learned from errors on left-out training data."""
         check_is_fitted(self)
-        if self._intervals is None:
-            raise TooFewDaysError(self._no_intervals)  # an AttributeError too: dir() and hasattr() ask for it
+        if self._intervals is None:  # the error is an AttributeError too: dir() and hasattr() ask for it
+            unwanted = "no intervals were learned with intervals=False; fit again with intervals=True."
+            raise TooFewDaysError(self._no_intervals if getattr(self, "intervals", True) else unwanted)
         return self._intervals
 
     @one_blas_thread

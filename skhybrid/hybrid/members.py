@@ -168,9 +168,8 @@ class ARXMember:
             self.names = ("multi-step ARX",)
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
-        self.arx_ = ARXRegressor(
-            horizon=n_leads * training.step, n_lags=self.n_lags, max_missing=1.0, prior=self._prior
-        )
+        horizon, prior = n_leads * training.step, self._prior
+        self.arx_ = ARXRegressor(horizon=horizon, n_lags=self.n_lags, max_missing=1.0, prior=prior, intervals=False)
         if self.multi_step:
             self.arx_.set_params(objective="multi_step", adapt="refit")
         self.arx_.fit(training.replace(history={}), training.history["T_za"], self._like)

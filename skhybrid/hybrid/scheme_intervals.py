@@ -22,8 +22,8 @@ class HybridQuantilesMixin(QuantileForecastMixin):
     _scheme: Scheme
     _learned_to: pd.Timestamp | None  # the last stamp that was learned from
     _no_intervals = (
-        "no intervals were learned: the training table was too short, or intervals=False; fit on more days, with "
-        "T_za measured, and with intervals=True."
+        "no intervals were learned: the training table was too short, or the model is a candidate of a search; fit on "
+        "more days, with T_za measured."
     )
 
     def _present_scheme(self) -> Scheme:
