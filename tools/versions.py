@@ -140,10 +140,14 @@ def oldest(folder: Path, options: argparse.Namespace) -> Iterator[str]:
 
 def newest(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     """The tests on the newest interpreter and the newest versions of the index."""
-    name = options.newest or next(filter(works, PYTHONS))
-    python = environment(folder / "venv", name)
+    python = environment(folder / "venv", newest_python(options))
     run(python, "-m", "pip", "install", "-q", "-U", "-e", ".[test]")
     yield from tested(python, folder, options.pytest)
+
+
+def newest_python(options: argparse.Namespace) -> str:
+    """The newest interpreter that is found, or the one that was named."""
+    return options.newest or next(filter(works, PYTHONS))
 
 
 def works(python: str) -> bool:
@@ -165,24 +169,35 @@ def wheel(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     for path in built:
         yield f"- {path.name}: {check_contents(path)} files, {path.stat().st_size / 1e6:.2f} MB"
     block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
-    python = environment(folder / "empty", sys.executable)
-    run(python, "-m", "pip", "install", "-q", built[0])  # with its dependencies
-    for path in built:
-        run(python, "-m", "pip", "install", "-q", "--force-reinstall", "--no-deps", path)
-        run(python, "-c", WITHOUT_TORCH, cwd=folder)
-        yield f"- {path.name} alone, without torch: {try_out(python, folder, block)}"
-    python = environment(folder / "extras", sys.executable)
-    run(python, "-m", "pip", "install", "-q", "-c", ROOT / "constraints.txt", f"{built[-1]}[all]")
-    yield f"- {built[-1].name}[all]: {try_out(python, folder, block)}"
+    whl = next(path for path in built if path.suffix == ".whl")
+    sizes, found = [], []
+    for name in dict.fromkeys((OLDEST_PYTHON, newest_python(options))):
+        core = environment(folder / f"{Path(name).name}-core", name)
+        run(core, "-m", "pip", "install", "-q", whl)  # with its dependencies
+        for path in built:
+            run(core, "-m", "pip", "install", "-q", "--force-reinstall", "--no-deps", path)
+            run(core, "-c", WITHOUT_TORCH, cwd=folder)
+            sizes.append((path.name, try_out(core, folder, block)))
+        extras = environment(folder / f"{Path(name).name}-all", name)
+        if name == OLDEST_PYTHON:  # torch comes first and alone, so that a build for CPU is taken where one is at hand
+            run(extras, "-m", "pip", "install", "-q", "-c", ROOT / "constraints.txt", "torch")
+        run(extras, "-m", "pip", "install", "-q", "-c", ROOT / "constraints.txt", f"{whl}[all]")
+        sizes.append((f"{whl.name}[all]", try_out(extras, folder, block)))
+        found += [versions(core), versions(extras)]
+    yield "- each runs the README's Python block, `--version` and `show_versions`; the first two have no torch:"
+    yield "\n| installed into an empty environment | Python | MB in all |\n| --- | --- | --- |"
+    yield from (f"| {name} | {python} | {size:.0f} |" for name, (python, size) in sizes)
+    yield ""
+    yield from (f"- versions: {line}" for line in found)
 
 
-def try_out(python: Path, folder: Path, block: str) -> str:
-    """Run the README's Python block and the command line; the versions and the size of the environment."""
+def try_out(python: Path, folder: Path, block: str) -> tuple[str, float]:
+    """Run the README's Python block and the command line; the interpreter's version and the environment's size [MB]."""
     run(python, "-c", block, cwd=folder)
     run(python.parent / "skhybrid", "--version", cwd=folder)
     run(python, "-c", "import skhybrid; skhybrid.show_versions()", cwd=folder)
     size = sum(path.stat().st_size for path in python.parents[1].rglob("*") if path.is_file() and not path.is_symlink())
-    return f"the README's Python block runs, {size / 1e6:.0f} MB installed: {versions(python)}"
+    return versions(python).partition(",")[0].removeprefix("Python "), size / 1e6
 
 
 def check_contents(path: Path) -> int:
