@@ -18,6 +18,7 @@ from skhybrid.exceptions import MeasurementWarning, UnitWarning
 from skhybrid.hybrid import base, building_forecast, building_predictor
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
+from skhybrid.preprocessing import GapFiller
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import DOORS, ZONES, make_rooms
@@ -50,6 +51,24 @@ def tomorrow(later) -> pd.DataFrame:
 
 def temperatures(frame: pd.DataFrame) -> np.ndarray:
     return frame[T_OF].to_numpy()
+
+
+def test_a_preprocess_is_applied_to_the_whole_table(rooms, later):
+    """Gaps of inputs are filled, those of measurements are not; rows ahead need no measurements."""
+    X, y = rooms[0][:N_TRAIN].copy(), rooms[1][:N_TRAIN].copy()
+    filled = X.copy()
+    X.iloc[50:52, X.columns.get_loc("T_oa")] = np.nan
+    filled["T_oa"] = X["T_oa"].interpolate()
+    for frame in (X, filled):
+        frame.iloc[80:82, frame.columns.get_loc(T_OF[0])] = np.nan
+    y.iloc[80:82, 0] = np.nan
+    model = BuildingPredictor(HybridPredictor(preprocess=GapFiller("2h")), adjacency=DOORS).fit(X, y)
+    plain = BuildingPredictor(adjacency=DOORS).fit(filled, y)
+    pd.testing.assert_frame_equal(model.predict(X), plain.predict(filled))
+    for one in (model, plain):
+        one.update(later[:DAY])
+    ahead = later[DAY : 2 * DAY].drop(columns=T_OF)
+    pd.testing.assert_frame_equal(model.forecast(None, ahead), plain.forecast(None, ahead))
 
 
 def test_neighbours_help_where_doors_are_open(building, rooms, later):

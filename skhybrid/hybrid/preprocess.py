@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,23 +20,35 @@ def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
     return step.fit(X, y)
 
 
-def preprocessed(step: Any, X: Any, past: Any) -> Any:
-    """A table as a fitted transformer gives it; measurements in the column ``past`` that are missing stay missing."""
+def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
+    """A table as a fitted transformer gives it.
+
+    The columns ``past`` are measurements: they may be absent, and what is missing in them stays missing.
+    """
     if not isinstance(X, pd.DataFrame):
         if hasattr(X, "inputs"):
             raise ValueError("a table that was read before cannot go through preprocess=; pass the DataFrame itself.")
         return step.transform(X)
     seen = getattr(step, "feature_names_in_", None)
     names = list(X.columns if seen is None else seen)
-    absent = [name for name in names if name not in X.columns and name != past]
+    absent = [name for name in names if name not in X.columns and name not in past]
     if absent:
         raise ValueError(f"X has no column {absent[0]!r}, which preprocess= was fitted on.")
-    known = X[past] if past in X.columns else pd.Series(np.nan, X.index)
-    out = step.transform(X.assign(**{past: known})[names] if past in names else X[names])
+    measured = {name: X[name] if name in X.columns else pd.Series(np.nan, X.index) for name in past}
+    out = step.transform(_with_columns(X, {name: measured[name] for name in past if name in names})[names])
     if not isinstance(out, pd.DataFrame):
         raise ValueError("preprocess= returns no DataFrame; take a transformer that has set_output.")
-    if past in out.columns:
-        out = out.assign(**{past: out[past].where(known.notna().to_numpy())})
-    elif past not in names:
-        out = out.assign(**{past: known})
-    return out if past in X.columns else out.drop(columns=past, errors="ignore")
+    kept = {
+        name: out[name].where(known.notna().to_numpy()) if name in out.columns else known
+        for name, known in measured.items()
+        if name in X.columns and (name in out.columns or name not in names)
+    }
+    return _with_columns(out, kept).drop(columns=[name for name in past if name not in X.columns], errors="ignore")
+
+
+def _with_columns(X: pd.DataFrame, columns: Mapping[Any, pd.Series]) -> pd.DataFrame:
+    """X with other columns, whose names need not be strings as those of ``assign``."""
+    out = X.copy(deep=False)
+    for name, values in columns.items():
+        out[name] = values
+    return out
