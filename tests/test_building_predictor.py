@@ -71,6 +71,12 @@ def test_a_preprocess_is_applied_to_the_whole_table(rooms, later):
     pd.testing.assert_frame_equal(model.forecast(None, ahead), plain.forecast(None, ahead))
 
 
+@pytest.mark.parametrize("method", ["predict_from", "predict_quantiles_from"])
+def test_a_horizon_without_a_unit_is_refused(building, later, method):
+    with pytest.raises(ValueError, match="24"):
+        getattr(building, method)(later, [0], horizon=24)
+
+
 def test_neighbours_help_where_doors_are_open(building, rooms, later):
     origins = np.arange(-1, len(later) - DAY - 1, 5)
     measured = rooms[1][N_TRAIN:].to_numpy()[origins[:, None] + np.arange(1, DAY + 1)]

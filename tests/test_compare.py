@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -223,6 +225,14 @@ def test_as_good_is_within_a_standard_error_of_the_days():
     assert _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "cv_log_score")
     assert not _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "bic")
     assert not _as_good(Assessment(), best, "cv_log_score")
+
+
+def test_days_of_an_array_have_as_many_rows_as_its_step_says():
+    by_day = np.repeat([0.3, -0.1, 0.2, 0.0], 24)
+    hourly = SimpleNamespace(sampling_time_=pd.Timedelta("1h"))
+    best, other = (Assessment(estimator=hourly, held_out=pd.Series(values)) for values in (0.0 * by_day, -by_day))
+    assert not _as_good(other, best, "cv_log_score")
+    assert _as_good(Assessment(held_out=pd.Series(0.02 - by_day)), best, "cv_log_score")
 
 
 def test_log_density_adds_what_was_measured():

@@ -15,6 +15,7 @@ from skhybrid.cli.forecast import _text
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings
+from skhybrid.study.data import plant_heat
 from skhybrid.study.plant import Performance
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
@@ -55,6 +56,16 @@ def test_heat_of_electricity_by_the_outdoor_temperature():
     np.testing.assert_allclose(curve.heat(np.array([1.0, 1.0, 1.0, -1.0]), T_oa), [2.0, 3.0, 4.0, -3.0])
     np.testing.assert_allclose(curve.electricity(np.array([2.0, 3.0, 4.0, -3.0]), T_oa), 1.0)
     assert Performance.of({}) is None
+
+
+def test_meters_of_electricity_become_heat_one_by_one():
+    """Within an hour a room may be heated and cooled, each with its own performance."""
+    given = settings_from({"columns": COLUMNS, "plant": {"electricity": True, "cop": 3.0, "eer": 4.0}})
+    frame = pd.DataFrame({"T_oa": 10.0, "Q_heat": [1.0, 1.0, 0.0], "Q_cool": [0.5, 0.0, 0.5]})
+    np.testing.assert_allclose(plant_heat(frame, given)["Q_hvac"], [3.0 - 2.0, 3.0, -2.0])
+    assert list(plant_heat(frame, given)) == ["T_oa", "Q_hvac"]
+    of_heat = plant_heat(frame, settings_from({"columns": COLUMNS}))
+    np.testing.assert_allclose(of_heat["Q_hvac"], [0.5, 1.0, -0.5])
 
 
 @pytest.mark.parametrize(

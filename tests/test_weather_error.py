@@ -150,7 +150,9 @@ def test_a_forecast_reads_no_weather_but_its_own(office, models):
     assert not known.all()
 
 
-def test_other_regressors_are_refused(office):
+def test_other_regressors_are_refused(office, models):
     X, y = _rows(office)
     with pytest.raises(ValueError, match="weather_error needs"):
         backtest(Ridge().fit(X, y), X, y, weather_error="low")
+    with pytest.raises(ValueError, match="GrayBoxRC forecasts no quantiles"):
+        backtest(models["gray box"], X, y, quantiles=(0.1, 0.9), weather_error="low")

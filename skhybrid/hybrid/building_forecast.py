@@ -76,7 +76,7 @@ class BuildingForecastMixin:
         """
         check_is_fitted(self)
         X = self._prepared(self._read(X))
-        out = self._rolled(X, lambda origins, n_leads: self._paths(X, origins, n_leads))
+        out = self._rolled(X, lambda origins, n_leads: self._paths(X, origins, self._span(n_leads)))
         if self._single:
             return out[:, 0]
         return pd.DataFrame(out, X.index, self.zones_) if isinstance(X, pd.DataFrame) else out
@@ -114,7 +114,7 @@ class BuildingForecastMixin:
         """
         check_is_fitted(self)
         X = self._prepared(self._read(X))
-        return self._rolled(X, lambda origins, n_leads: self._bands(X, origins, quantiles, n_leads))
+        return self._rolled(X, lambda origins, n_leads: self._bands(X, origins, quantiles, self._span(n_leads)))
 
     def predict_quantiles_from(
         self,
@@ -141,19 +141,19 @@ class BuildingForecastMixin:
         return self._bands(self._prepared(self._read(X)), np.asarray(origins), quantiles, horizon)
 
     def _bands(self, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: Any) -> np.ndarray:
-        """(n_origins, n_leads, n_zones, n_quantiles); ``horizon`` may be a number of rows."""
-        own, span, out = self._own_paths(X, origins, horizon), self._span(horizon), []
-        paths = self._among_neighbours(X, origins, span, own)
+        """(n_origins, n_leads, n_zones, n_quantiles)."""
+        own, out = self._own_paths(X, origins, horizon), []
+        paths = self._among_neighbours(X, origins, horizon, own)
         for j, (zone, model) in enumerate(self.own_.items()):
             with of_zone(zone):
-                bands = model.predict_quantiles_from(X, origins, quantiles, span)
+                bands = model.predict_quantiles_from(X, origins, quantiles, horizon)
             beyond = bands - own[zone][..., None]
             widths = self.coupled_[zone].widths(bands.shape[1]) if zone in self.coupled_ else np.ones(bands.shape[1])
             out.append(paths[..., j, None] + widths[:, None] * beyond)
         return np.stack(out, axis=2)
 
-    def _span(self, horizon: Any) -> Any:
-        return horizon * self.own_[self.zones_[0]].sampling_time_ if isinstance(horizon, int) else horizon
+    def _span(self, n_rows: int) -> pd.Timedelta:
+        return n_rows * self.own_[self.zones_[0]].sampling_time_
 
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
         """Forecast the rows after each of the given origins.
@@ -174,18 +174,18 @@ class BuildingForecastMixin:
         return self._paths(self._prepared(self._read(X)), np.asarray(origins), horizon)
 
     def _paths(self, X: Any, origins: np.ndarray, horizon: Any) -> np.ndarray:
-        """(n_origins, n_leads, n_zones); ``horizon`` may be a number of rows."""
-        return self._among_neighbours(X, origins, self._span(horizon), self._own_paths(X, origins, horizon))
+        """(n_origins, n_leads, n_zones)."""
+        return self._among_neighbours(X, origins, horizon, self._own_paths(X, origins, horizon))
 
     def _own_paths(self, X: Any, origins: np.ndarray, horizon: Any) -> dict[str, np.ndarray]:
         """(n_origins, n_leads) of each zone by itself."""
-        own, span = {}, self._span(horizon)
+        own = {}
         for zone, model in self.own_.items():
             with of_zone(zone):
-                own[zone] = model.predict_from(X, origins, span)
+                own[zone] = model.predict_from(X, origins, horizon)
         return own
 
-    def _among_neighbours(self, X: Any, origins: np.ndarray, span: Any, own: Mapping[str, np.ndarray]) -> np.ndarray:
+    def _among_neighbours(self, X: Any, origins: np.ndarray, horizon: Any, own: Mapping[str, np.ndarray]) -> np.ndarray:
         """(n_origins, n_leads, n_zones) blended with the forecasts that neighbours' paths drive."""
         out = np.stack(list(own.values()), axis=-1)
         if not len(origins) or not self.coupled_:
@@ -196,7 +196,8 @@ class BuildingForecastMixin:
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.zones_.index(zone)
             with of_zone(zone):
-                out[..., j] = (1.0 - share) * own[zone] + share * one.model.predict_from(X, origins, span, boundary)
+                coupled = one.model.predict_from(X, origins, horizon, boundary)
+            out[..., j] = (1.0 - share) * own[zone] + share * coupled
         return out
 
     @one_blas_thread

@@ -75,6 +75,8 @@ def backtest(
     """
     check_is_fitted(estimator)
     forecaster, table = _unwrap(estimator, X)
+    if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
+        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
@@ -100,7 +102,7 @@ def backtest(
     else:
         paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
     if quantiles is not None and bands is None:
-        bands = _bands(forecaster, table, origins, quantiles, pd.Timedelta(horizon))
+        bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
     frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
     frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling)
     frame["time"] = stamps[rows.ravel()]
@@ -113,13 +115,6 @@ def backtest(
             made = made.assign(**dict(zip(quantile_columns(quantiles), found[0].T, strict=True)))
         out.append((made.assign(zone=zone) if len(zones) > 1 else made)[there])
     return pd.concat(out, ignore_index=True)
-
-
-def _bands(forecaster: Any, table: Any, origins: np.ndarray, quantiles: Sequence[float], span: pd.Timedelta) -> Any:
-    """Quantiles (n_origins, n_leads, ..., n_quantiles)."""
-    if not hasattr(forecaster, "predict_quantiles_from"):
-        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
-    return forecaster.predict_quantiles_from(table, origins, quantiles, horizon=span)
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:

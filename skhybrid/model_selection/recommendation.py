@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from ..forecasting.features import rows_per_day
 from .assessment import Assessment
 
 #: numbers of the table and their formats
@@ -143,8 +144,7 @@ def _as_good(other: Assessment, best: Assessment, column: str) -> bool:
     """Whether the mean difference, by days (log score) or by origins (forecasts), is within one standard error."""
     if column == "cv_log_score" and other.held_out is not None and best.held_out is not None:
         worse = (best.held_out.to_numpy() - other.held_out.to_numpy()).astype(np.float64)
-        index = best.held_out.index
-        group = index.normalize() if isinstance(index, pd.DatetimeIndex) else np.arange(len(index)) // 96
+        group = _days(best.held_out.index, best.estimator)
     elif column == "cv_rmse" and other.forecasts is not None and best.forecasts is not None:
         worse = (_squares(other.forecasts) - _squares(best.forecasts)).to_numpy()
         group = best.forecasts["origin"].to_numpy()
@@ -152,6 +152,13 @@ def _as_good(other: Assessment, best: Assessment, column: str) -> bool:
         return False
     means = pd.Series(worse).groupby(np.asarray(group)).mean().dropna()
     return len(means) > 2 and float(means.mean()) < float(means.std() / np.sqrt(len(means)))
+
+
+def _days(index: pd.Index, estimator: Any) -> np.ndarray:
+    """The day of each row; without time stamps they are counted from the first row."""
+    if isinstance(index, pd.DatetimeIndex):
+        return index.normalize().to_numpy()
+    return np.arange(len(index)) // rows_per_day(estimator.sampling_time_)
 
 
 class Nesting(NamedTuple):

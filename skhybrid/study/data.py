@@ -148,15 +148,19 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
 
 def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
-    parts = {role: frame[role] for role in ("Q_heat", "Q_cool") if role in frame}
-    if parts and "Q_hvac" not in frame:
-        total = sum((-values.abs() if role == "Q_cool" else values for role, values in parts.items()), 0.0)
-        frame = frame.drop(columns=list(parts)).assign(Q_hvac=total)
+    meters = ["Q_hvac"] if "Q_hvac" in frame else [role for role in ("Q_heat", "Q_cool") if role in frame]
     performance = Performance.of(settings.plant)
-    if performance is None or not settings.plant.get("electricity") or "Q_hvac" not in frame:
+    if not meters:
         return frame
-    T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()
-    return frame.assign(Q_hvac=performance.heat(frame["Q_hvac"].to_numpy(), T_oa))
+    powers = frame[meters]
+    if "Q_cool" in meters:
+        powers = powers.assign(Q_cool=-powers["Q_cool"].abs())
+    if performance is not None and settings.plant.get("electricity"):  # each by itself: both may run within a step
+        T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()
+        powers = powers.apply(lambda power: performance.heat(power.to_numpy(), T_oa))
+    return frame.drop(columns=[role for role in meters if role != "Q_hvac"]).assign(
+        Q_hvac=powers.sum(axis=1, skipna=False)
+    )
 
 
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:

@@ -177,7 +177,8 @@ class ForecastArchive:
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
         """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
         values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
-        for name in set(values) - set(self._columns(table)):  # of an archive that knows no such stage or zone yet
+        known = self._columns(table)
+        for name in [name for name in dict.fromkeys(values) if name not in known]:  # a stage or zone that is new
             self._database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
         named = ", ".join(f'"{name}"' for name in (*("origin",)[: len(keys)], "time", *values))
         numbers = frame.reindex(columns=list(values)).astype(object)
