@@ -218,7 +218,18 @@ def read_table(
             f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
+    if not reset:
+        table = _on_clock_of(getattr(estimator, "training_", None), table)
     return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
+
+
+def _on_clock_of(training: Any, table: ZoneTable) -> ZoneTable:
+    """A table whose hours are those of the training's time zone: what was learned by the hour holds there."""
+    zone = getattr(getattr(training, "first", None), "tz", None)
+    own = getattr(table.index, "tz", None)
+    if zone is None or own is None or table.utc is None or str(zone) == str(own):
+        return table
+    return table.replace(time=table.utc.tz_convert(zone).tz_localize(None))
 
 
 class _Request(NamedTuple):

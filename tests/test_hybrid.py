@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import warnings
-from copy import deepcopy
+from copy import copy, deepcopy
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
 from skhybrid import (
+    ARXRegressor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -26,9 +27,11 @@ from skhybrid import (
     TwoStagePredictor,
     _table,
 )
-from skhybrid.datasets import make_office
-from skhybrid.exceptions import ScaleNotIdentifiableWarning
+from skhybrid._holidays import NO_HOLIDAYS
+from skhybrid.datasets import load_small_office, make_office
+from skhybrid.exceptions import ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.hybrid.predictor import takes_two_stages
+from skhybrid.hybrid.tables import join_steps, steps_table
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter
@@ -101,6 +104,9 @@ def test_the_default_blends_a_network_and_arx(office):
         ({"n_jobs": 2}, "n_jobs=2 does nothing with the schedule model"),
         ({"known": {"R_zo": 4.0}}, "known= gives 'R_zo', but the schedule model takes capacities"),
         ({"known": {"Q_h": np.nan}}, "known= gives Q_h the value nan"),
+        ({"known": {"Q_h": 6.0, "Q_c": 4.0}}, "known= gives Q_c the value 4.0; it must be < 0"),
+        ({"known": {"Q_h": -6.0}}, "known= gives Q_h the value -6.0; it must be > 0"),
+        ({"known": {"Q_hh": 6.0}}, "known= names 'Q_hh', but the capacities are Q_h, Q_c"),
         ({"gray_box": InputDisturbanceID(n_starts=1), "network": "1R1C"}, "network= does nothing beside a gray_box"),
         (
             {"gray_box": InputDisturbanceID(known={"Q_h": 6.0}), "known": {"Q_h": 5.0}},
@@ -118,6 +124,12 @@ def test_a_parameter_that_does_nothing_is_refused(settings, message, office):
     with pytest.raises(ValueError, match=message):
         model.fit(office.X[:DAY], office.y[:DAY])
     assert not hasattr(model, "scheme_")
+
+
+@pytest.mark.parametrize("make", [HybridPredictor, PeriodicDisturbanceID])
+def test_a_capacity_in_watt_is_told(office, make):
+    with pytest.warns(UnitWarning, match="known= gives Q_h 6000 kW: likely W"):
+        make(known={"Q_h": 6000.0}).fit(office.X[: 5 * DAY], office.y[: 5 * DAY])
 
 
 def test_a_search_cannot_compare_copies_of_the_schedule_model(office):
@@ -533,3 +545,47 @@ def test_a_saved_default_of_four_weeks_is_small_and_the_same(office, tmp_path):
         one = deepcopy(model)
         for call in calls:
             np.testing.assert_array_equal(call(again), call(one))
+
+
+@pytest.mark.parametrize("make", [HybridPredictor, lambda: TwoStagePredictor(random_state=0), ARXRegressor])
+def test_hours_are_those_of_the_training_s_time_zone(make):
+    """A database gives UTC: the same rows have the same forecast, whether or not they follow the training."""
+    X = load_small_office().X.resample("1h").mean().tz_convert("America/Chicago")
+    train, later = X["2018-10-05":"2018-11-02"], X["2018-11-10":"2018-11-20"]  # winter time begins in between
+    model = make().fit(train, train["T_za"])
+    assert_array_equal = np.testing.assert_array_equal
+    assert_array_equal(model.predict(later), model.predict(later.tz_convert("UTC")))
+    if not isinstance(model, ARXRegressor):
+        history, ahead = train[-14 * 24 :], X["2018-11-03":"2018-11-04"].drop(columns="T_za")
+        local, utc = model.forecast(history, ahead), model.forecast(history.tz_convert("UTC"), ahead.tz_convert("UTC"))
+        assert_array_equal(local.to_numpy(), utc.to_numpy())
+        assert str(utc.index.tz) == "UTC"
+
+
+def test_training_that_is_moved_by_weeks_keeps_its_hours():
+    """Steps of a winter before those of a summer: 9 h is 9 h."""
+    zone = "America/Chicago"
+
+    def steps(first, n_days):
+        index = pd.date_range(first, periods=24 * n_days, freq="1h", tz=zone)
+        return steps_table(
+            index.tz_convert("UTC"), zone, {"T_oa": np.zeros(len(index))}, index.hour.to_numpy(float),
+            pd.Timedelta("1h"), NO_HOLIDAYS,
+        )  # fmt: skip
+
+    joined = join_steps(steps("2024-01-01", 21), steps("2024-06-03", 7))
+    known = np.isfinite(joined.history["zeta"])
+    assert known.sum() == 28 * 24
+    np.testing.assert_array_equal(joined.history["zeta"][known], joined.time.hour[known])
+
+
+def test_copies_that_are_given_different_rows_go_on_by_themselves(office):
+    X, y, n = office.X, office.y, 9 * DAY
+    model = TwoStagePredictor(InputDisturbanceID(n_starts=1), adapt="linear", random_state=0).fit(X[:n], y[:n])
+    later = X[n : n + 9 * DAY]
+    one, other, ahead = copy(model), copy(model), X[n + 9 * DAY : n + 10 * DAY].drop(columns="T_za")
+    one.update(later)
+    other.update(later.assign(T_za=later["T_za"] + 1.0))
+    alone = deepcopy(model)
+    alone.update(later)
+    pd.testing.assert_frame_equal(one.forecast(None, ahead), alone.forecast(None, ahead))

@@ -157,7 +157,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         given = {"history_roles": (*HISTORY_ROLES, *SETPOINT_ROLES), **self._reading(), **reading}
         return read_table(
             self,
-            X if self.preprocess_ is None else preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
+            preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
             required=network.required_roles,
             # weather and plant, and of further boundary temperatures those that the network names
             needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),

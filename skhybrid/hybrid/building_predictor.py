@@ -137,10 +137,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return X
 
     def _prepared(self, X: Any) -> Any:
-        if self.preprocess_ is None:
-            return X
-        names = [*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())]
-        return preprocessed(self.preprocess_, X, [n for n in dict.fromkeys(names) if str(n).startswith(MEASURED)])
+        names = dict.fromkeys([*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())])
+        return preprocessed(self.preprocess_, X, [n for n in names if str(n).startswith(MEASURED)])
 
     def _targets(self, y: Any, X: Any) -> pd.DataFrame:
         """The temperatures (n, n_zones); those of an array have the names of X in their order, or numbers."""

@@ -46,6 +46,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
         if isinstance(history, ZoneTable):
             whole: Any = join_tables(history, future, self._scheme.rows.training)
         else:
+            history = self._scheme.rows.in_own_zone(history)
             whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
         table, n_tail = self._with_history(whole)
         return _at_now(table, n_tail + len(history.index), T_za)

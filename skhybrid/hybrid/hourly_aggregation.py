@@ -42,6 +42,7 @@ class HourlyAggregation:
         self._width = step.value if fine else 0
         self._zone = None if zone is None else str(zone)
         self._labels, self._means, self._n = np.empty(_ROOM, dtype=np.int64), np.empty((_ROOM, len(names))), 0
+        self._written = [0]  # steps that the buffers hold, by whichever object that shares them
         self._open: _Sums | None = None
 
     @property
@@ -52,7 +53,7 @@ class HourlyAggregation:
     def added(self, stamps: np.ndarray, rows: np.ndarray) -> HourlyAggregation:
         """These steps and rows (n, p) stamped (n,) [ns], in a time that does not depend on how many came before.
 
-        The last row's step stays open.  Buffers are shared: the older object does not read beyond its own steps.
+        The last row's step stays open.  Buffers are shared as long as one object alone goes on from here.
         """
         sums = self._joined(stamps, rows)
         done = len(sums.labels) - 1
@@ -60,6 +61,7 @@ class HourlyAggregation:
         made._labels[self._n : self._n + done] = sums.labels[:-1]
         made._means[self._n : self._n + done] = sums.means[:-1]
         made._n += done
+        made._written[0] = made._n
         made._open = _Sums(sums.labels[-1:], sums.total[-1:].copy(), sums.known[-1:].copy(), np.zeros(1, np.int64))
         return made
 
@@ -69,6 +71,7 @@ class HourlyAggregation:
         made = copy(self)
         made._labels, made._means = self._labels[first : self._n].copy(), self._means[first : self._n].copy()
         made._n -= first
+        made._written = [made._n]
         return made
 
     def extended(self, stamps: np.ndarray, rows: np.ndarray, n_kept: int) -> Steps:
@@ -114,7 +117,8 @@ class HourlyAggregation:
 
     def _with_room(self, more: int) -> HourlyAggregation:
         made, size = copy(self), 2 * (self._n + more)
-        if self._n + more > len(self._labels):
+        if self._n + more > len(self._labels) or self._written[0] != self._n:  # another one has gone on from here
+            made._written = [self._n]
             made._labels, made._means = np.empty(size, dtype=np.int64), np.empty((size, len(self.names)))
             made._labels[: self._n], made._means[: self._n] = self.labels, self._means[: self._n]
         return made

@@ -21,10 +21,12 @@ def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
 
 
 def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
-    """A table as a fitted transformer gives it.
+    """A table as a fitted transformer gives it, or as it is without one.
 
     The columns ``past`` are measurements: they may be absent, and what is missing in them stays missing.
     """
+    if step is None:
+        return X
     if not isinstance(X, pd.DataFrame):
         if hasattr(X, "inputs"):
             raise ValueError("a table that was read before cannot go through preprocess=; pass the DataFrame itself.")

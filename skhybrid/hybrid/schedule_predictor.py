@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-import numpy as np
-
 from ..thermal import RCNetwork, get_network
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
@@ -135,12 +133,10 @@ def _check_prior(prior: Any, purpose: str) -> None:
 
 
 def _capacities(known: dict[str, float]) -> dict[str, float]:
-    for name, value in known.items():
+    for name in known:
         if not name.startswith("Q_"):
             raise ValueError(
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
-        if not isinstance(value, int | float | np.number) or not np.isfinite(value) or value == 0:
-            raise ValueError(f"known= gives {name} the value {value!r}; it must be a number other than 0 [kW].")
     return known

@@ -71,14 +71,17 @@ def steps_of_rows(table: ZoneTable, step: pd.Timedelta) -> tuple[pd.DatetimeInde
     return stamps[begins], np.cumsum(begins) - 1
 
 
-def average(table: ZoneTable, zeta: np.ndarray, step: pd.Timedelta) -> Steps:
-    """Means of a stamped table and of its disturbance (n_rows,) over the steps of the forecaster."""
+def average(table: ZoneTable, zeta: np.ndarray, step: pd.Timedelta, zone: Any) -> Steps:
+    """Means of a stamped table and of its disturbance (n_rows,) over the steps of the forecaster.
+
+    The hours of the steps are those of a time ``zone``.
+    """
     labels, of_row = steps_of_rows(table, step)
     roles = sorted(table.inputs, key=table.roles.index)
     columns = [*(table.inputs[role] for role in roles), zeta]
     means = pd.DataFrame(np.column_stack(columns)).groupby(of_row).mean().to_numpy()
     inputs = {role: means[:, j].copy() for j, role in enumerate(roles)}
-    return Steps(steps_table(labels, zone_of(table), inputs, means[:, -1].copy(), step, table.holidays), of_row)
+    return Steps(steps_table(labels, zone, inputs, means[:, -1].copy(), step, table.holidays), of_row)
 
 
 def zone_of(table: ZoneTable) -> Any:
@@ -105,10 +108,8 @@ def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
 
     Training is moved later by whole weeks where it ended long before; in the rest of the gap no disturbance is known.
     """
-    step, week = old.step, pd.Timedelta("7D")
-    before, after = utc_of(old), utc_of(new)
-    gap = after[0] - before[-1] - step
-    stamps = pd.DatetimeIndex((before + week * int(gap / week)).append(after))
+    step, after = old.step, utc_of(new)
+    stamps = pd.DatetimeIndex(_weeks_later(old, after[0] - step).append(after))
     place = np.asarray((stamps - stamps[0]) // step, dtype=np.int64)
     labels = pd.date_range(stamps[0], stamps[-1], freq=step)
     held = np.zeros(len(labels), dtype=np.int64)
@@ -117,7 +118,21 @@ def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
     zeta = np.full(len(labels), np.nan)
     zeta[place] = np.concatenate([old.history["zeta"], new.history["zeta"]])
     inputs = {role: np.concatenate([v, new.inputs[role]])[held] for role, v in old.inputs.items()}
-    return steps_table(labels, zone_of(new), inputs, zeta, step, new.holidays)
+    return steps_table(labels, zone_of(old), inputs, zeta, step, new.holidays)
+
+
+def _weeks_later(table: ZoneTable, end: pd.Timestamp) -> pd.DatetimeIndex:
+    """The stamps of a table [UTC] moved by whole weeks to end by ``end``, at the hours of the day that they had."""
+    stamps, zone, week = utc_of(table), zone_of(table), pd.Timedelta("7D")
+    for n_weeks in range(int((end - stamps[-1]) / week), 0, -1):
+        moved = stamps + week * n_weeks
+        if zone is not None:  # daylight saving may have begun or ended since
+            local = pd.DatetimeIndex([stamps[-1], moved[-1]]).tz_convert(zone).tz_localize(None)
+            change = (moved[-1] - stamps[-1]) - (local[1] - local[0])
+            moved = moved + change if change % table.step == pd.Timedelta(0) else moved
+        if moved[-1] <= end:
+            return moved
+    return stamps
 
 
 def fit_forecaster(forecaster: Any, steps: ZoneTable, target: np.ndarray | None = None) -> Any:

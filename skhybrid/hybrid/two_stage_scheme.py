@@ -87,7 +87,7 @@ class TwoStageScheme(Scheme):
         """The training disturbance by rows (n_rows,); by steps it becomes ``steps``."""
         training = with_stamps(self.rows.training, ASSUMED_START)
         zeta = self.gray_box_.estimate_disturbance(training, kind=self.disturbance).to_numpy()
-        self.steps = average(training, zeta, self.disturbance_step_).table
+        self.steps = average(training, zeta, self.disturbance_step_, zone_of(training)).table
         return zeta
 
     def with_forecasters(self, forecasters: Sequence[Any], disturbance: str) -> list[Self]:
@@ -123,6 +123,7 @@ class TwoStageScheme(Scheme):
             rows=self.rows.appended(measured),
             _aggregation=self._aggregation.added(stamps_ns(measured), self._rows_of(measured, zeta)),
             _seen_since=self._seen_since or bool(np.isfinite(target).any()),
+            _refit=self._refit.fork(),
         )
 
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -322,7 +323,7 @@ class TwoStageScheme(Scheme):
         padded = with_step_before(here, self.disturbance_step_)
         n_before = padded.n_rows - here.n_rows
         zeta = np.append(np.full(n_before, np.nan), np.where(seen, zeta, np.nan))
-        return average(padded, zeta, self.disturbance_step_), n_before
+        return average(padded, zeta, self.disturbance_step_, zone_of(self.rows.training)), n_before
 
     def _forecasters(self, steps: Steps, known: np.ndarray, following: bool) -> Iterator[tuple[Any, np.ndarray]]:
         """The forecaster of each origin: as fitted, or refitted on the full weeks since the training ended."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from copy import copy
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,12 @@ class WeeklyRefit:
         self._forecaster = forecaster
         self._fits: dict[tuple[int, int], Any] = {}
         self._latest: tuple[int, Any] | None = None
+
+    def fork(self) -> Self:
+        """A copy that goes on by itself: another object may be given other rows."""
+        made = copy(self)
+        made._fits = dict(self._fits)
+        return made
 
     def fitted_once(self, n_steps: int, steps: Callable[[], ZoneTable]) -> Any:
         """The fit on so many steps since the training, which do not change any more; ``steps`` gives their table."""

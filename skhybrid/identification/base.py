@@ -16,7 +16,7 @@ from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
-from ..thermal import Parameter, RCNetwork, get_network
+from ..thermal import Parameter, RCNetwork, check_known, get_network
 from .experiment import Experiment, make_experiment, read_outputs
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale
@@ -175,9 +175,7 @@ class NetworkIdentifier(NetworkModel):
                 if name not in names and name not in under_other_inputs:
                     raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
-        for p in out:
-            if known.get(p.name) is not None:
-                _check_known(p, known[p.name])
+        check_known(out, known)
         return out
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
@@ -296,12 +294,3 @@ class NetworkIdentifier(NetworkModel):
 
 def _smoothed_first(smooth: FilteredStates, number: int) -> np.ndarray:
     return smooth.nodes[0].copy()
-
-
-def _check_known(p: Parameter, value: Any) -> None:
-    if not isinstance(value, int | float | np.number) or not np.isfinite(value):
-        raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
-    if p.transform == "log" and value * p.sign <= 0:
-        raise ValueError(f"known= gives {p.name} the value {value}; it must be {'<' if p.sign < 0 else '>'} 0.")
-    if p.unit == "-" and value > 1:
-        raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")

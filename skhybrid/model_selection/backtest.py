@@ -75,8 +75,7 @@ def backtest(
     """
     check_is_fitted(estimator)
     forecaster, table = _unwrap(estimator, X)
-    if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
-        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
+    _refuse_quantiles(forecaster, quantiles)
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
@@ -115,6 +114,11 @@ def backtest(
             made = made.assign(**dict(zip(quantile_columns(quantiles), found[0].T, strict=True)))
         out.append((made.assign(zone=zone) if len(zones) > 1 else made)[there])
     return pd.concat(out, ignore_index=True)
+
+
+def _refuse_quantiles(forecaster: Any, quantiles: Sequence[float] | None) -> None:
+    if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
+        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:

@@ -16,7 +16,7 @@ import numpy as np
 
 from .._table import ZoneTable
 from .._time import hour_of_day
-from ..thermal import RCNetwork
+from ..thermal import RCNetwork, check_known
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")
@@ -112,6 +112,7 @@ class Channels(NamedTuple):
 
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
     """Choose the channels that a table can feed; ``known`` are given capacities by parameter name [kW]."""
+    _refuse_capacities(network, table, known)
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
     stages = [role for role in table.inputs if role.startswith("u_")]
     stages.sort(key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
@@ -135,6 +136,15 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
         _solar_noon(table, irradiance),
         calendar,
     )
+
+
+def _refuse_capacities(network: RCNetwork, table: ZoneTable, known: Mapping[str, float]) -> None:
+    """Refuse known capacities that the table has no plant for, or that have another sign."""
+    parameters = {p.name: p for p in (*network.parameters(table.inputs), *network.parameters()) if p.unit == "kW"}
+    for name in known:
+        if name not in parameters:
+            raise ValueError(f"known= names {name!r}, but the capacities are {', '.join(parameters)}.")
+    check_known(parameters.values(), known)
 
 
 def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:

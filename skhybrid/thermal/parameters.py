@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+
+from .._warnings import warn_user
+from ..exceptions import UnitWarning
 
 #: unit and bounds of each kind of parameter: paper 2.2.1 for C, R, f and A_win; wide for a capacity
 _KINDS = {
@@ -14,6 +19,8 @@ _KINDS = {
     "A": ("m2", 0.1, 25.0),
     "Q": ("kW", 0.05, 100.0),
 }
+#: from this size on, the capacity of a zone's plant is more likely in W [kW]
+_LARGEST_CAPACITY = 1000.0
 
 
 @dataclass(frozen=True)
@@ -115,3 +122,31 @@ def make_parameter(name: str, kind: str, description: str) -> Parameter:
     elif kind == "Q" and not name.startswith("Q_h"):  # a stage that may heat or cool
         lower, transform = -upper, "identity"
     return Parameter(name, unit, lower, upper, description, transform)
+
+
+def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> None:
+    """Refuse values that a user gives for parameters and that they cannot have; warn of capacities that look like W.
+
+    Parameters
+    ----------
+    parameters : iterable of Parameter
+    known : mapping of name to value; other names are left alone, and None is no value
+
+    Raises
+    ------
+    ValueError
+        If a value is no number, has the wrong sign, or is a share above 1.
+    """
+    for p in parameters:
+        value = known.get(p.name)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
+        if value == 0 or (p.transform == "log" and float(value) * p.sign < 0):
+            sign = "other than" if p.transform == "identity" else "<" if p.sign < 0 else ">"
+            raise ValueError(f"known= gives {p.name} the value {value}; it must be {sign} 0.")
+        if p.unit == "-" and value > 1:
+            raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")
+        if p.unit == "kW" and abs(float(value)) >= _LARGEST_CAPACITY:
+            warn_user(f"known= gives {p.name} {value:g} kW: likely W; give it in kW.", UnitWarning)
