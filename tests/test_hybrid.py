@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import warnings
-from copy import copy, deepcopy
+from copy import deepcopy
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,7 @@ from skhybrid import (
 from skhybrid._holidays import NO_HOLIDAYS
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.exceptions import ScaleNotIdentifiableWarning, UnitWarning
+from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
 from skhybrid.hybrid.tables import join_steps, steps_table
 from skhybrid.model_selection import RollingOriginSplit
@@ -579,13 +580,14 @@ def test_training_that_is_moved_by_weeks_keeps_its_hours():
     np.testing.assert_array_equal(joined.history["zeta"][known], joined.time.hour[known])
 
 
-def test_copies_that_are_given_different_rows_go_on_by_themselves(office):
-    X, y, n = office.X, office.y, 9 * DAY
-    model = TwoStagePredictor(InputDisturbanceID(n_starts=1), adapt="linear", random_state=0).fit(X[:n], y[:n])
-    later = X[n : n + 9 * DAY]
-    one, other, ahead = copy(model), copy(model), X[n + 9 * DAY : n + 10 * DAY].drop(columns="T_za")
-    one.update(later)
-    other.update(later.assign(T_za=later["T_za"] + 1.0))
-    alone = deepcopy(model)
-    alone.update(later)
-    pd.testing.assert_frame_equal(one.forecast(None, ahead), alone.forecast(None, ahead))
+def test_means_by_hours_go_on_from_one_beginning_in_two_ways():
+    """The two do not share the rows that they were given; a third one goes on from each of them."""
+    quarters = pd.date_range("2024-01-01", periods=40, freq="15min").as_unit("ns").asi8
+    first = HourlyAggregation(["T_oa", "zeta"], pd.Timedelta("1h"), True, None).added(quarters[:9], np.ones((9, 2)))
+    one = first.added(quarters[9:25], np.full((16, 2), 2.0))
+    other = first.added(quarters[9:25], np.full((16, 2), 3.0))
+    for found, value in ((one, 2.0), (other, 3.0)):
+        zeta = found.added(quarters[25:], np.full((15, 2), 9.0)).table().history["zeta"]
+        np.testing.assert_allclose(
+            zeta, [1.0, 1.0, (1.0 + 3 * value) / 4, value, value, value, (value + 27.0) / 4, 9, 9]
+        )
